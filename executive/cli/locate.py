@@ -5,7 +5,6 @@ from __future__ import annotations
 from executive.cli.arguments import LocateArguments
 from executive.cli.console import Answer, ExitCode, say, silent
 from executive.cli.inputs import check_files, chosen, environments, planar, refuse
-from executive.runs.located import Shown
 from executive.runs.locating import LocateOptions, locate
 from planlang.diagnostics import Diagnostic
 from planlang.files import Bundled
@@ -14,14 +13,13 @@ from planlang.outputs import PNG_OR_SVG, check_outputs
 
 def command(arguments: LocateArguments) -> Answer:
     """Find poses; raises BadInput for what cannot be understood or used."""
-    options, shown = options_of(arguments), Shown(arguments.units or ())
-    found = locate(options)
+    found = locate(options_of(arguments))
     data = found.as_json()
     if arguments.explain is not None and found.sheet is not None:
         data["picture"] = str(found.picture(arguments.explain, force=True))
     code = ExitCode.DONE if found.poses else ExitCode.FAILED
     code = ExitCode.MISSING_CAPABILITY if found.lacks_capability else code
-    return Answer(code, found.diagnostics, found.text(shown), data)
+    return Answer(code, found.diagnostics, str(found), data)
 
 
 def options_of(arguments: LocateArguments) -> LocateOptions:
@@ -49,6 +47,7 @@ def options_of(arguments: LocateArguments) -> LocateOptions:
         start=start,
         of=arguments.of,
         count=arguments.count,
+        units=tuple(arguments.units or ()),
         drawn=arguments.explain is not None,
         progress=silent if arguments.json else say,
     )

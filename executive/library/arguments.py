@@ -55,21 +55,23 @@ def arguments_of(kind: type[A], own: Mapping[str, Any], options: Mapping[str, An
 def with_options_of(kind: type[Arguments]) -> Callable[[F], F]:
     """Return a decorator: a function that takes ``**options`` shows those of a command as its own.
 
-    Its signature, by which notebooks complete names, and its docstring list all that it does not name itself.
+    Its signature, by which notebooks complete names, lists all, its docstring those that it says nothing about.
     """
 
     def decorate(function: F) -> F:
         signature = inspect.signature(function)
         own = {name: one for name, one in signature.parameters.items() if one.kind is not one.VAR_KEYWORD}
         defaults = {one.name: one.default for one in fields(kind)}
-        further, lines = [], [inspect.cleandoc(function.__doc__ or ""), "", "Further options:", ""]
+        text = inspect.cleandoc(function.__doc__ or "")
+        further, lines = [], [text, "", "Further options:", ""]
         for name, (field, hint) in options_of(kind).items():
-            if name in own or _is_positional(hint):
-                continue
             type_, option = get_args(hint)[:2] if get_origin(hint) is Annotated else (hint, None)
-            further.append(
-                inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults[field], annotation=type_)
-            )
+            if _is_positional(hint) or (name in own and f"``{name}``" in text):
+                continue
+            if name not in own:
+                further.append(
+                    inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults[field], annotation=type_)
+                )
             lines.append(f"* ``{name}``: {getattr(option, 'help', None) or ''}".rstrip(": "))
         function.__signature__ = signature.replace(parameters=[*own.values(), *further])  # type: ignore[attr-defined]
         function.__doc__ = "\n".join(lines)
@@ -90,7 +92,22 @@ def in_python(kind: type[Arguments]) -> Iterator[None]:
 
 
 def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[Diagnostic, ...]:
-    """Return diagnostics with options as Python writes them: ``robot=FILE``, ``trust_map=True``."""
+    """Return diagnostics with options as Python writes them; see :func:`in_words_of_python`."""
+    return tuple(
+        replace(
+            one,
+            message=in_words_of_python(one.message, kind),
+            help=None if one.help is None else in_words_of_python(one.help, kind),
+        )
+        for one in diagnostics
+    )
+
+
+def in_words_of_python(text: str, kind: type[Arguments]) -> str:
+    """Return a text with options of a command as Python writes them: ``robot=FILE``, ``trust_map=True``.
+
+    Command lines in it are as they have to be typed.
+    """
     declared = options_of(kind)
 
     def option(found: re.Match[str]) -> str:
@@ -100,15 +117,10 @@ def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[
         is_flag = get_args(declared[name][1])[:1] == (bool,)
         return f"{name}=True{found[2]}" if is_flag else f"{name}={'' if found[2] else '...'}"
 
-    def words(text: str) -> str:
-        if "planlang " in text:  # a command line, which is as it has to be typed
-            return text
-        return re.sub(r"--([a-z][a-z-]*[a-z])( (?=[A-Za-z0-9.]+\b(?! [a-z]))|)", option, text)
-
-    return tuple(
-        replace(one, message=words(one.message), help=None if one.help is None else words(one.help))
-        for one in diagnostics
-    )
+    if "planlang " in text:
+        return text
+    text = re.sub(r"--set ([\w.]+)=(\w+)", r'set={"\1": \2}', text)
+    return re.sub(r"--([a-z][a-z-]*[a-z])( (?=[A-Za-z0-9.]+\b(?! [a-z]))|)", option, text)
 
 
 def options_of(kind: type[Arguments]) -> Mapping[str, tuple[str, Any]]:

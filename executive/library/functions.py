@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from executive.cli.arguments import CheckArguments, CompileArguments, LocateArguments, RunArguments, SweepArguments
-from executive.library.arguments import arguments_of, in_python, reworded, with_options_of
+from executive.library.arguments import arguments_of, in_python, in_words_of_python, reworded, with_options_of
 from executive.library.sources import Source, file_of
 from planlang.compiler import CompiledPlan
 from planlang.diagnostics import BadInput, Severity
@@ -102,7 +102,11 @@ def simulate(
         result = run_plan_file(options_of(arguments_of(RunArguments, own | {"file": file.path}, options)))
     if result.outcome is Outcome.INTERRUPTED:  # a loop over many runs ends, too
         raise KeyboardInterrupt
-    return replace(result, diagnostics=reworded(file.located(result.diagnostics), RunArguments))
+    failure = result.failure
+    if failure is not None and failure.advice is not None:
+        failure = replace(failure, advice=in_words_of_python(failure.advice, RunArguments))
+    found = reworded(file.located(result.diagnostics), RunArguments)
+    return replace(result, diagnostics=found, failure=failure)
 
 
 @with_options_of(LocateArguments)

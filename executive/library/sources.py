@@ -33,12 +33,16 @@ class SourceFile:
 
     def located(self, diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
         """Return diagnostics about the file of a text by its name, without the temporary folder."""
-        if self.name is None:
+        path, name = self.path, self.name
+        if path is None or name is None:
             return tuple(diagnostics)
         return tuple(
-            replace(one, span=one.span._replace(file=self.name))
-            if one.span is not None and one.span.file == self.path
-            else one
+            replace(
+                one,
+                message=one.message.replace(path, name),
+                span=one.span._replace(file=name) if one.span is not None and one.span.file == path else one.span,
+                help=None if one.help is None else one.help.replace(path, name),
+            )
             for one in diagnostics
         )
 

@@ -102,6 +102,8 @@ class Located:
     """Words such as ``left of`` -> whose sides are meant, from where (x, y) that is seen, True if by the robot."""
     lacks_capability: bool = False
     """True if the robot has no part for what was asked; then nothing was searched."""
+    units: tuple[str, ...] = ()
+    """Units in which ``str()`` has numbers, other than m and rad."""
     sheet: Sheet | None = field(default=None, repr=False, compare=False)
     """The drawing, if it was asked for."""
 
@@ -134,8 +136,9 @@ class Located:
             **failed,
         }
 
-    def text(self, shown: Shown) -> str:
+    def __str__(self) -> str:
         """Return it for people: the phrase, whose sides are meant, a line for each pose, and what was rejected."""
+        shown = Shown(self.units)
         if self.lacks_capability and self.failure is not None:
             return f"{self.failure.type}: {self.failure.message}"
         lines = [f"{self.phrase}{shown.heading()}"]
@@ -148,9 +151,6 @@ class Located:
         elif self.counts:
             lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in self.counts.items())}")
         return "\n".join(lines)
-
-    def __str__(self) -> str:
-        return self.text(Shown(()))
 
     def picture(self, path: str | PathLike[str], *, force: bool = False) -> Path:
         """Draw the room from above with the candidates and why they were rejected, as PNG or SVG; return the path.

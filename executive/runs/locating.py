@@ -19,7 +19,7 @@ from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import platform_of, world_at_start
 from executive.runs.failure import Failure
-from executive.runs.located import FoundPose, Located
+from executive.runs.located import FoundPose, Located, Shown
 from executive.runs.phrases import lexicon_of
 from planlang.designators import Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
@@ -51,6 +51,8 @@ class LocateOptions:
     of: str | None = None
     """The thing for which poses are searched; None: the base."""
     count: int = 3
+    units: tuple[str, ...] = ()
+    """Units in which the result is written for people, other than m and rad."""
     drawn: bool = False
     """Draw the room with the candidates, too, which takes part of a second."""
     progress: Callable[[str], None] = lambda line: None
@@ -75,6 +77,7 @@ class _Question:
 
 def locate(options: LocateOptions) -> Located:
     """Find poses; raises BadInput for what cannot be understood or used."""
+    Shown(options.units)  # what cannot be shown is refused before the search
     with ExitStack() as stack:
         found: list[Diagnostic] = []
         ontology = load(options.environment, folders=options.ontologies, also=options.additions)
@@ -133,6 +136,7 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
         dict(platform.world.configuration().joints),
         tuple(question.found),
         _sides(frame, question.location, platform),
+        units=options.units,
     )
     return replace(found, sheet=_drawing(found, log, question, options)) if options.drawn else found
 

@@ -50,7 +50,7 @@ class GraphDrawing:
         return target
 
     def _repr_svg_(self) -> str:
-        return self.svg
+        return self.svg.partition("?>\n")[2]  # in a page there is no XML declaration
 
 
 def unknown_format(path: Path) -> list[Diagnostic]:

@@ -105,8 +105,8 @@ def test_an_interrupted_sweep_shows_what_was_done_and_how_to_go_on(
     assert result.stdout.startswith("1 of 4 worlds\nreached                   1")
 
 
-def test_mistakes_in_python_are_exceptions() -> None:
-    with pytest.raises(ValueError, match="is not x,y,yaw"):
+def test_mistakes_in_python_are_bad_input() -> None:
+    with pytest.raises(BadInput, match="is not x,y,yaw"):
         planlang.sweep("serve_a_drink", 1, start="here")
     with pytest.raises(BadInput, match="no such recipe"):
         planlang.sweep("nowhere", 1)
