@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -175,7 +176,8 @@ class Located:
             picture = base64.b64encode(content.getvalue()).decode("ascii")
             rows = [[_rounded(value) for value in row.values()] for row in self.rows]
             poses = table([*self.rows[0]], rows) if rows else ""
-            bundle["text/html"] = f'{poses}<img alt="" style="max-width: 100%" src="data:image/png;base64,{picture}">'
+            attributes = f'alt="{escape(self.phrase)}" style="max-width: 100%"'
+            bundle["text/html"] = f'{poses}<img {attributes} src="data:image/png;base64,{picture}">'
         return bundle
 
 
