@@ -38,4 +38,8 @@ python_use_unqualified_type_names = True
 # Fetching inventories needs a network; links to Python's documentation are for builds that have one.
 intersphinx_mapping = {}
 nitpicky = True
-nitpick_ignore_regex = [("py:class", ".*")]  # types in signatures, most of them of Python, have no page here
+# Types in signatures that are not public, or stand in the documentation of Python. What prose names has to be there.
+nitpick_ignore_regex = [
+    ("py:class", r"(collections|os|random|typing)\..*|(dict|tuple)\[.*"),
+    ("py:class", r"planlang\.\w+\..+|[A-Z]\w*"),
+]

@@ -81,7 +81,7 @@ class Device(Object):
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """One conjunct of a location: ``name`` is a key of :data:`planlang.relations.RELATIONS`.
+    """One conjunct of a location: ``name`` is a key of ``planlang.relations.RELATIONS``.
 
     A relation that has a distance may be bounded: at most ``within`` and at least ``beyond`` [m], between the outlines
     seen from above; for ``above`` the height. A ``negated`` relation holds where the relation, with its bounds, does
@@ -120,7 +120,7 @@ class Location:
     """A set of poses: the conjunction of its relations. Without relations: a posture of the robot, by ``name``.
 
     ``device`` narrows what reaches: "in reach of the bottle with the right gripper"; ``grasp``, one of
-    :data:`GRASPS`, how.
+    ``GRASPS``, how.
     """
 
     relations: tuple[Relation, ...] = ()

@@ -16,7 +16,7 @@ from typing import BinaryIO
 from urllib.parse import unquote_to_bytes
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.spelling import similar
+from planlang.spelling import guess
 
 LARGEST = 16_000_000
 """Bytes of a file unless its reader says otherwise: robot descriptions and maps in use have up to 0.7 MB."""
@@ -204,9 +204,8 @@ class Bundled(Enum):
         if is_stream:
             why = f"{name} is a pipe or device; the {self.value} is read more than once"
             raise BadInput([error("C001", why, help=f"write it to a file first: ... > {self.value}.owl")])
-        alike = similar(name, self.names())
-        guess = f"did you mean {alike[0]}? " if alike else ""
-        raise BadInput([error("C001", f"no such {self.value}: {name}", help=guess + self._advice())])
+        advice = guess(name, self.names()) + self._advice()
+        raise BadInput([error("C001", f"no such {self.value}: {name}", help=advice)])
 
     def _advice(self) -> str:
         known = ", ".join(self.names()) or "none"

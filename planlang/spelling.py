@@ -23,6 +23,12 @@ def are_opposite(one: str, other: str) -> bool:
     return any((a in here and b in there) or (b in here and a in there) for a, b in _OPPOSITES)
 
 
+def guess(written: str, names: Iterable[str]) -> str:
+    """Return ``did you mean NAME? `` for the name most similar to a written one, nothing if none is; advice follows."""
+    alike = similar(written, names)
+    return f"did you mean {alike[0]}? " if alike else ""
+
+
 def similar(written: str, names: Iterable[str], *, n: int = 1, least: float = 0.6) -> list[str]:
     """Return the names most similar to a written one, best first.
 

@@ -1,10 +1,10 @@
-"""A simulated world: rooms of simple shapes, one robot, people who take what is offered.
+"""A simulated world: rooms of simple shapes, one robot, and people who take what is offered to them.
 
-:class:`PyBulletWorld` (``world.py``) is the true world, which is commanded and sensed, and read by its ``truth.py``;
-planning asks :class:`PlanningWorld`. ``kinematic.py`` is what both have, ``scene.py`` their contents. Inside,
-``bodies.py``, ``description.py`` and ``robot.py`` own what is in the physics client, ``contact.py`` and ``camera.py``
-answer questions, ``falling.py`` and ``people.py`` move things, ``snapshots.py`` keeps their state. Only ``engine.py``
-imports PyBullet.
+:class:`PyBulletWorld` (``world.py``) is the true world: it is commanded and sensed like a robot's real environment;
+``truth.py`` is what goals and reports see of it. Planning queries :class:`PlanningWorld`. Both extend
+``kinematic.py``; ``scene.py`` describes their contents. ``bodies.py``, ``description.py`` and ``robot.py`` own the
+objects in the physics client, ``contact.py`` and ``camera.py`` answer queries, ``falling.py`` and ``people.py`` move
+things, ``snapshots.py`` saves and restores bodies. Only ``engine.py`` imports PyBullet.
 """
 
 from sim.people import ComfortZone

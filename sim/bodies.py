@@ -1,7 +1,7 @@
-"""The bodies of a scene inside one physics client: convex pieces, where they are, and boxes around them.
+"""The bodies of a scene in one physics client: convex pieces, their poses, and bounding boxes.
 
-A body is one piece (box, cylinder), several (person, room) or none (marker). The boxes around the pieces are kept in
-two arrays, so that a contact query asks PyBullet about near pairs only.
+A body consists of one piece (box, cylinder), several (person, room) or none (marker). The boxes around the pieces are
+kept in two arrays, so that a contact query passes only near pairs to PyBullet.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from sim.engine import bullet
 from sim.scene import Body, BodyShape, Cavity, Scene
 
 FLOOR = "floor"
-"""Name that the ground has in a scene without a room."""
+"""Name of the ground in a scene without a room."""
 
 WALL = 0.1
-"""Thickness of walls and floors [m]: thick enough that no link is through within one step."""
+"""Thickness of walls and floors [m]: more than any link moves within one step."""
 SEGMENTS = 16
-"""Boxes that the wall of a round, hollow thing is made of."""
+"""Boxes that form the wall of a round, hollow thing."""
 AT_REST = 1e-3
-"""A limb that is not farther from where it was at first rests there [m]."""
+"""Distance from its initial pose up to which a limb is at rest [m]."""
 _AWAY = (0.0, 0.0, -500.0)
-"""Position of hidden pieces [m]: far below everything that falls or is looked at."""
+"""Position of hidden pieces [m]: far below anything that falls or is looked at."""
 _COLORS: dict[BodyShape, tuple[float, float, float, float]] = {
     BodyShape.BOX: (0.72, 0.60, 0.45, 1.0),
     BodyShape.CYLINDER: (0.20, 0.50, 0.85, 1.0),
@@ -42,16 +42,16 @@ Color = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A convex primitive in the frame of its body: a box of ``size``, or a cylinder or sphere inscribed in it."""
+    """Convex primitive in the frame of its body: a box of ``size``, or a cylinder or sphere inscribed in it."""
 
     kind: SolidKind
     size: tuple[float, float, float]
     offset: Pose
     color: Color | None = None
     limb: bool = False
-    """Part of a person's arm: once it leaves its rest, hands and what they hold may touch it."""
+    """True for a part of a person's arm: once it moves, hands and what they hold may touch it."""
     outward: tuple[float, float, float] | None = None
-    """A wall's normal away from the room."""
+    """For a wall, its normal away from the room."""
 
 
 @dataclass(slots=True)
@@ -63,13 +63,13 @@ class Piece:
     part: Part
     offset: Pose
     pose: Pose
-    """The pose in the map, with its body."""
+    """Pose in the map."""
     yields: bool = False
-    """True if hands and what they hold may touch it: a limb that reaches for something, or holds it."""
+    """True if hands and what they hold may touch it: a limb that reaches for something or holds it."""
 
 
 class Bodies:
-    """The scene's bodies in one client; ``lower`` and ``upper`` are (n, 3), a row per piece, empty when removed."""
+    """Bodies of a scene in one client; ``lower`` and ``upper`` (n, 3) hold a box per piece, empty if removed."""
 
     def __init__(self, client: int, scene: Scene, parts: dict[str, tuple[Part, ...]]) -> None:
         self.client = client
@@ -77,14 +77,14 @@ class Bodies:
         self.poses = {body.name: body.pose for body in scene.bodies}
         self.removed: set[str] = set()
         self.hidden: set[int] = set()
-        """Pieces that are out of the way for a moment; what interrupts that leaves them here."""
+        """Pieces temporarily out of the way; an interrupt may leave them here."""
         self.pieces: list[Piece] = []
         self.of: dict[str, list[int]] = {body.name: [] for body in scene.bodies}
         """Body -> indices of its pieces."""
         self._index: dict[int, int] = {}
         self.moves = self.carries = 0
-        """Numbers of times that bodies were put elsewhere, or taken away, and that the robot carried one along: while
-        both stay, so do all bodies."""
+        """Counters: ``moves`` of bodies placed or removed, ``carries`` of bodies that the robot moved along. While both
+        are unchanged, so are all poses."""
         for body in scene.bodies:
             for part in parts.get(body.name) or plain(body):
                 self._add(body, part)
@@ -95,12 +95,12 @@ class Bodies:
         self.lower = np.full((len(self.pieces), 3), np.inf)
         self.upper = np.full((len(self.pieces), 3), -np.inf)
         self.first = len(self.pieces)
-        """Number of the pieces that the scene had at the beginning."""
+        """Number of pieces in the initial scene."""
         for name in self.of:
             self.place(name, self.poses[name])
 
     def create(self, body: Body) -> None:
-        """Put a body there that was not in the scene."""
+        """Add a body that was not in the scene."""
         self.bodies[body.name], self.poses[body.name], self.of[body.name] = body, body.pose, []
         for part in plain(body):
             self._add(body, part)
@@ -110,11 +110,11 @@ class Bodies:
 
     @property
     def created(self) -> tuple[str, ...]:
-        """Return the names of bodies that were not in the scene at the beginning, in the order of their creation."""
+        """Names of the bodies that were not in the initial scene, in the order of their creation."""
         return tuple(dict.fromkeys(piece.body for piece in self.pieces[self.first :]))
 
     def lets_touch(self, one: str, other: str) -> bool:
-        """Return whether one of two bodies has a blade that goes under the other."""
+        """Check whether one of two bodies has a blade that goes under the other."""
         first, second = self.bodies[one], self.bodies[other]
         return bool((first.blade and second.thin) or (second.blade and first.thin))
 
@@ -122,24 +122,24 @@ class Bodies:
         x, y, z = part.size
         color = part.color or body.color or _COLORS.get(body.shape, (0.7, 0.7, 0.7, 1.0))
         solid: dict[str, Any] = {"physicsClientId": self.client}
-        seen: dict[str, Any] = {"physicsClientId": self.client, "rgbaColor": color}
+        visual: dict[str, Any] = {"physicsClientId": self.client, "rgbaColor": color}
         match part.kind:
             case SolidKind.BOX:
                 shape = bullet.GEOM_BOX
                 solid |= {"halfExtents": (x / 2, y / 2, z / 2)}
-                seen |= {"halfExtents": (x / 2, y / 2, z / 2)}
+                visual |= {"halfExtents": (x / 2, y / 2, z / 2)}
             case SolidKind.CYLINDER:
                 shape = bullet.GEOM_CYLINDER
                 solid |= {"radius": max(x, y) / 2, "height": z}
-                seen |= {"radius": max(x, y) / 2, "length": z}
+                visual |= {"radius": max(x, y) / 2, "length": z}
             case _:
                 shape = bullet.GEOM_SPHERE
                 solid |= {"radius": max(x, y) / 2}
-                seen |= {"radius": max(x, y) / 2}
+                visual |= {"radius": max(x, y) / 2}
         uid = bullet.createMultiBody(
             0,
             bullet.createCollisionShape(shape, **solid),
-            bullet.createVisualShape(shape, **seen),
+            bullet.createVisualShape(shape, **visual),
             physicsClientId=self.client,
         )
         self._index[uid] = len(self.pieces)
@@ -147,12 +147,12 @@ class Bodies:
         self.pieces.append(Piece(uid, body.name, part, part.offset, body.pose))
 
     def place(self, name: str, pose: Pose) -> None:
-        """Put a body, with all its pieces, somewhere; one that was removed stays away until :meth:`restore`."""
+        """Place a body with all its pieces; a removed one stays away until :meth:`restore`."""
         self.moves += 1
         self._place(name, pose)
 
     def carry(self, name: str, pose: Pose) -> None:
-        """Put a body where a hand that holds it has gone."""
+        """Place a body that moves along with a hand."""
         self.carries += 1
         self._place(name, pose)
 
@@ -184,7 +184,7 @@ class Bodies:
         self.upper[index] = np.asarray(pose.position) + reach
 
     def remove(self, name: str) -> None:
-        """Take a body out of the world: it touches nothing and is not seen."""
+        """Take a body out of the world: it cannot be touched or seen."""
         self.moves += 1
         self.removed.add(name)
         self.hide(self.of[name])
@@ -197,8 +197,8 @@ class Bodies:
         self.place(name, self.poses[name])
 
     def hide(self, indices: Sequence[int]) -> None:
-        """Move pieces out of the way inside the client only; :meth:`show` brings them back."""
-        self.hidden.update(indices)  # before they go: an interrupt may come at any moment
+        """Move pieces out of the way within the client only; :meth:`show` brings them back."""
+        self.hidden.update(indices)  # before moving them: an interrupt may come at any moment
         for index in indices:
             bullet.resetBasePositionAndOrientation(
                 self.pieces[index].uid, _AWAY, (0, 0, 0, 1), physicsClientId=self.client
@@ -211,23 +211,23 @@ class Bodies:
         self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
-        """Return the name of the body that a piece of this id belongs to."""
+        """Name the body of the piece with this id, if there is one."""
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
     def near(self, lower: Array, upper: Array) -> NDArray[np.bool_]:
-        """Return (n, m) booleans: which of n boxes overlap the boxes of which pieces."""
+        """Check which of n boxes overlap the boxes of which pieces, (n, m)."""
         return overlaps(lower, upper, self.lower, self.upper)
 
     def box_of(self, name: str) -> tuple[Array, Array]:
-        """Return the lower and upper corner of the box around a body, along the map's axes; inf for a removed one."""
+        """Lower and upper corner of the box around a body, along the map's axes; inf and -inf for a removed one."""
         indices = self.of[name]
         if not indices:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
 
     def spans(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
-        """Return boxes around some pieces: centres (n, 3), axes (n, 3, 3) as columns, and half extents (n, 3)."""
+        """Oriented boxes around some pieces: centres (n, 3), axes (n, 3, 3) as columns, and half extents (n, 3)."""
         places = Pose.matrices(self.pieces[index].pose for index in indices)
         half = np.array([self.pieces[index].part.size for index in indices]).reshape(-1, 3) / 2
         is_round = np.array([self.pieces[index].part.kind != SolidKind.BOX for index in indices], bool)
@@ -235,7 +235,7 @@ class Bodies:
         return places[:, :3, 3], places[:, :3, :3], half
 
     def gap(self, first: Sequence[int], second: Sequence[int], within: float) -> float:
-        """Return the distance of two sets of pieces [m], negative in penetration, ``inf`` beyond ``within``."""
+        """Compute the distance of two sets of pieces [m]: negative in penetration, ``inf`` beyond ``within``."""
         smallest = float("inf")
         for a in first:
             for b in second:
@@ -250,7 +250,7 @@ _HERE = Pose((0.0, 0.0, 0.0))
 
 
 def plain(body: Body) -> tuple[Part, ...]:
-    """Return parts of a body that is no person."""
+    """Split a body other than a person into its parts."""
     return (*_without_handles(body), *(Part(SolidKind.BOX, one.size, one.pose) for one in body.handles))
 
 
@@ -279,13 +279,13 @@ BLADE, HANDLE = 0.002, 0.02
 
 
 def axes_of(size: tuple[float, float, float]) -> tuple[int, int, int]:
-    """Return the axes of a tool's box: the longest, the one between, the shortest."""
+    """Sort the axes of a tool's box: longest, middle, shortest."""
     short, middle, long = sorted(range(3), key=lambda k: size[k])
     return long, middle, short
 
 
 def _blade_and_handle(body: Body) -> tuple[Part, Part]:
-    """Return a thin blade at the front end of a tool's longest axis, at its lower side, and the handle behind it."""
+    """Build a thin blade at the front end of a tool's longest axis, on its lower side, and the handle behind it."""
     along, across, normal = axes_of(body.size)
     length, width = body.size[along], body.size[across]
 
@@ -300,15 +300,18 @@ def _blade_and_handle(body: Body) -> tuple[Part, Part]:
 
 
 def _around(size: tuple[float, float, float], cavities: Sequence[Cavity]) -> Iterator[Part]:
-    """Yield boxes that fill what cavities leave of a box."""
+    """Yield boxes that fill what cavities leave of a box.
+
+    The planes of the cavities' faces cut the box into cells; each full cell grows along x, y, then z into a larger box.
+    """
     low, high = -np.asarray(size) / 2, np.asarray(size) / 2
-    rooms = [(np.clip(c - s / 2, low, high), np.clip(c + s / 2, low, high)) for c, s in _arrays(cavities)]
-    planes = [np.unique([low[k], high[k], *(end[k] for room in rooms for end in room)]) for k in range(3)]
+    hollows = [(np.clip(c - s / 2, low, high), np.clip(c + s / 2, low, high)) for c, s in _arrays(cavities)]
+    planes = [np.unique([low[k], high[k], *(end[k] for hollow in hollows for end in hollow)]) for k in range(3)]
     middles = np.stack(np.meshgrid(*((axis[1:] + axis[:-1]) / 2 for axis in planes), indexing="ij"), axis=-1)
-    full = ~np.any([np.all((middles > lower) & (middles < upper), axis=-1) for lower, upper in rooms], axis=0)
+    full = ~np.any([np.all((middles > lower) & (middles < upper), axis=-1) for lower, upper in hollows], axis=0)
     for cell in np.argwhere(full):
         if not full[tuple(cell)]:
-            continue  # it is a part of a box before
+            continue  # already part of an earlier box
         end = cell + 1
         for k in range(3):
             while (
@@ -323,7 +326,7 @@ def _around(size: tuple[float, float, float], cavities: Sequence[Cavity]) -> Ite
 
 
 def _dish(size: tuple[float, float, float], wall: float) -> Iterator[Part]:
-    """Yield a bottom and :data:`SEGMENTS` boxes around it, inside a cylinder; the first is where the x axis points."""
+    """Yield a bottom and :data:`SEGMENTS` boxes around it, inside a cylinder, the first in direction of the x axis."""
     x, y, height = size
     radius = max(x, y) / 2
     yield Part(SolidKind.CYLINDER, (2 * radius - wall, 2 * radius - wall, wall), Pose((0.0, 0.0, (wall - height) / 2)))
@@ -340,7 +343,7 @@ def _arrays(cavities: Sequence[Cavity]) -> Iterator[tuple[Array, Array]]:
 
 
 def _room(body: Body) -> tuple[Part, ...]:
-    """Return a slab under the interior, and four walls around it with the openings that its cavities are."""
+    """Build a slab under the interior, and four walls around it with the room's cavities as openings."""
     x, y, z = body.size
     floor = Part(
         SolidKind.BOX, (x + 2 * WALL, y + 2 * WALL, WALL), Pose((0.0, 0.0, -z / 2 - WALL / 2)), (0.62, 0.64, 0.66, 1.0)

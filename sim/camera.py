@@ -1,4 +1,4 @@
-"""Looking: rays, what a camera recognises, which share of a body is visible, by a software renderer."""
+"""Cameras and rays: what a camera recognises, and which share of a body is visible, by a software renderer."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from sim.robot import Robot
 from sim.scene import BodyShape, CameraModel
 
 LEAST_PIXELS = 4
-"""An object with fewer pixels in the picture is not recognised."""
+"""Smallest number of pixels with which an object is recognised."""
 
 _CLIP = 0.02
 """Distance below which bodies, such as the camera's own housing, are not seen [m]."""
 _AHEAD = 1e-4
-"""Distance of the picture's eye ahead of the camera [m]: a face in its very plane keeps PyBullet busy for ever."""
+"""Distance of the rendering eye ahead of the camera [m]: with a face exactly in its plane, PyBullet never returns."""
 _FAR = 60.0
-"""Far end of pictures [m]: as wide as the ground of a scene without a room."""
+"""Far clipping plane [m]: the extent of the ground in a scene without a room."""
 _SIDES = 12
-"""Points around a round shape: its outline is then 5 % smaller than the circle, less than cameras are trusted with."""
+"""Points around a round shape: the polygon is 5 % smaller than the circle, less than the error of real cameras."""
 _PATCHES = 5
-"""Patches along each side of a face, and along a cylinder, of which it is looked at whether they are visible."""
+"""Patches per side of a face, and along a cylinder, whose visibility is tested."""
 _UNSEEN = (BodyShape.MARKER, BodyShape.ROOM)
 
 
 class Camera:
-    """Takes pictures in one physics client."""
+    """Renders pictures in one physics client."""
 
     def __init__(self, client: int, bodies: Bodies) -> None:
         self.client, self.bodies = client, bodies
 
     def detect(self, model: CameraModel, pose: Pose) -> tuple[Detection, ...]:
-        """Return objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
+        """Recognise objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
 
-        The visible share is the number of pixels over the area of the silhouette that an unoccluded view would have,
-        parts beyond the border of the picture included.
+        The visible share is the number of pixels divided by the area of the unoccluded silhouette, which includes parts
+        beyond the border of the picture.
         """
         seen = self._segments(model, pose)
         detections = []
@@ -63,9 +63,9 @@ class Camera:
         return tuple(sorted(detections, key=lambda detection: order[detection.name]))
 
     def scan(self, model: CameraModel, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:
-        """Return where lines through the pixels end (n, 3) in the map, and whether at a surface, (n,).
+        """Trace lines through the pixels: their ends (n, 3) in the map, and whether each is on a surface, (n,).
 
-        Lines end at the camera's greatest distance where nothing is nearer; pixels that show the robot are left out.
+        Lines that meet nothing end at the camera's greatest distance; pixels that show the robot are left out.
         """
         eye, forward, up = _axes(model, pose)
         eye = eye + _AHEAD * forward
@@ -86,7 +86,7 @@ class Camera:
         return ends[shown], (along < most)[shown]
 
     def _segments(self, model: CameraModel, pose: Pose) -> dict[str, int]:
-        """Return body -> number of its pixels."""
+        """Count the pixels of each body."""
         eye, forward, up = _axes(model, pose)
         eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
@@ -100,7 +100,7 @@ class Camera:
         return counts
 
     def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
-        """Return pixels that the body would have without anything in front of it."""
+        """Compute the pixels that a body would cover with nothing in front of it."""
         eye, forward, up = _axes(model, pose)
         right = np.cross(forward, up)
         focal = model.width / 2 / math.tan(model.fov / 2)
@@ -112,7 +112,7 @@ class Camera:
         return total
 
     def _outline(self, index: int) -> Array:
-        """Return points in the map whose convex hull is the piece (a polygonal one for round pieces)."""
+        """List points in the map whose convex hull is the piece; circles are approximated by polygons."""
         piece = self.bodies.pieces[index]
         place = piece.pose
         size = piece.part.size
@@ -126,10 +126,10 @@ class Camera:
         return moved(place.matrix(), np.vstack(rings))
 
     def sight(self, name: str, model: CameraModel, pose: Pose, cast: Any) -> tuple[float, dict[str, int]]:
-        """Return the share (0..1) of a body's surface facing the camera that a line of sight reaches; what lines hit.
+        """Compute the share (0..1) of a body's camera-facing surface in sight; count what lines of sight hit.
 
-        0 when its centre is beyond the camera's distances; points outside the field of view count as hidden, but their
-        lines are included. ``cast`` is the world's batch of rays.
+        The share is 0 if the body's centre is out of the camera's range; points outside the field of view count as
+        hidden, but their lines are counted. ``cast`` is the world's batch ray test.
         """
         axes = _axes(model, pose)
         points, weights = self._facing(name, axes[0])
@@ -138,17 +138,17 @@ class Camera:
         offset = points - axes[0]
         starts = axes[0] + offset / np.linalg.norm(offset, axis=1)[:, None] * _CLIP
         lines: Sequence[str | None] = cast(starts, axes[0] + offset * 1.01)
-        found: dict[str, int] = {}
+        counts: dict[str, int] = {}
         for hit in lines:
             if hit is not None:
-                found[hit] = found.get(hit, 0) + 1
+                counts[hit] = counts.get(hit, 0) + 1
         if not model.near <= self.bodies.poses[name].distance(pose) <= model.far:
-            return 0.0, found
+            return 0.0, counts
         seen = _framed(offset, model, axes) & np.array([hit == name for hit in lines], bool)
-        return round(float(weights[seen].sum() / weights.sum()), 3), found
+        return round(float(weights[seen].sum() / weights.sum()), 3), counts
 
     def _facing(self, name: str, eye: Array) -> tuple[Array, Array]:
-        """Return points on the surface that face the eye, and their shares of the silhouette."""
+        """Sample the surface that faces the eye: points, and their shares of the silhouette."""
         points, weights = [], []
         for index in self.bodies.of[name]:
             piece = self.bodies.pieces[index]
@@ -167,7 +167,7 @@ class Camera:
 
 
 class Raster(NamedTuple):
-    """A picture (height, width): depths in the buffer (0..1), and the body that each pixel shows."""
+    """Rendered picture (height, width): depth buffer (0..1), and id of the body in each pixel."""
 
     depth: NDArray[np.float32]
     mask: NDArray[np.int32]
@@ -180,7 +180,7 @@ def raster(
     view: Any,
     vertical: float,
 ) -> Raster:
-    """Return a picture of PyBullet's software renderer with a vertical opening angle [rad], the same everywhere."""
+    """Render a picture with a vertical opening angle [rad]; the software renderer gives the same on every machine."""
     lens = bullet.computeProjectionMatrixFOV(math.degrees(vertical), width / height, _CLIP, _FAR)
     _, _, _, depth, mask = bullet.getCameraImage(
         width,
@@ -191,7 +191,7 @@ def raster(
         renderer=bullet.ER_TINY_RENDERER,
         physicsClientId=client,
     )
-    # A PyBullet that was built without NumPy returns flat tuples.
+    # PyBullet built without NumPy returns flat tuples.
     return Raster(
         np.asarray(depth, np.float32).reshape(height, width),
         np.asarray(mask, np.int32).reshape(height, width),
@@ -199,13 +199,13 @@ def raster(
 
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
-    """Return the position, viewing direction and upward direction of the camera in the map."""
+    """Position, viewing direction and upward direction of the camera in the map."""
     turn = pose.rotation
     return np.asarray(pose.position), rotated(turn, np.asarray(model.forward)), rotated(turn, np.asarray(model.up))
 
 
 def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array]) -> NDArray[np.bool_]:
-    """Return which points, given as offsets from the camera, are in its field of view."""
+    """Check which points, given as offsets from the camera, are in its field of view."""
     _, forward, up = axes
     right = np.cross(forward, up)
     depth = offset @ forward
@@ -219,7 +219,7 @@ def _framed(offset: Array, model: CameraModel, axes: tuple[Array, Array, Array])
 
 @lru_cache(maxsize=256)
 def _surface(kind: SolidKind, size: tuple[float, float, float]) -> tuple[Array, Array, Array]:
-    """Return points, outward normals and areas of patches of a primitive's surface, in its frame."""
+    """Sample the surface of a primitive: points, outward normals and areas of patches, in its frame."""
     patches: list[tuple[Array, Array, float]] = []
     """Points and normals (n, 3) of equal patches, and the area of one."""
     grid = (np.arange(_PATCHES) + 0.5) / _PATCHES - 0.5
@@ -249,7 +249,7 @@ def _surface(kind: SolidKind, size: tuple[float, float, float]) -> tuple[Array, 
 
 
 def _ring(radius: float) -> Array:
-    """Return points (n, 3) on a level circle around the origin."""
+    """List points (n, 3) on a horizontal circle around the origin."""
     angles = np.arange(_SIDES) * (2 * math.pi / _SIDES)
     return np.column_stack([np.cos(angles) * radius, np.sin(angles) * radius, np.zeros(_SIDES)])
 
@@ -259,7 +259,7 @@ _ROBOT_GROUP = 64
 
 
 class Rays:
-    """Casts rays; the robot's links are in a collision group of their own, so that rays can pass through them."""
+    """Ray casts; the robot's links form a collision group of their own, so that rays can ignore them."""
 
     def __init__(self, client: int, bodies: Bodies, robot: Robot | None) -> None:
         self.client, self.bodies, self.robot = client, bodies, robot
@@ -279,21 +279,21 @@ class Rays:
         return self.bodies.name_of(hit[0])
 
     def cast(self, starts: Array, ends: Array) -> tuple[str | None, ...]:
-        """Return the names of bodies or links that lines from starts (n, 3) to ends (n, 3) hit first, n < 16,384."""
+        """Name the bodies or links that lines from starts (n, 3) to ends (n, 3) hit first, n < 16,384."""
         return tuple(self._name(hit) for hit in self._hits(starts, ends, _EVERYTHING))
 
     def down(self, starts: Array, ends: Array) -> tuple[tuple[str | None, ...], Array]:
-        """Return the names of bodies below, the robot left out, and the heights of the hits (0 where there is none)."""
+        """Name the bodies that lines hit, ignoring the robot, with the heights of the hits (0 for none)."""
         hits = self._hits(starts, ends, _NOT_ROBOT)
         return tuple(self._name(hit) for hit in hits), np.array([float(hit[3][2]) for hit in hits])
 
     def free(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
-        """Return which lines from starts (n, 3) to ends (n, 3) meet no body, the robot left out, n < 16,384."""
+        """Check which lines from starts (n, 3) to ends (n, 3) hit no body, ignoring the robot, n < 16,384."""
         return np.array([hit[0] < 0 for hit in self._hits(starts, ends, _NOT_ROBOT)], bool)
 
     @contextlib.contextmanager
     def without(self, name: str) -> Iterator[None]:
-        """Cast as if a body were not there."""
+        """Cast rays as if a body were absent."""
         pieces = self.bodies.of[name]
         self.bodies.hide(pieces)
         try:

@@ -1,7 +1,7 @@
-"""Changes of what there is: things are created, destroyed, turned over, switched on; what is poured lands below.
+"""Changes of things: they are created, destroyed, turned over and switched on; poured substances land below.
 
-Nothing here happens by itself; ``processes.py`` is what does. What has changed is asked in the same words of the true
-world and of a believed one.
+Nothing here happens by itself; ``processes.py`` is what does. The questions at the end are answered alike for the true
+world and a believed one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from planlang.geometry import Pose
 from planlang.geometry.shapes import half_extents
 from sim.bodies import Bodies
 from sim.camera import Rays
-from sim.contact import Held
+from sim.contact import HeldObject
 from sim.falling import Falling, upright
 from sim.leaves import inside
 from sim.matter import PUDDLE, Matter, Portion, Rules, Size, merged
@@ -29,15 +29,15 @@ Point = tuple[float, float, float]
 REST = 0.005
 """Gap below which a thing lies on what is below it [m]."""
 STANDS = 0.5
-"""Cosine of the tilt up to which a vessel takes something in."""
+"""Cosine of the largest tilt at which a vessel can be filled."""
 BESIDE = 0.02
-"""Distance from a vessel at which what it does not hold lies [m]."""
+"""Distance from a vessel at which its overflow lands [m]."""
 _INTO = 0.002
-"""Height over a thing's lowest point from which what is below it is looked for [m]: it may sink in a little."""
+"""Height above a thing's lowest point from which to look for its support [m]: it may sink in a little."""
 _DEEP = 100.0
-"""Depth to which something falls that is poured out [m]."""
+"""Depth through which poured substances can fall [m]."""
 ONE_PUDDLE = 0.2
-"""Greatest distance at which a poured substance joins what of it is there [m]."""
+"""Distance up to which a poured substance joins a puddle of the same [m]."""
 
 
 class Changes:
@@ -50,7 +50,7 @@ class Changes:
         rules: Rules,
         rays: Rays,
         falling: Falling,
-        held: dict[str, Held],
+        held: dict[str, HeldObject],
         create: Callable[[Body], None],
         remove: Callable[[str], None],
     ) -> None:
@@ -58,27 +58,27 @@ class Changes:
         self.rays, self.falling, self.held = rays, falling, held
         self._create, self._remove = create, remove
         self._heats: dict[str, tuple[str, bool] | None] = {}
-        """What :meth:`heated_by` found, as long as nothing moves and no device is switched."""
+        """Results of :meth:`heated_by`, valid until something moves or a device is switched."""
         self._heats_at: object = None
         self._heatable: dict[str, bool] = {}
 
-    # Asking
+    # Questions
 
     def type_of(self, name: str) -> str:
-        """Return the class of a thing, as heat has changed it."""
+        """Class of a thing now, after changes by heat."""
         return self.matter.types[name][0] if name in self.matter.types else self.bodies.bodies[name].type
 
     def was_ever(self, name: str, type: str) -> bool:
-        """Return whether a thing is of a class, or was before heat changed it."""
+        """Check whether a thing is of a class, or was before heat changed it."""
         types = self.matter.types.get(name, (self.bodies.bodies[name].type,))
         return any(self.rules.is_a(one, type) for one in types)
 
     def is_vessel(self, name: str) -> bool:
-        """Return whether a thing holds what is poured into it."""
+        """Check whether a thing holds what is poured into it."""
         return self.bodies.bodies[name].capacity > 0
 
     def under(self, name: str, but: Iterable[str] = ()) -> str | None:
-        """Return what a thing lies on where it is; ``but`` are things that count as not there."""
+        """Find what a thing lies on; the things in ``but`` count as absent."""
         body, pose = self.bodies.bodies[name], self.bodies.poses[name]
         x, y, z = pose.position
         low = z - float(half_extents(pose, body.size)[2])
@@ -89,9 +89,9 @@ class Changes:
             return self.rays.down(start, end)[0][0]
 
     def heated_by(self, name: str) -> tuple[str, bool] | None:
-        """Return the device that heats a thing, and whether the thing is inside of it; None if nothing does.
+        """Find the device that heats a thing, and whether the thing is inside it.
 
-        A thing is heated by what it lies on, by what that lies on, and so on, and by what it is inside of.
+        A thing is heated by a device below it, also through other things in between, or by one that it is inside of.
         """
         now = self.bodies.moves, self.bodies.carries, tuple(self.matter.states.items())
         if now != self._heats_at:
@@ -115,7 +115,7 @@ class Changes:
         return None
 
     def can_heat(self, name: str) -> bool:
-        """Return True if heat changes a thing or something in it, or has changed it."""
+        """Check whether heat changes a thing or something in it, or has changed it."""
         return any(map(self._is_heatable, (self.type_of(name), *self.matter.contents.get(name, ()))))
 
     def _is_heatable(self, type: str) -> bool:
@@ -123,10 +123,10 @@ class Changes:
             self._heatable[type] = self.rules.can_heat(type)
         return self._heatable[type]
 
-    # What actions bring about
+    # Effects of actions
 
     def do(self, change: Change) -> float:
-        """Make a change that is told as plain data; return how much has flowed [ml]."""
+        """Apply a change; return the volume that flowed [ml]."""
         match change:
             case Poured(source, target, amount):
                 return self.pour(source, target, amount)
@@ -139,24 +139,24 @@ class Changes:
         return 0.0
 
     def _transform(self, what: Transformed) -> None:
-        """Destroy and create; nothing happens where nothing is of what is to be destroyed or used up."""
+        """Destroy inputs and create outputs; no effect if no input exists."""
         matter, bodies = self.matter, self.bodies
-        usual = {name: amount for name, amount in what.things if name in bodies.bodies and name not in bodies.removed}
-        places = [bodies.poses[name] for name in (*usual, *(name for name, _ in what.used))]
-        sizes = [bodies.bodies[name].size for name in usual]
-        origins = merged(usual, *(origins_of(self, name) for name in usual))
-        whole = sum(matter.total(name) or amount for name, amount in usual.items())
+        inputs = {name: amount for name, amount in what.things if name in bodies.bodies and name not in bodies.removed}
+        places = [bodies.poses[name] for name in (*inputs, *(name for name, _ in what.used))]
+        sizes = [bodies.bodies[name].size for name in inputs]
+        origins = merged(inputs, *(origins_of(self, name) for name in inputs))
+        volume = sum(matter.total(name) or amount for name, amount in inputs.items())
         taken = [portion for name, type in what.used for portion in self.consume(name, type)]
-        if (what.things or what.used) and not usual and not taken:
+        if (what.things or what.used) and not inputs and not taken:
             return
-        for name in usual:
+        for name in inputs:
             self.destroy(name)
         origins = merged(origins, *(portion.origins for portion in taken))
-        whole += sum(portion.amount for portion in taken)
+        volume += sum(portion.amount for portion in taken)
         place = places[0] if places else (bodies.poses[what.vessel] if what.vessel is not None else None)
         shift = 0.0
         for output in what.outputs:
-            amount = whole if output.amount is not None and len(what.outputs) == 1 and whole else output.amount
+            amount = volume if output.amount is not None and len(what.outputs) == 1 and volume else output.amount
             if what.vessel is not None and amount is not None:
                 self.fill(what.vessel, Portion(output.type, amount, origins))
             elif place is not None:
@@ -168,7 +168,7 @@ class Changes:
     # Things
 
     def create(self, name: str, type: str, size: Size, at: Pose, origins: Sequence[str], amount: float | None) -> None:
-        """Create a thing, at rest on what is below a pose; ``amount`` [ml] of its class, if it is given."""
+        """Create a thing, at rest on what is below a pose; ``amount`` [ml] of its class, if given."""
         shape = BodyShape.CYLINDER if math.isclose(size[0], size[1]) else BodyShape.BOX
         self._create(Body(name, at, size, shape, type=type, movable=True))
         self.matter.origins[name] = tuple(origins)
@@ -180,7 +180,7 @@ class Changes:
         self.matter.count += 1
 
     def destroy(self, name: str) -> None:
-        """Destroy a thing, with all that is in it."""
+        """Destroy a thing and its contents."""
         self._remove(name)
         self.matter.gone[name] = None
         self.matter.contents.pop(name, None)
@@ -188,21 +188,21 @@ class Changes:
         self.matter.count += 1
 
     def turn_over(self, name: str) -> None:
-        """Turn a thing over where it lies; one that is held is let alone."""
+        """Turn a thing over in place; no effect on a held one."""
         pose, half_turn = self.bodies.poses[name], Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         if name not in self.held:
             self.bodies.place(name, upright(pose @ half_turn))
             self.matter.count += 1
 
     def switch(self, name: str, state: str) -> None:
-        """Put a device into a state."""
+        """Set the state of a device."""
         self.matter.states[name] = state
         self.matter.count += 1
 
-    # What is in them
+    # Contents
 
     def consume(self, name: str, type: str) -> list[Portion]:
-        """Take all that is of a class out of a thing."""
+        """Take everything of a class out of a thing."""
         content = self.matter.contents.get(name, {})
         taken = [portion for key, portion in content.items() if self.rules.is_a(key, type)]
         for portion in taken:
@@ -213,12 +213,12 @@ class Changes:
         return taken
 
     def fill(self, name: str, portion: Portion) -> None:
-        """Add something to what a thing holds."""
+        """Add a portion to a thing's contents."""
         self.give([portion], name, self.bodies.poses[name].position)
         self.matter.count += 1
 
     def pour(self, source: str, target: str, amount: float) -> float:
-        """Let an amount [ml] of what is in a thing flow on or into another; return how much it was."""
+        """Move an amount [ml] of a thing's contents onto or into another thing; return the amount moved."""
         portions = self.matter.take(source, amount)
         if not self.is_vessel(source) and source not in self.matter.contents and portions:
             self.destroy(source)
@@ -229,7 +229,7 @@ class Changes:
         return sum(portion.amount for portion in portions)
 
     def drop(self, portions: Sequence[Portion], point: Point, source: str) -> str | None:
-        """Let portions fall from a point, out of a thing, on or into what is below; return that, None without."""
+        """Drop portions out of a thing from a point; return what they land on or in, None if nothing is below."""
         start = np.array([point])
         with self.rays.without(source):
             names, heights = self.rays.down(start, start - np.array([0.0, 0.0, _DEEP]))
@@ -238,7 +238,7 @@ class Changes:
         return names[0]
 
     def give(self, portions: Sequence[Portion], target: str, point: Point) -> None:
-        """Put portions into a vessel that stands, as much as it holds, or on another thing, at a point."""
+        """Put portions into an upright vessel, up to its capacity, or on another thing, at a point."""
         if self.is_vessel(target) and self.bodies.poses[target].rotation[2, 2] > STANDS:
             self._fill(portions, target)
         elif target in self.matter.origins and target in self.matter.contents:
@@ -249,10 +249,10 @@ class Changes:
                 self._spread(one, target, point)
 
     def _fill(self, portions: Sequence[Portion], vessel: str) -> None:
-        """Put portions into a vessel; what it does not hold comes down beside it."""
+        """Put portions into a vessel; the overflow lands beside it."""
         body = self.bodies.bodies[vessel]
-        whole, room = sum(one.amount for one in portions), max(0.0, body.capacity - self.matter.total(vessel))
-        share = 1.0 if whole <= room else room / whole
+        volume, room = sum(one.amount for one in portions), max(0.0, body.capacity - self.matter.total(vessel))
+        share = 1.0 if volume <= room else room / volume
         self.matter.heated.pop(vessel, None)
         for one in portions:
             self.matter.put(vessel, Portion(one.type, one.amount * share, one.origins))
@@ -265,7 +265,7 @@ class Changes:
                 self._spread(Portion(one.type, one.amount * (1 - share), one.origins), below, beside)
 
     def _spread(self, portion: Portion, target: str, point: Point) -> None:
-        """Put a portion on a thing: it joins what of it is there, or comes into being as a thing of its own."""
+        """Put a portion on a thing: it joins a puddle of the same class, or becomes a new thing."""
         for name in self.matter.origins:
             x, y, z = self.bodies.poses[name].position
             near = math.dist((x, y), point[:2]) <= ONE_PUDDLE and z <= point[2] + ONE_PUDDLE / 2
@@ -281,7 +281,7 @@ class Changes:
         return self.rules.size(type) or PUDDLE
 
     def new_name(self, wish: str) -> str:
-        """Return a name that nothing has or had here."""
+        """Find a name that nothing has or had here."""
         number, name = 1, wish
         while name in self.bodies.bodies:
             number += 1
@@ -290,15 +290,15 @@ class Changes:
 
 
 def amount_of(changes: Changes, name: str, type: str) -> float:
-    """Return how much of a class of substances is in a thing, or in foods that lie on it [ml]."""
+    """Sum the volume of a class of substances in a thing, and in foods that lie on it [ml]."""
     lying = (food for food in changes.matter.origins if _is_there(changes, food) and changes.under(food) == name)
     return sum(_amount_in(changes, one, type) for one in (name, *lying))
 
 
 def _amount_in(changes: Changes, name: str, type: str) -> float:
     content = changes.matter.contents.get(name, {}).values()
-    former = name in changes.matter.types and changes.was_ever(name, type)
-    return sum(portion.amount for portion in content if former or changes.rules.is_a(portion.type, type))
+    was_of_type = name in changes.matter.types and changes.was_ever(name, type)
+    return sum(portion.amount for portion in content if was_of_type or changes.rules.is_a(portion.type, type))
 
 
 def _is_there(changes: Changes, name: str) -> bool:
@@ -306,14 +306,14 @@ def _is_there(changes: Changes, name: str) -> bool:
 
 
 def is_baked(changes: Changes, name: str, seconds: float | None = None) -> bool:
-    """Return whether both sides of a thing were over heat for some time [s], by default as long as its class needs."""
+    """Check whether both sides of a thing were heated for some time [s], by default as long as its class needs."""
     sides = changes.matter.heated.get(name, (0.0, 0.0))
     needed = seconds if seconds is not None else min(_needed(changes, name), default=float("inf"))
     return min(sides) >= needed - 1e-6
 
 
 def _needed(changes: Changes, name: str) -> Iterator[float]:
-    """Yield how long heat takes to make a thing of the classes that a thing, or what is in it, is of [s]."""
+    """Yield the baking times [s] of rules whose output is the class of a thing or of its contents."""
     types = {changes.type_of(name), *changes.matter.contents.get(name, {})}
     for rule in changes.rules.heating:
         if any(changes.rules.is_a(one, rule.output) for one in types):
@@ -321,7 +321,7 @@ def _needed(changes: Changes, name: str) -> Iterator[float]:
 
 
 def came_to_be(changes: Changes, type: str) -> tuple[str, ...]:
-    """Return what came into being of a class and is there: things, and vessels that hold it."""
+    """List what was created of a class and still exists: things, and vessels that hold it."""
     things = [name for name in changes.matter.origins if _is_there(changes, name) and changes.was_ever(name, type)]
     holding = [
         name
@@ -332,6 +332,6 @@ def came_to_be(changes: Changes, type: str) -> tuple[str, ...]:
 
 
 def origins_of(changes: Changes, name: str) -> tuple[str, ...]:
-    """Return the names of all that went into a thing, or into what is in it."""
+    """Name everything that went into a thing or its contents."""
     content = changes.matter.contents.get(name, {}).values()
     return merged(changes.matter.origins.get(name, ()), *(portion.origins for portion in content))

@@ -1,7 +1,7 @@
 """Contact queries: the robot and what it holds against bodies, and the robot against itself.
 
-Boxes around links and pieces are compared first, in NumPy; PyBullet computes exact distances for what is left. On this
-machine's kind of core a query with Amigo in a furnished room takes about 0.1 ms.
+Boxes around links and pieces are compared first, in NumPy; PyBullet computes exact distances for the remaining pairs. A
+query with Amigo in a furnished room takes about 0.1 ms.
 """
 
 from __future__ import annotations
@@ -21,35 +21,35 @@ from planlang.protocols import Configuration, Contact, Touch
 from planlang.records import dataclass
 from sim.bodies import Bodies
 from sim.engine import bullet
-from sim.leaves import Leaves, Led
+from sim.leaves import LeafGrasp, Leaves
 from sim.matter import Matter
 from sim.robot import Robot
 
 TOLERANCE = 0.0005
-"""Penetrations not deeper than this are touching, not contact [m]."""
+"""Penetration up to which two things touch without being in contact [m]."""
 
 _SAMPLES = 120
-"""Random postures in which pairs of links are tried: enough to know pairs that always touch from others."""
+"""Random postures in which pairs of links are tested: enough to recognise pairs that always touch."""
 _ALWAYS = 0.95
-"""Share of the postures from which on a pair's shapes overlap by design, such as covers around a joint."""
+"""Share of the postures above which a pair overlaps by design, such as covers around a joint."""
 _COINCIDENT = 0.03
-"""Distance within which the frames of several joints are one place, such as a shoulder [m]."""
+"""Distance within which frames of several joints form one joint, such as a shoulder [m]."""
 _pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
 
 SUPPORT_DEPTH = 0.02
-"""Depth that a held object may have in what it touched when it was grasped [m]."""
+"""Penetration allowed between a held object and what it touched when it was grasped [m]."""
 
 PARTED = 0.003
-"""A held object has parted from what it touched when it is farther from it than this [m]."""
+"""Distance beyond which a held object has parted from what it touched [m]."""
 
 SKIN = 0.01
-"""Distance up to which a link feels what is at it [m]: that soft, or that far from the last step, is its skin."""
+"""Distance up to which a link feels a body [m]: soft skin, or the gap left by the last step."""
 
 OPPOSITE = -0.5
-"""Cosine between the normals of opposite sides, at most."""
+"""Largest cosine between the normals of opposite sides."""
 
 FOLD = 0.05
-"""Distance up to which two fingers on something soft have a fold of it between them [m]."""
+"""Distance between two fingers on something soft up to which they have a fold of it between them [m]."""
 
 GROUND = 0.001
 """Greatest height of a piece that counts as floor [m]."""
@@ -58,65 +58,67 @@ Ignored = Collection[str | tuple[str, str]]
 
 
 @dataclass(slots=True)
-class Held:
-    """An object in a hand, or in several, or on one that is."""
+class HeldObject:
+    """Object in one or several hands, or standing on an object that is."""
 
     link: str
     offset: Pose
     """Pose of the object in the link's frame."""
     hand: frozenset[int]
-    """Numbers of the hand's links; they may touch the object."""
+    """Numbers of the hand's links, which may touch the object."""
     touched: set[str] = field(default_factory=set)
-    """Bodies that it has touched ever since it was grasped."""
+    """Bodies in touch with it without interruption since it was grasped."""
     placed: int | None = None
-    """The robot's ``moves`` when it was put where the link has it; None when it has to be put there anew."""
+    """Value of the robot's ``moves`` when it was last placed; None if it has to be placed again."""
     others: dict[str, Pose] = field(default_factory=dict)
-    """Links of further hands that hold it, with its pose in their frames."""
+    """Links of further hands that hold it, with the object's pose in their frames."""
     needs: int = 1
-    """The number of hands without which it does not move with the first."""
+    """Number of hands that it takes to move it."""
     on: str | None = None
     """The held object on which it stands; None if hands hold it."""
 
     @property
     def links(self) -> dict[str, Pose]:
-        """Links that hold it, with its pose in their frames."""
+        """Links that hold it, with the object's pose in their frames."""
         return {self.link: self.offset, **self.others}
 
     @property
     def moves(self) -> bool:
-        """Return whether it moves with the first link: enough hands hold it."""
+        """Whether it moves with the first link: enough hands hold it."""
         return len(self.links) >= self.needs
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A query for contacts: ``links`` are numbers of solid links (all when None)."""
+    """Contact query; ``links`` are numbers of solid links (all if None)."""
 
     links: frozenset[int] | None = None
     apart: NDArray[np.bool_] | None = None
-    """Pairs of solid links that move against each other (n, n): others are left out (none when None)."""
+    """Pairs of solid links to test against each other (n, n): those that move relative to each other (all if None)."""
     ignore: Ignored = ()
     grip: bool = False
-    """True if a hand's contact with what it holds counts as well (while its fingers close)."""
+    """True to include contacts of a hand with what it holds (while its fingers close)."""
     itself: bool = True
     """True to look for self-collision; a motion of the base alone causes none."""
     others: bool = True
     """True to look for collisions with bodies that are not held."""
     among: Collection[tuple[str, str]] | None = None
-    """Pairs of a link, or a held body, and another link or a body, besides which nothing can touch."""
+    """Candidate pairs (link or held body, link or body), if it is known that no others can touch."""
 
     def ignores(self, part: str, body: str) -> bool:
-        """Return whether two things may touch."""
+        """Check whether two things may touch."""
         return bool(self.ignore) and not {part, body, (part, body), (body, part)}.isdisjoint(self.ignore)
 
 
 class Contacts:
-    """Finds penetrations for the configuration that the robot shows; held objects must be where they belong."""
+    """Finds penetrations at the configuration shown last; held objects must have been moved along."""
 
-    def __init__(self, robot: Robot, bodies: Bodies, held: dict[str, Held], leaves: Leaves, matter: Matter) -> None:
+    def __init__(
+        self, robot: Robot, bodies: Bodies, held: dict[str, HeldObject], leaves: Leaves, matter: Matter
+    ) -> None:
         self.robot, self.bodies, self.held, self.leaves, self.matter = robot, bodies, held, leaves, matter
         self.self_pairs = watched_pairs(robot)
-        """Numbers of the pairs of solid links that must not touch."""
+        """Pairs of solid links, by number, that must not touch."""
         self.watched = np.zeros((len(robot.solid), len(robot.solid)), bool)
         for pair in self.self_pairs:
             self.watched[pair] = True
@@ -125,40 +127,40 @@ class Contacts:
         self.fingers = frozenset(link for links in robot.body.hands.values() for link in links)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
-        """Return all contacts: links first, in the order of the URDF, then held objects in the order of grasping."""
-        found: dict[tuple[str, str], float] = {}
+        """Find all contacts: of links, in the order of the URDF, then of held objects in the order of grasping."""
+        depths: dict[tuple[str, str], float] = {}
         if query.among is not None:
             for part, body in query.among:
-                self._of_pair(part, body, query, found)
-            return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+                self._of_pair(part, body, query, depths)
+            return tuple(Contact(part, body, depth) for (part, body), depth in depths.items())
         lower, upper = self.robot.boxes()
         if query.others:
-            self._of_links(query, lower, upper, found)
+            self._of_links(query, lower, upper, depths)
         if query.itself:
-            self._of_the_robot_itself(query, lower, upper, found)
+            self._of_the_robot_itself(query, lower, upper, depths)
         for name, held in self.held.items():
             if query.others and (query.links is None or self.carriers(held) & query.links):
-                self._of_held(name, query, found)
+                self._of_held(name, query, depths)
             if query.itself:
-                self._of_held_and_robot(name, query, lower, upper, found)
+                self._of_held_and_robot(name, query, lower, upper, depths)
         for leaf, led in self.leaves.led.items():
             if query.others and (query.links is None or self.robot.carrier(led.link) & query.links):
-                self._of_led(leaf, led, query, lower, upper, found)
-        return tuple(Contact(part, body, depth) for (part, body), depth in found.items())
+                self._of_led(leaf, led, query, lower, upper, depths)
+        return tuple(Contact(part, body, depth) for (part, body), depth in depths.items())
 
-    def carriers(self, held: Held) -> frozenset[int]:
-        """Return the numbers of the links with which something held moves."""
+    def carriers(self, held: HeldObject) -> frozenset[int]:
+        """List the numbers of the links with which a held object moves."""
         return frozenset().union(*map(self.robot.carrier, held.links))
 
-    def _of_pair(self, part: str, body: str, query: Query, found: dict[tuple[str, str], float]) -> None:
-        """Check one pair that is not allowed to touch, or only by as much as what something held stood on."""
+    def _of_pair(self, part: str, body: str, query: Query, depths: dict[tuple[str, str], float]) -> None:
+        """Test one pair; support contacts of a held object count only beyond :data:`SUPPORT_DEPTH`."""
         if query.ignores(part, body):
             return
         if part not in self.held and body in self.held:
             part, body = body, part
         number, other = self.robot.number.get(part), self.robot.number.get(body)
         if number is not None and other is not None:
-            _deepen(found, part, body, self.robot.depth_between(number, other))
+            _deepen(depths, part, body, self.robot.depth_between(number, other))
             return
         for index in () if other is not None else self.bodies.of[body]:
             piece = self.bodies.pieces[index]
@@ -167,22 +169,22 @@ class Contacts:
             if self.leaves.led and number in self.leaves.hands_on(body):
                 continue
             if number is not None:
-                _deepen(found, part, body, self.robot.depth_with(number, piece.uid))
+                _deepen(depths, part, body, self.robot.depth_with(number, piece.uid))
                 continue
             if self._may_touch(part, body):
                 continue
             depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
             if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
-                _deepen(found, part, body, depth)
+                _deepen(depths, part, body, depth)
         if number is None and other is not None:
-            depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
-            _deepen(found, part, body, max(depths, default=0.0))
+            link_depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
+            _deepen(depths, part, body, max(link_depths, default=0.0))
 
     def _may_touch(self, held: str, body: str) -> bool:
-        """Return whether what is held may go into, or under, a body: with a blade, or into a puddle."""
+        """Check whether a held object may go into or under a body: a blade, or anything in a puddle."""
         return self.bodies.lets_touch(held, body) or self.matter.gives_way(body)
 
-    def _of_links(self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]) -> None:
+    def _of_links(self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]) -> None:
         near = self.bodies.near(lower, upper)
         for number, index in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             piece = self.bodies.pieces[index]
@@ -200,20 +202,20 @@ class Contacts:
             if piece.body in self.held and not query.grip and number in self.held[piece.body].hand:
                 continue
             if piece.body in self.held and number not in self.held[piece.body].hand:
-                continue  # found from the side of the held object
-            _deepen(found, part, piece.body, self.robot.depth_with(number, piece.uid))
+                continue  # reported as a contact of the held object
+            _deepen(depths, part, piece.body, self.robot.depth_with(number, piece.uid))
 
     def _of_the_robot_itself(
-        self, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+        self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
     ) -> None:
         near = self.watched if query.apart is None else self.watched & query.apart
         near = near & overlaps(lower, upper, lower, upper)
         for a, b in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
             first, second = self.robot.solid_names[a], self.robot.solid_names[b]
             if not query.ignores(first, second):
-                _deepen(found, first, second, self.robot.depth_between(a, b))
+                _deepen(depths, first, second, self.robot.depth_between(a, b))
 
-    def _of_held(self, name: str, query: Query, found: dict[tuple[str, str], float]) -> None:
+    def _of_held(self, name: str, query: Query, depths: dict[tuple[str, str], float]) -> None:
         held = self.held[name]
         for mine in self.bodies.of[name]:
             near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
@@ -225,12 +227,12 @@ class Contacts:
                     continue
                 depth = -self.bodies.gap([mine], [index], 0.0)
                 if piece.body not in held.touched or depth > SUPPORT_DEPTH:
-                    _deepen(found, name, piece.body, depth)
+                    _deepen(depths, name, piece.body, depth)
 
     def _of_led(
-        self, leaf: str, led: Led, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+        self, leaf: str, led: LeafGrasp, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
     ) -> None:
-        """Look for what a leaf that a hand moves runs into: other bodies, and the robot itself apart from the hand."""
+        """Test a leaf that a hand moves against other bodies, and against the robot without that hand."""
         for name in (*self.leaves.joints[leaf].bodies, *led.carried):
             for mine in self.bodies.of[name]:
                 piece, low, high = self.bodies.pieces[mine], self.bodies.lower[mine], self.bodies.upper[mine]
@@ -238,14 +240,14 @@ class Contacts:
                     other = self.bodies.pieces[index].body
                     mate = other == name or other in led.touched or other in led.carried or other in self.held
                     if not mate and not query.ignores(name, other):
-                        _deepen(found, name, other, -self.bodies.gap([mine], [index], 0.0))
+                        _deepen(depths, name, other, -self.bodies.gap([mine], [index], 0.0))
                 overlap = np.all((lower <= high) & (upper >= low), axis=1)
                 for number in np.nonzero(overlap)[0].tolist():
                     if number not in led.hand and not query.ignores(self.robot.solid_names[number], name):
-                        _deepen(found, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
+                        _deepen(depths, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
 
     def _of_held_and_robot(
-        self, name: str, query: Query, lower: Array, upper: Array, found: dict[tuple[str, str], float]
+        self, name: str, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
     ) -> None:
         held = self.held[name]
         every = query.links is None or bool(self.carriers(held) & query.links)
@@ -257,10 +259,10 @@ class Contacts:
                     continue
                 if query.ignores(name, link):
                     continue
-                _deepen(found, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
+                _deepen(depths, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
 
     def touching(self, name: str, within: float) -> set[str]:
-        """Return bodies not farther than ``within`` [m] from a body; the robot is none."""
+        """Find the bodies within a distance [m] of a body, not counting the robot."""
         mine = self.bodies.of[name]
         lower, upper = self.bodies.box_of(name)
         near = self.bodies.near(lower[None] - within, upper[None] + within)[0]
@@ -271,22 +273,22 @@ class Contacts:
         }
 
     def part(self) -> None:
-        """Forget for every held object what it touched and has parted from by now."""
+        """Drop bodies from which held objects have parted from their ``touched`` sets."""
         for name, held in self.held.items():
             if held.touched:
                 held.touched &= self.touching(name, PARTED)
 
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
-        """Return where links are touched: the nearest point of each body that is within :data:`SKIN` of a link.
+        """List where links are touched: the nearest point of each piece within :data:`SKIN` of a link.
 
-        Of a dish it is that of its floor, and of each part of its rim: a finger between both feels both.
+        The floor of a dish and each segment of its rim count separately: a finger between two feels both.
         """
         return tuple(touch for _, touch in self._touches(links))
 
     def between(self, link: str) -> tuple[str, ...]:
-        """Return the body that two fingers of the hand at a link touch from opposite sides; none if they do not.
+        """Find the body that two fingers of the hand at a link touch from opposite sides, if any.
 
-        Where no body is touched by both of them, those are returned that are pressed between the two together.
+        If they touch two different bodies, pressed against each other, both are returned; one body takes precedence.
         """
         fingers = [name for name in self.robot.hand_links(link) if name in self.fingers]
         pairs = [
@@ -298,30 +300,30 @@ class Contacts:
         return () if opposed is None else tuple(dict.fromkeys(opposed[2:]))
 
     def _touches(self, links: Collection[str]) -> list[tuple[str, Touch]]:
-        """Return the touches of links, each with the body that touches."""
+        """List the touches of links, each with the touching body."""
         numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
         lower, upper = self.robot.boxes_of(numbers)
         near = self.bodies.near(lower - SKIN, upper + SKIN)
-        found = []
+        candidates = []
         for number, row in zip(numbers, near, strict=True):
             for index in np.flatnonzero(row).tolist():
-                found.append((self.bodies.pieces[index].body, self._touch(number, [index], SKIN)))
-        felt = [(name, touch) for name, touch in found if touch is not None]
+                candidates.append((self.bodies.pieces[index].body, self._touch(number, [index], SKIN)))
+        felt = [(name, touch) for name, touch in candidates if touch is not None]
         return [*felt, *self._folds(felt)]
 
     def _folds(self, felt: list[tuple[str, Touch]]) -> Iterator[tuple[str, Touch]]:
-        """Yield what two links feel that are close together on something soft: the fold that it makes between them."""
+        """Yield opposite touches for two links close together on something soft: its fold between them."""
         soft = [(name, touch) for name, touch in felt if self.bodies.bodies[name].soft]
         for (name, one), (other, two) in combinations(soft, 2):
-            apart = np.subtract(one.point, two.point)
-            away = float(np.linalg.norm(apart))
-            if name == other and one.link != two.link and 0 < away <= FOLD:
-                x, y, z = (apart / away).tolist()
+            offset = np.subtract(one.point, two.point)
+            distance = float(np.linalg.norm(offset))
+            if name == other and one.link != two.link and 0 < distance <= FOLD:
+                x, y, z = (offset / distance).tolist()
                 yield name, Touch(one.link, one.point, (x, y, z))
                 yield name, Touch(two.link, two.point, (-x, -y, -z))
 
     def felt(self, contact: Contact) -> Touch | None:
-        """Return where a link, or a held object, is touched by a body; None when the robot touches itself."""
+        """Locate the touch of a link or held object by a body; None for self-contacts."""
         if contact.body not in self.bodies.of:
             return None
         if contact.part in self.robot.number:
@@ -336,14 +338,14 @@ class Contacts:
         )
 
     def _touch(self, number: int, pieces: Sequence[int], reach: float) -> Touch | None:
-        """Return where pieces of a body are nearest to a link, None if they are nowhere within ``reach`` [m]."""
+        """Locate the point of some pieces nearest to a link, within ``reach`` [m]."""
         here = [(self.robot.uid, self.robot.solid[number])]
         return self._nearest(self.robot.solid_names[number], here, pieces, reach)
 
     def _nearest(
         self, link: str, mine: Collection[tuple[int, int]], pieces: Sequence[int], reach: float
     ) -> Touch | None:
-        """Return the same for what a link moves, given by ids and link numbers of the client."""
+        """Locate the same for shapes given by id and link number of the client, as a touch of ``link``."""
         points = [
             point
             for uid, part in mine
@@ -356,16 +358,16 @@ class Contacts:
         return None if nearest is None else Touch(link, nearest[6], nearest[7])
 
 
-def _deepen(found: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:
-    if depth > TOLERANCE and depth > found.get((part, body), 0.0):
-        found[part, body] = depth
+def _deepen(depths: dict[tuple[str, str], float], part: str, body: str, depth: float) -> None:
+    if depth > TOLERANCE and depth > depths.get((part, body), 0.0):
+        depths[part, body] = depth
 
 
 def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
-    """Return pairs of solid links that must not touch, computed once per URDF and robot's body.
+    """List pairs of solid links that must not touch, computed once per URDF and robot body.
 
-    Left out are pairs that may touch, that are rigidly connected or joined by one joint, that touch nearly always, and
-    that touch in the initial posture: there the model is wrong, not the robot.
+    Excluded are pairs that are allowed to touch, are rigidly connected, share one joint, or touch nearly always, and
+    pairs that touch in the initial posture: there the model is wrong, not the robot.
     """
     body = robot.body
     allowed = sorted(tuple(sorted(pair)) for pair in body.allowed)
@@ -397,27 +399,27 @@ def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     lower, upper = np.array([*spans.values()]).reshape(-1, 2).T
     touched = dict.fromkeys(pairs, _SAMPLES)
     always = pairs
-    with _kept(robot):
+    with _configuration_kept(robot):
         for values in np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(spans))).tolist():
             robot.show(Configuration(robot.base, dict(zip(spans, values, strict=True))))
             touching = {pair for pair in robot.near_pairs(always) if robot.depth_between(*pair) > TOLERANCE}
             for pair in always:
                 touched[pair] -= pair not in touching
             always = [pair for pair in always if touched[pair] >= _ALWAYS * _SAMPLES]
-            if not always:  # nothing is left that the other postures could show
+            if not always:  # further postures cannot change the result
                 break
     return tuple(pair for pair in pairs if pair not in always)
 
 
 @contextlib.contextmanager
-def _kept(robot: Robot) -> Iterator[None]:
+def _configuration_kept(robot: Robot) -> Iterator[None]:
     before = robot.configuration()
     yield
     robot.show(before)
 
 
 def _adjacent(robot: Robot, a: int, b: int) -> bool:
-    """Return True for links with no joint between them, or one, or several in one place (a shoulder, a wrist)."""
+    """Check whether at most one joint separates two links; several joints in one place (a shoulder) count as one."""
     up_a, up_b = robot.ancestors(a), robot.ancestors(b)
     between = [i for i in up_a if i not in up_b] + [i for i in up_b if i not in up_a]
     moving = [index for index in between if index not in robot.fixed]

@@ -1,7 +1,7 @@
-"""Prepare a robot's URDF for PyBullet: checked meshes, shapes in place of absent ones, no extensions.
+"""Prepare a robot's URDF for PyBullet: check meshes, substitute shapes for missing ones, strip extensions.
 
-PyBullet itself refuses a file with one absent mesh, dies of a broken one, reads lines of at most 1024 characters,
-reports its warnings on stdout only, and moves no joint that mimics another.
+PyBullet itself refuses a file with one missing mesh, crashes on a broken one, reads lines of at most 1024 characters,
+reports warnings on stdout only, and does not move joints that mimic another.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from planlang.records import dataclass
 from sim.meshes import Meshes
 
 MOST_JOINTS = 127
-"""PyBullet gives the poses of this many links."""
+"""Number of links whose poses PyBullet returns."""
 _KEPT = {"robot", "link", "joint", "material"}
 _PRIMITIVES = {"box", "cylinder", "sphere", "capsule", "plane"}
-"""Shapes other than meshes that PyBullet reads everywhere."""
+"""Shapes other than meshes that PyBullet reads on every platform."""
 _SHOWN = 4
-"""Names of a list that a message shows."""
+"""Number of names that a message lists before it abbreviates."""
 THINNEST = 0.002
-"""Least extent of a box made from an inertia [m]."""
+"""Smallest extent of a box made from an inertia [m]."""
 LIGHTEST = 30.0
-"""Density of foam [kg/m3]. Inertias of lighter boxes were filled in, not measured: in real URDFs measured ones come to
-300 and more, the frequent 0.1 kg with 0.01 kg m2 comes to 0.2."""
+"""Density of foam [kg/m3]. Inertias that give lighter boxes are placeholders, not measurements: measured ones in real
+URDFs give 300 and more, the frequent 0.1 kg with 0.01 kg m2 gives 0.2."""
 
 
 SWEEPS = 6
-"""Rounds of Jacobi's rotations: each squares the error, and four are enough for three axes."""
+"""Sweeps of Jacobi rotations: each squares the error, and four are enough for three axes."""
 ROUNDED = 1e-12
-"""Product of inertia that counts as none [kg m^2]: of equal moments it would turn the axes anyhow."""
+"""Product of inertia that counts as zero [kg m^2]: between equal moments it would turn the axes arbitrarily."""
 
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """A joint that moves with another: its position is ``multiplier`` times the other's plus ``offset``."""
+    """Joint that mimics another: its position is ``multiplier`` times the other's plus ``offset``."""
 
     joint: str
     multiplier: float
@@ -57,13 +57,13 @@ class Description:
     """A URDF that PyBullet can load."""
 
     path: Path
-    """The file that was read."""
+    """The file it was read from."""
     text: str
-    """The URDF text that PyBullet gets."""
+    """URDF text for PyBullet."""
     meshes: Mapping[str, bytes]
-    """Files beside it: the meshes that it names, by names that follow from what is in them."""
+    """Mesh files to write beside it: content by name; names follow from content."""
     root: str
-    """The link that hangs from no joint."""
+    """Link without a parent joint."""
     followers: Mapping[str, tuple[Follower, ...]]
     """Joint -> joints that mimic it, directly or not."""
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -71,17 +71,17 @@ class Description:
 
 
 MOST_KEPT = 8
-"""Descriptions that are kept."""
+"""Number of cached descriptions."""
 _meshless: dict[tuple[Path, bytes], Description] = {}
-"""Descriptions that depend on no mesh file, by path and content: no mesh may come or go."""
+"""Cached descriptions by path and content: only those without meshes, since mesh files may change."""
 
 
 def read_description(path: Path) -> Description:
-    """Read and check a URDF and its meshes; raise BadInput with all that makes it unusable.
+    """Read and check a URDF and its meshes; raise BadInput with everything that makes it unusable.
 
-    A mesh that is not there or cannot be read is replaced: for contacts by the box that has the link's mass and
-    inertia, for looks by the link's shapes for contacts; by nothing if there are none. If no link has a shape for
-    contacts, its shapes for looks serve.
+    A missing or unreadable mesh is replaced: for contacts by the box with the link's mass and inertia, for looks by the
+    link's collision shapes; by nothing if there are none. If no link has a collision shape, visual shapes serve as
+    such.
     """
     urdf = read_urdf(path)
     if (path, urdf.content) in _meshless:
@@ -91,30 +91,30 @@ def read_description(path: Path) -> Description:
         fixed = sum(joint.kind == "fixed" for joint in urdf.joints)
         advice = f"{fixed} of them are fixed: merge links that never move into the link that carries them"
         raise BadInput([error("B009", message, Span(str(path), urdf.tree.line), advice if fixed else None)])
-    robot = tree_of(urdf.content)  # changed below
+    robot = tree_of(urdf.content)  # a copy of its own, modified below
     for child in list(robot):
         if child.tag not in _KEPT:
             robot.remove(child)
     for element in robot.iter():
-        element.attrib.pop("concave", None)  # PyBullet's own: such a mesh has no points to ask for, here all are convex
+        element.attrib.pop("concave", None)  # PyBullet's: such a mesh has no vertices to read, and all here are convex
     _without_empty_shapes(robot)
     meshless = all(shape.tag in _PRIMITIVES for shape in robot.iterfind("link/*/geometry/*"))
-    found = []
+    warnings = []
     if robot.find("link/collision") is None:
-        found.append(_looks_touched(path, robot))
+        warnings.append(_visuals_as_collisions(path, robot))
     files: Mapping[str, bytes] = {}
     if not meshless:
         meshes = Meshes(path)
-        bare = _replace_meshes(robot, meshes.replace)
+        shapeless = _replace_meshes(robot, meshes.replace)
         files = meshes.files
         if meshes.absent:
-            found.append(_warned(meshes.absent, bare, path))
+            warnings.append(_mesh_warning(meshes.absent, shapeless, path))
     for texture_holder in robot.iter("material"):
         for texture in texture_holder.findall("texture"):
             texture_holder.remove(texture)
     ElementTree.indent(robot)
     description = Description(
-        path, ElementTree.tostring(robot, "unicode"), files, urdf.root, _followers(urdf.joints), tuple(found)
+        path, ElementTree.tostring(robot, "unicode"), files, urdf.root, _followers(urdf.joints), tuple(warnings)
     )
     if meshless:
         while len(_meshless) >= MOST_KEPT:
@@ -125,7 +125,7 @@ def read_description(path: Path) -> Description:
 
 @contextmanager
 def loadable(description: Description) -> Iterator[Path]:
-    """Yield a temporary file with the description, for as long as PyBullet reads it."""
+    """Yield the path of a temporary file with the description, while PyBullet reads it."""
     with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(description.text, encoding="utf-8")
@@ -135,7 +135,7 @@ def loadable(description: Description) -> Iterator[Path]:
 
 
 def _without_empty_shapes(robot: Element) -> None:
-    """Give a thickness to what is flat: real files have boxes of size 0 0 0 where nothing is meant."""
+    """Thicken flat shapes and remove empty ones: real files have boxes of size 0 0 0 as placeholders."""
     for link in robot.findall("link"):
         for shape in (*link.findall("collision"), *link.findall("visual")):
             for primitive in shape.iterfind("geometry/*"):
@@ -148,20 +148,20 @@ def _without_empty_shapes(robot: Element) -> None:
                     primitive.set(name, _text([max(value, THINNEST) if value == 0 else value for value in values]))
 
 
-def _looks_touched(path: Path, robot: Element) -> Diagnostic:
-    """Let what is seen of the links be what touches."""
+def _visuals_as_collisions(path: Path, robot: Element) -> Diagnostic:
+    """Use the links' visual shapes as collision shapes."""
     for link in robot.findall("link"):
         link.extend(_shapes_as(link, "visual", "collision"))
     span = Span(str(path), robot.line)
     if robot.find("link/collision") is None:
         advice = "give the robot's body at least one"
         return warning("B015", "no link has a shape (<collision> or <visual>)", span, advice)
-    message = "no link has a shape for contacts (<collision>); those for looks (<visual>) are used"
+    message = "no link has a <collision> shape; the <visual> shapes are used instead"
     return warning("B015", message, span)
 
 
 def _shapes_as(link: ElementTree.Element, kind: str, other: str) -> list[ElementTree.Element]:
-    """Return the link's shapes of one kind (collision, visual) as shapes of the other."""
+    """Copy the link's shapes of one kind (collision, visual) as shapes of the other."""
     shapes = []
     for shape in link.findall(kind):
         copied = ElementTree.Element(other)
@@ -170,13 +170,13 @@ def _shapes_as(link: ElementTree.Element, kind: str, other: str) -> list[Element
     return shapes
 
 
-def _replace_meshes(robot: Element, checked: Callable[[Element], bool]) -> list[str]:
-    """Replace meshes by checked ones or by shapes, and unknown geometry; returns links without a shape for contacts."""
-    bare: list[str] = []
+def _replace_meshes(robot: Element, replace: Callable[[Element], bool]) -> list[str]:
+    """Replace meshes by checked ones or shapes, and unknown geometry; list links left without a collision shape."""
+    shapeless: list[str] = []
 
     def is_absent(shape: ElementTree.Element) -> bool:
         solid = shape.find("geometry/*")
-        return isinstance(solid, Element) and solid.tag not in _PRIMITIVES and not checked(solid)
+        return isinstance(solid, Element) and solid.tag not in _PRIMITIVES and not replace(solid)
 
     for link in robot.findall("link"):
         collisions, visuals = ([s for s in link.findall(kind) if is_absent(s)] for kind in ("collision", "visual"))
@@ -185,14 +185,14 @@ def _replace_meshes(robot: Element, checked: Callable[[Element], bool]) -> list[
         if collisions:
             link.extend(_box_of(link))
             if link.find("collision") is None:
-                bare.append(link.get("name", ""))
+                shapeless.append(link.get("name", ""))
         if visuals:
             link.extend(_shapes_as(link, "collision", "visual"))
-    return bare
+    return shapeless
 
 
 def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
-    """Return the box of the link's inertia as a collision element, if the link has one."""
+    """Build a collision element with the box of the link's inertia; empty if the link has none."""
     inertial = link.find("inertial")
     mass, moments = (None if inertial is None else inertial.find(tag) for tag in ("mass", "inertia"))
     if inertial is None or mass is None or moments is None:
@@ -210,10 +210,10 @@ def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
 
 
 def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
-    """Return the extents (3,) [m] and axes (3, 3), as columns, of the even box of this mass and inertia (3, 3).
+    """Compute the extents (3,) [m] and axes (3, 3), as columns, of the homogeneous box of a mass and an inertia (3, 3).
 
-    From m / 12 (b^2 + c^2) and so on for the principal moments. None without mass or moments, and for a box lighter
-    than foam (:data:`LIGHTEST`). What no body can have (a moment larger than the others' sum) gives the thinnest box.
+    Solves m / 12 (b^2 + c^2) and so on for the principal moments. None without mass or moments, and for a box lighter
+    than foam (:data:`LIGHTEST`). An impossible inertia (one moment above the sum of the others) gives the thinnest box.
     """
     moments, axes = _principal(inertia)
     if mass <= 0 or moments.max() <= 0:
@@ -224,10 +224,10 @@ def inertia_box(mass: float, inertia: Array) -> tuple[Array, Array] | None:
 
 
 def _principal(inertia: Array) -> tuple[Array, Array]:
-    """Return the principal moments (3,) and axes (3, 3), as columns, right-handed, near the given axes.
+    """Compute the principal moments (3,) and axes (3, 3), as columns, right-handed, near the given axes.
 
-    Jacobi's rotations (G. H. Golub and C. F. Van Loan, Matrix Computations, 8.5), the same on every machine: LAPACK's
-    eigenvectors differ in their last digits between processors, and a robot's shapes would with them.
+    Jacobi rotations (G. H. Golub and C. F. Van Loan, Matrix Computations, 8.5), bit-equal on every machine: LAPACK's
+    eigenvectors differ in their last digits between processors, and so would a robot's shapes.
     """
     moments, axes = inertia, np.eye(3)
     for p, q in SWEEPS * ((0, 1), (0, 2), (1, 2)):
@@ -252,13 +252,13 @@ def _text(values: Sequence[float] | Array) -> str:
     return " ".join(repr(round(float(value), 12)) for value in values)
 
 
-def _warned(absent: Mapping[str, tuple[int, str]], bare: Sequence[str], path: Path) -> Diagnostic:
+def _mesh_warning(absent: Mapping[str, tuple[int, str]], shapeless: Sequence[str], path: Path) -> Diagnostic:
     count = f"{len(absent)} meshes are" if len(absent) != 1 else "a mesh is"
     names = [f"{name} ({reason})" if reason else name for name, (_, reason) in absent.items()]
-    message = f"{count} not there or cannot be read; simple shapes stand in for them: {_some(names)}"
-    if bare:
-        links = f"{len(bare)} links have" if len(bare) != 1 else "a link has"
-        message += f"; {links} no usable inertia either, so no shape: {_some(bare)}"
+    message = f"{count} missing or unreadable and replaced by simple shapes: {_some(names)}"
+    if shapeless:
+        links = f"{len(shapeless)} links have" if len(shapeless) != 1 else "a link has"
+        message += f"; {links} no usable inertia either and get no shape: {_some(shapeless)}"
     advice = "put the packages that hold them beside the URDF, as OBJ, DAE or STL"
     return warning("B013", message, Span(str(path), next(iter(absent.values()))[0]), advice)
 
@@ -271,9 +271,9 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _followers(joints: Sequence[Joint]) -> dict[str, tuple[Follower, ...]]:
-    """Return per joint the joints that mimic it; chains of them are resolved, circles left out."""
+    """Map each joint to the joints that mimic it; chains are resolved, circles dropped."""
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None and joint.moves}
-    found: dict[str, list[Follower]] = {}
+    followers: dict[str, list[Follower]] = {}
     for name, mimic in mimics.items():
         master, multiplier, offset, seen = mimic.joint, mimic.multiplier, mimic.offset, {name}
         while master in mimics and master not in seen:
@@ -282,5 +282,5 @@ def _followers(joints: Sequence[Joint]) -> dict[str, tuple[Follower, ...]]:
             multiplier *= mimics[master].multiplier
             master = mimics[master].joint
         if master not in seen:
-            found.setdefault(master, []).append(Follower(name, multiplier, offset))
-    return {name: tuple(followers) for name, followers in found.items()}
+            followers.setdefault(master, []).append(Follower(name, multiplier, offset))
+    return {name: tuple(several) for name, several in followers.items()}

@@ -1,7 +1,7 @@
-"""The one place that imports PyBullet: silent import, silent connections.
+"""The only module that imports PyBullet; it keeps PyBullet's output off the terminal.
 
-PyBullet writes its build time, its window's options and remarks about URDFs to file descriptors 1 and 2; the output of
-a command line program that uses this package stays clean because they point to the null device meanwhile.
+PyBullet prints its build time, its window options and remarks about URDFs to file descriptors 1 and 2. Both point to
+the null device during import and connection, so that command line programs print nothing but their own output.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from typing import Any
 
 @contextlib.contextmanager
 def quiet() -> Iterator[None]:
-    """Send what C code prints to file descriptors 1 and 2 to the null device.
+    """Redirect file descriptors 1 and 2 to the null device while C code runs.
 
-    The C library's buffers are flushed before and after, else what was printed inside would appear later.
+    The C library's buffers are flushed before and after; otherwise text printed inside would appear later.
     """
     library = ctypes.CDLL(None)
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     library.fflush(None)
     null = os.open(os.devnull, os.O_WRONLY)
-    kept = {descriptor: os.dup(descriptor) for descriptor in (1, 2)}
+    saved = {descriptor: os.dup(descriptor) for descriptor in (1, 2)}
     try:
-        for descriptor in kept:
+        for descriptor in saved:
             os.dup2(null, descriptor)
         yield
     finally:
         library.fflush(None)
-        for descriptor, copy in kept.items():
+        for descriptor, copy in saved.items():
             os.dup2(copy, descriptor)
             os.close(copy)
         os.close(null)
@@ -50,12 +50,12 @@ bullet: Any = _import()
 
 
 def connect(*, gui: bool = False) -> int:
-    """Open a physics client of its own, with or without a window; returns the client's id.
+    """Open a new physics client, with or without a window, and return its id.
 
-    Raises ``RuntimeError`` when PyBullet refuses (no display, too many clients).
+    Raises ``RuntimeError`` if PyBullet refuses (no display, too many clients).
     """
     with quiet():
         client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
     if client < 0:
-        raise RuntimeError("PyBullet gave no connection" + (": is there a display for its window?" if gui else ""))
+        raise RuntimeError("PyBullet refused the connection" + (": is there a display for its window?" if gui else ""))
     return int(client)

@@ -1,4 +1,4 @@
-"""Bodies that were let go: they fall straight down on the first surface that bears their centre of mass."""
+"""Released bodies: they fall straight down onto the first surface that bears their centre of mass."""
 
 from __future__ import annotations
 
@@ -18,32 +18,33 @@ GRAVITY = 9.81
 """[m/s^2]"""
 
 _LEVEL = 0.01
-"""Points whose heights differ by less bear a body together [m]."""
+"""Height difference within which points bear a body together [m]."""
 _STEP = 0.01
-"""Step by which a body slips off an edge [m]: fine beside the things that are handled."""
-_UP = 0.021  # above the lowest point of the body: a support may be penetrated by 2 cm
+"""Step by which a body slips off an edge [m]: fine compared with the things that are handled."""
+_UP = 0.021
+"""Height above a body's lowest point at which rays start [m]: a grasped body may penetrate its support by 2 cm."""
 _NEAR = 0.03
-"""Height above its support up to which a body stands on it [m]: maps are not better."""
+"""Height above its support up to which a body stands on it [m]: maps are no more accurate."""
 _SAME = 0.001
-"""Difference up to which two heights count as the same [m]."""
+"""Difference up to which two heights count as equal [m]."""
 _SKIN = 0.001
-"""Depth below the top of a body at which the search for what bears it begins at the latest [m]."""
+"""Depth below the top of a body at which rays start at the latest [m]."""
 _DEPTH = 100.0
-"""Depth below a body to which a surface is searched [m]: below every floor."""
+"""Length of the rays that look for a surface [m]: to below every floor."""
 Cast = Callable[[Array, Array], tuple[Sequence[str | None], Array]]
-"""(n, 3) from, (n, 3) to -> names hit (or None) and heights z (n,) of the hits."""
+"""Starts (n, 3), ends (n, 3) -> names hit (or None) and heights z (n,) of the hits."""
 
 
 class Falling:
-    """Lets bodies sink to the first surface below; nothing but these falls."""
+    """Moves released bodies down to the first surface below; no others fall."""
 
     def __init__(self, bodies: Bodies, rays: Rays, rate: int) -> None:
         self.bodies, self.rays, self.rate = bodies, rays, rate
         self.on_the_way: dict[str, tuple[float, Pose]] = {}
-        """Body -> speed [m/s] and where it will rest."""
+        """Falling body -> speed [m/s] and final pose."""
 
     def rest(self, name: str) -> tuple[Pose, str | None]:
-        """Return where a body would come to rest if it were let go here, and on what (None: there is nothing below)."""
+        """Find the pose where a body would come to rest if released here, and on what (None: nothing is below)."""
         body = self.bodies.bodies[name]
         with ExitStack() as stack:
             for one in (name, *self._inside(name)):
@@ -53,7 +54,7 @@ class Falling:
             )
 
     def _inside(self, name: str) -> Iterator[str]:
-        """Yield the bodies that begin between bottom and top of one, as a cup on a tray does: none of them bears it."""
+        """Yield bodies whose bottom is between bottom and top of one, as a cup's in a tray: they cannot bear it."""
         low, high = self.bodies.box_of(name)
         for other, body in self.bodies.bodies.items():
             if body.movable and other != name and other not in self.bodies.removed:
@@ -62,7 +63,7 @@ class Falling:
                     yield other
 
     def begin(self, name: str, riders: Collection[str] = ()) -> None:
-        """Let a body go, with those that stand on it; one with nothing below it stays in the air."""
+        """Release a body with what stands on it; with nothing below, it stays in the air."""
         rest, support = self.rest(name)
         if support is not None:
             motion = rest @ self.bodies.poses[name].inverse()
@@ -70,27 +71,27 @@ class Falling:
             self.on_the_way |= {rider: (0.0, motion @ self.bodies.poses[rider]) for rider in riders}
 
     def standing_on(self, name: str, held: Collection[str]) -> list[str]:
-        """Return the movable bodies that stand on one, or on another one that does; what is held stands on nothing."""
-        found, bodies = [name], self.bodies
-        for support in found:
+        """List the movable bodies that stand on a body, directly or not; held ones stand on nothing."""
+        standing, bodies = [name], self.bodies
+        for support in standing:
             low, high = bodies.box_of(support)
             for other, body in bodies.bodies.items():
-                if not body.movable or other in found or other in held or other in bodies.removed:
+                if not body.movable or other in standing or other in held or other in bodies.removed:
                     continue
                 least, most = bodies.box_of(other)
                 if _beside((low, high), (least, most)) or least[2] > high[2] + _NEAR or least[2] < low[2]:
                     continue
                 rest, on = self.rest(other)
                 if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
-                    found.append(other)
-        return found[1:]
+                    standing.append(other)
+        return standing[1:]
 
     def stop(self, name: str) -> None:
-        """Forget that a body falls: it is held, or was put somewhere."""
+        """Cancel the fall of a body that was grasped or placed."""
         self.on_the_way.pop(name, None)
 
     def step(self) -> None:
-        """Step every falling body once; it takes its final orientation with the first step."""
+        """Advance every falling body by one step; it takes its final orientation in the first."""
         for name, (speed, rest) in list(self.on_the_way.items()):
             x, y, floor = rest.position
             height, speed = fall(self.bodies.poses[name].position[2], speed, self.rate)
@@ -103,19 +104,19 @@ class Falling:
 
 
 def _beside(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
-    """Return whether two boxes, each with its lowest and highest corner (3,), are beside each other from above."""
+    """Check whether two boxes, each given by its lower and upper corner (3,), do not overlap seen from above."""
     return bool((other[0][:2] > one[1][:2]).any() or (other[1][:2] < one[0][:2]).any())
 
 
 def upright(pose: Pose) -> Pose:
-    """Return the pose turned so that its axis nearest to the vertical is vertical."""
+    """Turn a pose so that its most vertical axis becomes exactly vertical."""
     axes = pose.rotation
     k = int(np.argmax(np.abs(axes[2])))
     return turned_up(pose, k, math.copysign(1.0, axes[2, k]))
 
 
 def turned_up(pose: Pose, k: int, sign: float) -> Pose:
-    """Return the pose turned so that its axis of number k points up, or down if the sign is negative."""
+    """Turn a pose so that its axis of number k points up, or down if the sign is negative."""
     axis, goal = pose.rotation[:, k], np.array([0.0, 0.0, sign])
     cross = np.cross(axis, goal)
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ goal)
@@ -129,18 +130,18 @@ def turned_up(pose: Pose, k: int, sign: float) -> Pose:
 
 
 def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = False) -> tuple[Pose, str | None]:
-    """Return where the body comes to rest below ``pose`` and on what (None: there is nothing below).
+    """Find where a body comes to rest below ``pose`` and on what (None: nothing is below).
 
-    A surface bears the body when its centre lies in the hull of the points of the footprint that are on the surface.
-    One that does not is left behind: the body slips off, away from that surface's points, just far enough.
+    A surface bears the body if the body's centre lies in the convex hull of the footprint's points on that surface.
+    Otherwise the body slips off, away from those points, just far enough.
     """
     pose = upright(pose)
     half = float(half_extents(pose, size)[2])
     for _ in range(50):
         outline = footprint(pose, size, cylinder=cylinder)
-        center = np.asarray(pose.position[:2])
-        points = np.vstack([center] + [center + (outline - center) * share for share in (0.33, 0.66, 0.98)])
-        up = min(_UP, 2 * half - _SKIN)  # what lies on a thin body bears nothing
+        centre = np.asarray(pose.position[:2])
+        points = np.vstack([centre] + [centre + (outline - centre) * share for share in (0.33, 0.66, 0.98)])
+        up = min(_UP, 2 * half - _SKIN)  # below the top of a thin body, so that nothing on it is taken as its support
         top = np.column_stack([points, np.full(len(points), pose.position[2] - half + up)])
         names, heights = rays(top, top - np.array([0.0, 0.0, _DEPTH]))
         hits = np.array([name is not None for name in names])
@@ -148,23 +149,23 @@ def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = F
             return pose, None
         level = float(heights[hits].max())
         bearing = points[hits & (heights > level - _LEVEL)]
-        if inside(outline_of(bearing), center):
+        if inside(outline_of(bearing), centre):
             best = int(np.argmax(np.where(hits, heights, -np.inf)))
             return Pose((pose.position[0], pose.position[1], level + half), pose.orientation), names[best]
-        away = center - bearing.mean(axis=0)
-        length = float(np.linalg.norm(away))
-        direction = away / length if length > 1e-6 else np.array([1.0, 0.0])
-        x, y = (center + direction * _STEP).tolist()
+        offset = centre - bearing.mean(axis=0)
+        length = float(np.linalg.norm(offset))
+        direction = offset / length if length > 1e-6 else np.array([1.0, 0.0])
+        x, y = (centre + direction * _STEP).tolist()
         pose = Pose((x, y, pose.position[2]), pose.orientation)
     return pose, None
 
 
 def falling_time(height: float) -> float:
-    """Return how long a body takes to fall by a height [s]; 0 if that is none."""
+    """Compute the time to fall from a height [s]; 0 for negative heights."""
     return math.sqrt(2 * max(height, 0.0) / GRAVITY)
 
 
 def fall(height: float, speed: float, rate: int) -> tuple[float, float]:
-    """Return the new height [m] and speed [m/s] after one step of free fall."""
+    """Compute the height [m] and speed [m/s] after one step of free fall."""
     speed += GRAVITY / rate
     return height - speed / rate, speed

@@ -1,6 +1,6 @@
-"""Doors, drawers and lids: bodies that turn about, or slide along, one axis; closed, their joint's value is 0.
+"""Doors, drawers and lids: bodies that turn about or slide along one axis.
 
-Values are in radians for what turns, in metres for what slides; greater ones are more open.
+Joint values are in radians for hinges and in metres for slides; 0 is closed, larger values are more open.
 """
 
 from __future__ import annotations
@@ -17,81 +17,79 @@ from planlang.records import dataclass
 SHUT = 0.03
 """Share of its range up to which a joint counts as closed."""
 WIDE = 0.7
-"""Share of its range from which on it counts as open: 63 of 90 degrees."""
+"""Share of its range from which on a joint counts as open: 63 of 90 degrees."""
 Point = tuple[float, float, float]
 
 
 class JointKind(StrEnum):
-    """The kinds of joints."""
-
     HINGED = "hinged"
     PRISMATIC = "prismatic"
 
 
 @dataclass(frozen=True, slots=True)
 class Articulation:
-    """The joint between a leaf (a door, a drawer, a lid) and what it belongs to, at a fixed place in the map."""
+    """Joint between a leaf (a door, a drawer, a lid) and the furniture that holds it, at a fixed place in the map."""
 
     leaf: str
-    """The body that moves."""
+    """The moving body."""
     kind: JointKind
     point: Point
-    """A point of the axis in the map [m]."""
+    """Point on the axis, in the map [m]."""
     axis: Point
-    """Unit vector in the map: the leaf turns about it by the right hand, or slides along it."""
+    """Unit vector in the map: the leaf turns about it (right-hand rule), or slides along it."""
     lower: float
     upper: float
     holder: str | None = None
-    """The body that it belongs to."""
+    """Body to which the leaf belongs."""
     parts: tuple[str, ...] = ()
     """Bodies that move with the leaf: handles, knobs, the front of a drawer."""
     handle: str | None = None
-    """The body of them by which a hand moves it."""
+    """The part by which a hand moves the leaf."""
     first: float = 0.0
-    """Its value at the beginning."""
+    """Initial value."""
     sign: float = 1.0
-    """-1 if the file that describes it has smaller values for more open, and its axis the other way round."""
+    """-1 if smaller values are more open in the file that describes the joint, so that its axis is reversed."""
 
     def __post_init__(self) -> None:
         if not (self.lower <= 0.0 < self.upper and math.isfinite(self.lower + self.upper)):
-            raise ValueError(f"the limits of {self.leaf} are {self.lower} and {self.upper}; 0 is closed")
+            raise ValueError(f"limits of {self.leaf} must include 0 (closed), got {self.lower} to {self.upper}")
         if not self.lower <= self.first <= self.upper:
-            raise ValueError(f"{self.leaf} begins at {self.first}, beyond {self.lower} and {self.upper}")
+            raise ValueError(f"{self.leaf} starts at {self.first}, outside its limits {self.lower} to {self.upper}")
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Return all bodies that move."""
+        """All moving bodies: the leaf and its parts."""
         return (self.leaf, *self.parts)
 
     @property
     def is_knob(self) -> bool:
-        """Return whether a hand turns the leaf itself: it opens nothing."""
+        """Whether the leaf is its own handle: a knob, which opens nothing."""
         return self.handle == self.leaf
 
     def within(self, value: float) -> float:
-        """Return the nearest value that the joint can have."""
+        """Clamp a value to the limits."""
         return min(max(value, self.lower), self.upper)
 
     @property
     def last_shut(self) -> float:
-        """Return the greatest value at which the leaf counts as closed."""
+        """Largest value at which the leaf counts as closed."""
         return SHUT * self.upper
 
     @property
     def first_open(self) -> float:
-        """Return the least value at which the leaf counts as open."""
+        """Smallest value at which the leaf counts as open."""
         return WIDE * self.upper
 
     def is_shut(self, value: float) -> bool:
-        """Return whether the leaf counts as closed."""
+        """Check whether the leaf counts as closed."""
         return abs(value) <= self.last_shut
 
     def is_open(self, value: float) -> bool:
-        """Return whether the leaf counts as open."""
+        """Check whether the leaf counts as open."""
         return value >= self.first_open
 
     def motion(self, value: float) -> Pose:
-        """Return how the leaf has moved in the map since it was closed (Rodrigues)."""
+        """Compute the displacement of the leaf in the map since it was closed (Rodrigues' formula)."""
         axis, point = np.array(self.axis), np.array(self.point)
         if self.kind is JointKind.PRISMATIC:
             x, y, z = (value * axis).tolist()
@@ -102,9 +100,9 @@ class Articulation:
         return Pose((x, y, z), turn.orientation)
 
     def value_at(self, closed: Array, now: Array) -> float:
-        """Return the value, within the limits, at which a point of the leaf is nearest to ``now`` (3,) in the map.
+        """Compute the value, within the limits, that brings a point of the leaf nearest to ``now`` (3,) in the map.
 
-        When the leaf is shut, the point is at ``closed`` (3,).
+        ``closed`` (3,) is the position of the point when the leaf is closed.
         """
         axis, point = np.array(self.axis), np.array(self.point)
         if self.kind is JointKind.PRISMATIC:
@@ -115,7 +113,7 @@ class Articulation:
         return min(map(self.within, options), key=lambda value: min(abs(value - one) for one in options))
 
     def value_of(self, closed: Pose, now: Pose) -> float:
-        """Return the value at which the leaf, at ``closed`` when it is shut, is at a pose."""
+        """Compute the value at which a leaf with the pose ``closed`` when shut has the pose ``now``."""
         if self.kind is JointKind.PRISMATIC:
             return self.value_at(np.array(closed.position), np.array(now.position))
         turn = product(now.rotation, closed.rotation.T)

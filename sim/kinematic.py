@@ -1,6 +1,6 @@
-"""The common part of the true world and of the one that planning asks: a scene and a robot that are where they are put.
+"""Common base of the true world and the planning world: a scene and a robot that stay where they are put.
 
-Kinematic: nothing has mass, nothing is pushed.
+Kinematic only: nothing has mass, nothing is pushed.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from sim import snapshots
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Rays
 from sim.changes import Changes
-from sim.contact import PARTED, Contacts, Held, Query
+from sim.contact import PARTED, Contacts, HeldObject, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
-from sim.leaves import Leaves, Led
+from sim.leaves import LeafGrasp, Leaves
 from sim.matter import ON, Matter
 from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
 
 NEAR_BY = 0.01
-"""Distance within which bodies may touch a leaf when a hand begins to lead it [m]: frames, neighbours, seals."""
+"""Distance within which bodies may touch a leaf when a hand grasps it [m]: frames, neighbours, seals."""
 
 
 class KinematicScene:
-    """A scene and at most one robot in a physics client of its own, so that any number of them live side by side."""
+    """A scene and at most one robot in its own physics client; any number of scenes live side by side."""
 
     def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
-        """Begin with ``rate`` steps per second.
+        """Create the scene, with ``rate`` steps per second.
 
         Raises ``RuntimeError`` without a display for ``gui``, ``BadInput`` for a URDF that cannot be loaded.
         """
@@ -44,13 +44,13 @@ class KinematicScene:
         self._bodies = Bodies(self._client, scene, persons)
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
-        self._held: dict[str, Held] = {}
+        self._held: dict[str, HeldObject] = {}
         self._leaves = Leaves(scene, self._bodies)
         self._matter = Matter()
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
         self._shown: tuple[Configuration, int] | None = None
-        """Where the robot was last shown at rest, and how often it had been put elsewhere by then."""
+        """Configuration last shown at rest, with the robot's ``moves`` at that time."""
         if robot is not None:
             try:
                 self._robot = Robot(self._client, robot)
@@ -66,29 +66,29 @@ class KinematicScene:
         self.changes = Changes(
             self._bodies, self._matter, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
         )
-        """The changes of what there is; those that actions declare are made by :meth:`do`."""
+        """Changes of things; actions apply theirs through :meth:`do`."""
         self._show(self._now)
 
-    # What there is: implements planlang.changes.Physics
+    # Changes: implements planlang.changes.Physics
 
     @property
     def changed(self) -> int:
-        """The number of changes of what there is, by whomever."""
+        """Number of changes of things, whoever made them."""
         return self._matter.count
 
     def do(self, change: Change) -> float:
-        """Make a change that an action has brought about; return how much has flowed [ml]."""
+        """Apply a change caused by an action; return the volume that flowed [ml]."""
         return self.changes.do(change)
 
     def is_free(self, name: str) -> bool:
-        """Return whether nothing has or had a name."""
+        """Check whether nothing has or had a name."""
         return name not in self._bodies.bodies
 
     # The robot
 
     @property
     def has_robot(self) -> bool:
-        """True unless it was made without a RobotBody."""
+        """False if the world was made without a RobotBody."""
         return self._robot is not None
 
     @property
@@ -99,19 +99,19 @@ class KinematicScene:
         return self._robot
 
     def configuration(self) -> Configuration:
-        """Return where the robot is."""
+        """Current configuration of the robot."""
         return Configuration(self._now.base, dict(self._now.joints))
 
     def set_configuration(self, configuration: Configuration) -> None:
-        """Put the robot, with what it holds, somewhere; joints not named stay."""
-        there = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
-        self._show(there)
-        self._now = there
+        """Place the robot, with what it holds; joints not named keep their values."""
+        target = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
+        self._show(target)
+        self._now = target
         if self._robot is not None:
             self._contacts.part()
 
     def link_pose(self, link: str) -> Pose:
-        """Return the pose of a link frame in the map; ``KeyError`` for an unknown link."""
+        """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
         self._here()
         return self.robot.link_pose(link)
 
@@ -150,30 +150,30 @@ class KinematicScene:
     # Bodies
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of all bodies, in the order of the scene; removed ones are left out."""
+        """Names of all bodies but removed ones, in the order of the scene."""
         return tuple(body.name for body in self.scene.bodies if body.name not in self._bodies.removed)
 
     def pose(self, name: str) -> Pose:
-        """Return the pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
+        """Pose of the body's box centre in the map; ``KeyError`` for an unknown body."""
         self._here()
         self.scene.body(name)
         return self._bodies.poses[name]
 
     def poses(self) -> Mapping[str, Pose]:
-        """Return body -> pose in the map, for all bodies; that of what has not been placed anew is the same object."""
+        """Body -> pose in the map, for all bodies; the same object until the body is placed again."""
         self._here()
         return {name: self._bodies.poses[name] for name in self.names()}
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Return the extents of the body's box along its own axes [m]."""
+        """Extents of the body's box along its own axes [m]."""
         return self.scene.body(name).size
 
     def pieces(self, name: str) -> tuple[tuple[Part, Pose], ...]:
-        """Return the primitives of a body, each with its pose in the body's frame; that of a limb changes."""
+        """Primitives of a body, each with its pose in the body's frame; the poses of limbs change."""
         return tuple((self._bodies.pieces[k].part, self._bodies.pieces[k].offset) for k in self._bodies.of[name])
 
     def set_pose(self, name: str, pose: Pose) -> None:
-        """Put a body somewhere, at rest; a held one is from now on held like that."""
+        """Place a body, at rest; if it is held, its pose in the hand changes."""
         self.scene.body(name)
         self._here()
         self._falling.stop(name)
@@ -186,7 +186,7 @@ class KinematicScene:
             held.others = {link: self.robot.link_pose(link).inverse() @ pose for link in held.others}
 
     def remove(self, name: str) -> None:
-        """Take a body out of the world until :meth:`restore`; a held one is let go first."""
+        """Take a body out of the world until :meth:`restore`; a held one is released first."""
         self.scene.body(name)
         if name in self._held:
             self._let_go(name)
@@ -200,9 +200,9 @@ class KinematicScene:
         self._bodies.restore(name)
 
     def attach(self, link: str, name: str) -> None:
-        """Fix a body to a link of the robot, where it is, beside links that hold it; a person who held it lets go.
+        """Fix a body to a link of the robot, in place, in addition to links that hold it; a person lets it go.
 
-        What takes several hands does not move before they all hold it; then what stands on it goes with it.
+        A body that takes several hands does not move before they all hold it; then what stands on it moves along.
         """
         body = self.scene.body(name)
         self._here()
@@ -213,7 +213,7 @@ class KinematicScene:
         held = self._held.get(name)
         if held is None or held.on is not None or link == held.link:
             touched = self._contacts.touching(name, PARTED)
-            held = self._held[name] = Held(link, offset, hand, touched, needs=body.hands)
+            held = self._held[name] = HeldObject(link, offset, hand, touched, needs=body.hands)
         else:
             held.others[link], held.hand = offset, held.hand | hand
         if held.needs > 1 and held.moves:
@@ -221,15 +221,15 @@ class KinematicScene:
                 self._ride(rider, name)
 
     def _ride(self, rider: str, name: str) -> None:
-        """Let a body go with a held one on which it stands."""
+        """Let a body move with the held one on which it stands."""
         link = self._held[name].link
         offset = self.robot.link_pose(link).inverse() @ self._bodies.poses[rider]
-        self._held[rider] = Held(link, offset, frozenset(), self._contacts.touching(rider, PARTED), on=name)
+        self._held[rider] = HeldObject(link, offset, frozenset(), self._contacts.touching(rider, PARTED), on=name)
 
     def release(self, name: str) -> None:
-        """Let a body go where it is, with what stands on it; ``KeyError`` when it is not held."""
+        """Release a body in place, with what stands on it; ``KeyError`` if it is not held."""
         if name not in self._held:
-            raise KeyError(f"{name!r} is not held; held are {', '.join(self._held) or 'none'}")
+            raise KeyError(f"{name!r} is not held; held: {', '.join(self._held) or 'nothing'}")
         self._here()
         self._let_go(name)
 
@@ -239,26 +239,26 @@ class KinematicScene:
             del self._held[rider]
 
     def attached(self) -> Mapping[str, str]:
-        """Return body -> link of the robot that holds it, the first of several, or what it stands on."""
+        """Held body -> link of the robot that holds it (the first of several), or that holds what it stands on."""
         return {name: held.link for name, held in self._held.items()}
 
     def holders(self, name: str) -> tuple[str, ...]:
-        """Return the links of the robot that hold a body; none if it is not held, or stands on what is."""
+        """Links of the robot that hold a body; empty if it is free or only stands on a held one."""
         held = self._held.get(name)
         return () if held is None or held.on is not None else tuple(held.links)
 
     def riders(self, name: str) -> tuple[str, ...]:
-        """Return the bodies that go with a held one because they stand on it."""
+        """Bodies that move with a held one because they stand on it."""
         return tuple(rider for rider, held in self._held.items() if held.on == name)
 
     def _create(self, body: Body) -> None:
-        """Put a body into the world that was not there before."""
+        """Add a new body to the world."""
         self.scene = replace(self.scene, bodies=(*self.scene.bodies, body))
         self._bodies.create(body)
         self._leaves.movable.append(body.name)
 
     def _contain(self, body: Body) -> None:
-        """Let a body be as its scene says: what it holds, and whether it is on."""
+        """Set the initial contents and device state of a body."""
         for portion in body.content:
             self._matter.put(body.name, portion)
         if body.is_on:
@@ -267,24 +267,24 @@ class KinematicScene:
     # Doors and drawers
 
     def joint(self, leaf: str) -> float:
-        """Return the value of a leaf's joint [rad, m]; ``KeyError`` for what is no leaf."""
+        """Value of a leaf's joint [rad, m]; ``KeyError`` if there is no such leaf."""
         self._here()
         return self._leaves.values[leaf]
 
     def set_joint(self, leaf: str, value: float) -> None:
-        """Put a leaf, with its parts and what lies inside, to a value of its joint; a hand that led it lets go.
+        """Set a leaf's joint value, with its parts and contents; a hand that holds the leaf loses it.
 
-        ``KeyError`` for what is no leaf, ``ValueError`` for a value beyond the limits.
+        ``KeyError`` if there is no such leaf, ``ValueError`` for a value beyond the limits.
         """
         joint = self._leaves.joints[leaf]
         if not joint.lower <= value <= joint.upper:
-            raise ValueError(f"the joint of {leaf} has values from {joint.lower} to {joint.upper}, not {value}")
+            raise ValueError(f"joint values of {leaf} are from {joint.lower} to {joint.upper}, not {value}")
         self._here()
         self._leaves.led.pop(leaf, None)
         self._leaves.put(leaf, value, self._leaves.inside(leaf, self._held))
 
     def lead(self, link: str, leaf: str) -> None:
-        """Let a leaf follow a link of the robot, whose fingers are closed on it, as far as its joint lets it."""
+        """Let a leaf follow a link of the robot, whose fingers are closed on it, as far as its joint allows."""
         joint = self._leaves.joints[leaf]
         self._here()
         hand = self.robot.link_pose(link)
@@ -295,48 +295,48 @@ class KinematicScene:
         grip = moved((hand.inverse() @ joint.motion(self._leaves.values[leaf])).matrix(), closed)
         turn = hand.inverse() @ joint.motion(self._leaves.values[leaf]) if joint.is_knob else None
         hands, moves = self.robot.hand_of(link), self.robot.moves
-        self._leaves.led[leaf] = Led(link, grip, closed, hands, touched, carried, moves, turn)
+        self._leaves.led[leaf] = LeafGrasp(link, grip, closed, hands, touched, carried, moves, turn)
 
     def let_go(self, leaf: str) -> None:
-        """Let a leaf stay where it is; nothing happens if no hand leads it."""
+        """Release a leaf where it is; no effect if no hand holds it."""
         self._here()
         self._leaves.led.pop(leaf, None)
 
     def led(self) -> Mapping[str, str]:
-        """Return leaf -> link of the robot that leads it."""
+        """Leaf -> link of the robot that moves it."""
         return {leaf: led.link for leaf, led in self._leaves.led.items()}
 
     # Questions
 
     def support(self, name: str) -> str | None:
-        """Return what a body would rest on if it were let go here; None when that is nothing."""
+        """Find what a body would rest on if released here; None if nothing is below."""
         self.scene.body(name)
         self._here()
         return self._falling.rest(name)[1]
 
     def height_above_support(self, name: str) -> float:
-        """Return how far a body would sink if it were let go here [m]; ``inf`` when there is nothing below."""
+        """Compute how far a body would fall if released here [m]; ``inf`` if nothing is below."""
         self.scene.body(name)
         self._here()
         rest, support = self._falling.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
 
     def standing_on(self, name: str) -> tuple[str, ...]:
-        """Return the movable bodies that stand on one, or on another one that does, and that nothing holds."""
+        """List the movable bodies that stand on a body, directly or not, and that nothing holds."""
         self.scene.body(name)
         self._here()
         return tuple(self._falling.standing_on(name, self._held))
 
     def person(self, name: str) -> ComfortZone:
-        """Return shoulders, arm length and facing direction of a person, to check which points are comfortable."""
+        """Comfort zone of a person: shoulders, arm length and facing direction."""
         return self._people.reach(name)
 
     def contacts(self) -> tuple[Contact, ...]:
-        """Return the penetrations of the robot and of what it holds, where they are; allowed ones are left out."""
+        """Find the current penetrations of the robot and of what it holds, without the allowed ones."""
         return () if self._robot is None else self._find(self._now, Query())
 
     def state(self) -> tuple[object, ...]:
-        """Return something hashable that is equal for worlds in which everything is at the same place."""
+        """Summarise the world as a hashable value: equal if everything is at the same place."""
         self._here()
         return (
             self._now.base,
@@ -350,13 +350,13 @@ class KinematicScene:
         )
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what came into being, and what things contain and are, as JSON: what a belief does not tell."""
+        """Serialise created bodies and the contents and states of things, which a belief does not record."""
         return {"created": snapshots.created(self._bodies), "matter": self._matter.snapshot()}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from a :meth:`snapshot` of the same scene, in a world in which nothing has come into being yet.
+        """Restore a :meth:`snapshot` of the same scene, in a world in which nothing has been created yet.
 
-        Raises ValueError for one of another scene, or that is damaged.
+        Raises ValueError if it is damaged or belongs to another scene.
         """
         try:
             for body in snapshots.created_of(state["created"], self._bodies):
@@ -368,7 +368,7 @@ class KinematicScene:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None
 
     def close(self) -> None:
-        """End the physics client; the world cannot be used afterwards. Closing twice does nothing."""
+        """Disconnect the physics client; the world cannot be used afterwards. Closing twice does nothing."""
         if self._client >= 0:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1

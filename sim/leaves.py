@@ -1,4 +1,4 @@
-"""The leaves of a world: what its joints' values are, what moves with each, and which hand moves one."""
+"""The leaves of a world: joint values, what moves with each leaf, and which hand moves it."""
 
 from __future__ import annotations
 
@@ -16,50 +16,49 @@ from sim.joints import Articulation
 from sim.scene import Scene
 
 SLIPPED = 0.03
-"""A hand that is farther than this from the place of a leaf that it held holds it no more [m]."""
+"""Distance between a hand and the handle that it holds beyond which the grip is lost [m]."""
 
 
 @dataclass(slots=True)
-class Led:
-    """A leaf that follows a hand: the hand goes where it goes, the leaf as far as its joint lets it."""
+class LeafGrasp:
+    """Grasp on the handle of a leaf: the leaf follows the hand as far as its joint allows."""
 
     link: str
-    """The link of the robot that holds its handle."""
+    """Link of the robot that holds the handle."""
     grip: Array
-    """The middle of the handle in the link's frame, (3,): the hand may turn about it."""
+    """Centre of the handle in the link's frame, (3,): the hand may turn about it."""
     closed: Array
-    """The same in the map when the leaf is shut, (3,)."""
+    """Centre of the handle in the map when the leaf is closed, (3,)."""
     hand: frozenset[int]
-    """Numbers of the hand's links; they may touch the handle."""
+    """Numbers of the hand's links, which may touch the handle."""
     touched: frozenset[str]
-    """Bodies that the leaf may touch: what it belongs to, and what it touched at the beginning."""
+    """Bodies that the leaf may touch: its holder, and those near it when it was grasped."""
     carried: dict[str, Pose] = field(default_factory=dict)
-    """Bodies inside of it, with their poses in its frame."""
+    """Bodies inside the leaf, with their poses in its frame."""
     placed: int | None = None
-    """The robot's ``moves`` when the leaf was put where the hand has it."""
+    """Value of the robot's ``moves`` when the leaf was last placed."""
     turn: Pose | None = None
-    """Of a knob, the middle of which stays where it is: how it has moved, in the link's frame."""
+    """For a knob, whose centre stays in place: its displacement in the link's frame."""
 
 
 _HERE = Pose((0.0, 0.0, 0.0))
 
 
 class Leaves:
-    """The joints of a scene in one world."""
+    """Joint values of a scene's leaves in one world."""
 
     def __init__(self, scene: Scene, bodies: Bodies) -> None:
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in scene.joints}
         self.values = dict.fromkeys(self.joints, 0.0)
-        self.led: dict[str, Led] = {}
+        self.led: dict[str, LeafGrasp] = {}
         self._bodies = bodies
         self.movable = [body.name for body in scene.bodies if body.movable]
-        """The spaces inside of leaves in which things may lie."""
         for joint in scene.joints:
             if joint.first:
                 self.put(joint.leaf, joint.first, self.inside(joint.leaf))
 
     def put(self, leaf: str, value: float, carried: Mapping[str, Pose]) -> None:
-        """Move a leaf, with its parts and what lies inside of it, to a value of its joint."""
+        """Move a leaf, with its parts and contents, to a joint value."""
         joint, motion = self.joints[leaf], self.joints[leaf].motion(value)
         self.values[leaf] = value
         for name in joint.bodies:
@@ -69,46 +68,46 @@ class Leaves:
             self._bodies.place(name, self._bodies.poses[leaf] @ offset)
 
     def inside(self, leaf: str, but: Collection[str] = ()) -> dict[str, Pose]:
-        """Return the movable bodies inside a leaf, with their poses in its frame."""
+        """Find the movable bodies inside a leaf, with their poses in its frame."""
         size = self._bodies.bodies[leaf].size
         pose, poses = self._bodies.poses[leaf], self._bodies.poses
         movable = [name for name in self.movable if name not in but and name not in self._bodies.removed]
-        found = inside(pose, size, np.array([poses[name].position for name in movable]).reshape(-1, 3))
-        return {movable[index]: pose.inverse() @ poses[movable[index]] for index in np.flatnonzero(found).tolist()}
+        is_inside = inside(pose, size, np.array([poses[name].position for name in movable]).reshape(-1, 3))
+        return {movable[index]: pose.inverse() @ poses[movable[index]] for index in np.flatnonzero(is_inside).tolist()}
 
     def follow(self, leaf: str, hand: Pose) -> None:
-        """Move a leaf that is led to where its hand is."""
+        """Move a grasped leaf to match the pose of its hand."""
         led, joint = self.led[leaf], self.joints[leaf]
         at = moved(hand.matrix(), led.grip)
         value = joint.value_at(led.closed, at) if led.turn is None else joint.value_of(_HERE, hand @ led.turn)
         self.put(leaf, value, led.carried)
 
     def strayed(self, leaf: str, hand: Pose) -> bool:
-        """Return whether a hand has left the handle that it held."""
+        """Check whether a hand has left the handle that it held."""
         led = self.led[leaf]
         there = moved(self.joints[leaf].motion(self.values[leaf]).matrix(), led.closed)
         return float(np.linalg.norm(there - moved(hand.matrix(), led.grip))) > SLIPPED
 
     def leaf_of(self, body: str) -> str | None:
-        """Return the leaf that a body is, or is a part of."""
+        """Find the leaf to which a body belongs, as itself or as a part."""
         whole = (leaf for leaf, joint in self.joints.items() if body in joint.bodies)
         return body if body in self.joints else next(whole, None)
 
     def handle(self, leaf: str) -> Array:
-        """Return the middle of a leaf's handle, of the leaf itself if it has none, (3,) in the map when it is shut."""
+        """Locate the centre of a leaf's handle, or of a leaf without one, (3,) in the map when the leaf is closed."""
         return np.array(self._bodies.bodies[self.joints[leaf].handle or leaf].pose.position)
 
     def leader(self, body: str) -> str | None:
-        """Return the link of the robot that moves a leaf, a part of one, or what lies inside of one; None without."""
+        """Find the link of the robot that moves a leaf, one of its parts or its contents, if any."""
         moving = ((one.link, (*self.joints[leaf].bodies, *one.carried)) for leaf, one in self.led.items())
         return next((link for link, bodies in moving if body in bodies), None)
 
     def hands_on(self, body: str) -> frozenset[int]:
-        """Return the numbers of the links that may touch a handle because they are closed on it."""
+        """List the numbers of the links that may touch a handle because they hold it."""
         return frozenset().union(*(led.hand for leaf, led in self.led.items() if body == self.joints[leaf].handle))
 
 
 def inside(pose: Pose, size: Sequence[float], points: Array) -> NDArray[np.bool_]:
-    """Return which of points (n, 3) are inside a box, (n,)."""
+    """Check which of points (n, 3) are inside a box, (n,)."""
     local = rotated(pose.rotation.T, points - np.array(pose.position))
     return np.asarray(np.all(np.abs(local) < np.asarray(size) / 2, axis=1))

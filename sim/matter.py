@@ -1,4 +1,4 @@
-"""Substances, contents, heat and devices that are on: the state that actions change.
+"""Substances, contents, heat and device states: what actions change besides poses.
 
 Amounts are in millilitres, times in seconds of the world.
 """
@@ -13,31 +13,31 @@ from typing import Any
 from planlang.records import dataclass
 
 MOST = 1e6
-"""Greatest amount [ml] that a state is believed to have: a cubic metre."""
+"""Greatest plausible amount [ml]: a cubic metre."""
 ON = "DeviceStateOn"
-"""The state of a device that is on."""
+"""State of a device that is on."""
 OFF = "DeviceStateOff"
-"""The state of a device that is off."""
+"""State of a device that is off."""
 LEAST = 1e-9
-"""Less than this is nothing [ml]."""
+"""Amounts up to this count as none [ml]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Portion:
-    """An amount [ml] of a class of substances, and the names of all that went into it."""
+    """Amount [ml] of a class of substances, with the names of everything that went into it."""
 
     type: str
     amount: float
     origins: tuple[str, ...] = ()
 
     def with_(self, other: Portion) -> Portion:
-        """Return this with more of the same."""
+        """Combine with more of the same substance."""
         return Portion(self.type, self.amount + other.amount, merged(self.origins, other.origins))
 
 
 @dataclass(frozen=True, slots=True)
 class Heating:
-    """A thing of one of ``inputs`` becomes ``output``, once a side of it was ``seconds`` over one of ``sources``."""
+    """Rule: a thing of one of ``inputs`` becomes ``output`` after ``seconds`` of one side over one of ``sources``."""
 
     inputs: tuple[str, ...]
     output: str
@@ -53,7 +53,7 @@ def _same(cls: str, above: str) -> bool:
 
 
 PUDDLE = (0.14, 0.14, 0.008)
-"""Size of what was poured out, if nothing says which size its class has [m]."""
+"""Size of a puddle if its class states none [m]."""
 
 
 def _unknown(cls: str) -> Size | None:
@@ -62,18 +62,18 @@ def _unknown(cls: str) -> Size | None:
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """The behaviour of classes of things; the default knows of no classes above others, and of no heat."""
+    """Behaviour of classes of things; the defaults know neither subclasses nor heat."""
 
     heating: tuple[Heating, ...] = ()
     is_a: Callable[[str, str], bool] = field(default=_same, compare=False)
-    """Return True if a class is another one, or below it."""
+    """Whether a class is equal to, or a subclass of, another."""
     size: Callable[[str], Size | None] = field(default=_unknown, compare=False)
-    """The size [m] of a thing of a class that comes into being; None if the class has none."""
+    """Size [m] of a created thing of a class; None if the class states none."""
     flow_rate: float = 20.0
-    """So fast does a vessel run dry that is turned over [ml/s]."""
+    """Outflow of a vessel that is turned over [ml/s]."""
 
     def result(self, type: str, source: str) -> Heating | None:
-        """Return what heat of a source does to a thing, by their classes; the narrowest output counts."""
+        """Find the rule for heating a thing by a source, given their classes; the most specific output wins."""
         fitting = [
             one
             for one in self.heating
@@ -89,41 +89,41 @@ class Rules:
         )
 
     def can_heat(self, type: str) -> bool:
-        """Return whether heat changes things of a class, or has changed them."""
+        """Check whether heat changes things of a class, or has changed them."""
         return any(self.is_a(type, cls) for one in self.heating for cls in (*one.inputs, one.output))
 
 
 class Matter:
-    """The state of all things of a world, or of a belief about one; what is not mentioned is as its class is."""
+    """State of all things of a world, or of a belief about one; unmentioned things are as their class is."""
 
     def __init__(self) -> None:
         self.contents: dict[str, dict[str, Portion]] = {}
-        """Thing -> class of a substance -> how much of it is in the thing; of food itself, how much it is."""
+        """Thing -> class of a substance -> its amount in the thing; for food itself, its own amount."""
         self.heated: dict[str, tuple[float, float]] = {}
-        """Thing -> how long its lower side, along its own z axis, and its upper side were over heat [s]."""
+        """Thing -> time for which its lower side, along its own z axis, and its upper side were heated [s]."""
         self.states: dict[str, str] = {}
-        """Device, or what was mixed or cleaned -> state."""
+        """Device, or thing that was mixed or cleaned -> state."""
         self.types: dict[str, tuple[str, ...]] = {}
-        """Thing -> the classes that heat has given it, the last one first, then what it was before."""
+        """Thing -> classes that heat has given it, newest first, then its original class."""
         self.origins: dict[str, tuple[str, ...]] = {}
-        """Thing that came into being -> the names of all that went into it."""
+        """Created thing -> names of everything that went into it."""
         self.gone: dict[str, None] = {}
-        """The destroyed things, in order."""
+        """Destroyed things, in order."""
         self.count = 0
-        """Number of changes that somebody made; those by time are not counted."""
+        """Number of changes made by actions; those that time brings are not counted."""
 
     def put(self, name: str, portion: Portion) -> None:
-        """Add to the contents of a thing."""
+        """Add a portion to a thing's contents."""
         content = self.contents.setdefault(name, {})
         content[portion.type] = content[portion.type].with_(portion) if portion.type in content else portion
 
     def take(self, name: str, amount: float) -> list[Portion]:
-        """Take an amount [ml] out of a thing, or all there is: of everything in it the same share."""
+        """Take an amount [ml], or all there is, out of a thing: the same share of each substance."""
         content = self.contents.get(name, {})
-        whole = sum(portion.amount for portion in content.values())
-        if whole <= LEAST or amount <= 0:
+        volume = sum(portion.amount for portion in content.values())
+        if volume <= LEAST or amount <= 0:
             return []
-        share = min(1.0, amount / whole)
+        share = min(1.0, amount / volume)
         taken = [Portion(one.type, one.amount * share, one.origins) for one in content.values()]
         left = [Portion(one.type, one.amount * (1 - share), one.origins) for one in content.values() if share < 1]
         self.contents[name] = {one.type: one for one in left if one.amount > LEAST}
@@ -132,32 +132,32 @@ class Matter:
         return taken
 
     def total(self, name: str) -> float:
-        """Return how much is in a thing [ml]."""
+        """Total volume in a thing [ml]."""
         return sum(portion.amount for portion in self.contents.get(name, {}).values())
 
     def gives_way(self, name: str) -> bool:
-        """Return whether a thing is what was poured, and no heat has made it firm."""
+        """Check whether a thing is poured substance that no heat has made firm."""
         return name in self.origins and name in self.contents and name not in self.types
 
     def is_on(self, name: str) -> bool:
-        """Return whether a device is on."""
+        """Check whether a device is on."""
         return self.states.get(name) == ON
 
     def became(self, name: str, type: str, before: str) -> None:
-        """Give a thing another class; what it consists of is of that class, too."""
+        """Change the class of a thing and of what it consists of."""
         self.types[name] = (type, *self.types.get(name, (before,)))
         content = self.contents.pop(name, None)
         for portion in (content or {}).values():
             self.put(name, Portion(type, portion.amount, portion.origins))
 
     def state(self) -> tuple[object, ...]:
-        """Return something hashable that is equal for equal states."""
+        """Summarise the state as a hashable value."""
         contents = tuple((name, tuple(content.values())) for name, content in self.contents.items())
         tables = (self.heated, self.states, self.types, self.origins, self.gone)
         return (contents, *(tuple(table.items()) for table in tables))
 
     def snapshot(self) -> dict[str, Any]:
-        """Return the state as JSON."""
+        """Serialise the state as JSON."""
         return {
             "contents": {
                 name: [[one.type, one.amount, list(one.origins)] for one in content.values()]
@@ -171,7 +171,7 @@ class Matter:
         }
 
     def restore(self, state: Mapping[str, Any], known: Iterable[str]) -> None:
-        """Go on from a :meth:`snapshot`; raises ValueError for one that is about things not known, or is damaged."""
+        """Restore a :meth:`snapshot`; raises ValueError if it is damaged or mentions unknown things."""
         names = set(known)
         for table in state.values():
             if not names.issuperset(table):
@@ -186,7 +186,7 @@ class Matter:
 
 
 def merged(*several: Iterable[str]) -> tuple[str, ...]:
-    """Return all names, sorted, each once."""
+    """Sort all names, without duplicates."""
     return tuple(sorted({name for names in several for name in names}))
 
 
@@ -196,5 +196,5 @@ def _portion(type: Any, amount: Any, origins: Any) -> Portion:
 
 def _number(value: Any) -> float:
     if type(value) not in (int, float) or not (math.isfinite(value) and 0 <= value <= MOST):
-        raise ValueError(f"a number from 0 to {MOST:g} is expected, not {value!r}")
+        raise ValueError(f"expected a number from 0 to {MOST:g}, got {value!r}")
     return float(value)

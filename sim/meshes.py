@@ -1,4 +1,4 @@
-"""The meshes of a URDF: read, checked, and written plainly, as PyBullet dies of broken ones."""
+"""Meshes of a URDF: read, checked, and rewritten in a plain form, since broken ones crash PyBullet."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from planlang.geometry.urdf import Element
 
 
 class Meshes:
-    """The meshes that a URDF names: read, checked, and written plainly under names of their own."""
+    """Meshes named by a URDF; valid ones are rewritten as files named by their content."""
 
     def __init__(self, urdf: Path) -> None:
         self.urdf = urdf
         self.files: dict[str, bytes] = {}
         self.absent: dict[str, tuple[int, str]] = {}
-        """Name of one that is not there or cannot be read -> the line that names it, and the reason if it is there."""
+        """Name of a missing or unreadable mesh -> line that names it, and the reason if the file exists."""
         self._names: dict[str, str | None] = {}
 
     def replace(self, mesh: Element) -> bool:
-        """Let an element name the checked mesh; False if there is none, or the element is another kind of geometry."""
+        """Point an element to the rewritten mesh; return False if the mesh is unusable or the geometry is unknown."""
         if mesh.tag != "mesh":
-            self.absent[f"<{mesh.tag}>"] = mesh.line, "no geometry of URDF"
+            self.absent[f"<{mesh.tag}>"] = mesh.line, "not a URDF geometry"
             return False
         name = mesh.get("filename", "")
         if name not in self._names:
             self._names[name] = self._read(name, mesh.line)
-        found = self._names[name]
-        if found is not None:
-            mesh.set("filename", found)
-        return found is not None
+        file_name = self._names[name]
+        if file_name is not None:
+            mesh.set("filename", file_name)
+        return file_name is not None
 
     def _read(self, name: str, line: int) -> str | None:
         reason = ""
@@ -56,9 +56,9 @@ def _checked(content: bytes, suffix: str) -> tuple[str, bytes]:
 
 
 def checked_mesh(path: Path) -> tuple[str, bytes]:
-    """Return a suffix and the content of a file that holds a mesh as PyBullet reads it without harm.
+    """Read a mesh file and return the suffix and content of a file that PyBullet reads safely.
 
-    Raises OSError for one that is not there, :class:`BadMesh` for one that cannot be used. A mesh is worked out once in
-    a process, however many worlds load it.
+    Raises OSError if the file is missing, :class:`BadMesh` if it is unusable. Results are cached for the process, since
+    many worlds load the same mesh.
     """
     return _checked(mesh_content(path), path.suffix.lower())

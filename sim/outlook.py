@@ -1,7 +1,7 @@
-"""What a motion may meet in its next steps, found for many steps in one go.
+"""Broad phase over time: the pairs that a motion may bring into contact in its next steps.
 
-The way of a motion is known before it is played. Where the boxes around what moves stay clear of the boxes around
-everything else, nothing can touch: PyBullet need not be asked, nor the robot be put there.
+A motion is known before it is played. While the boxes around its moving parts are clear of all other boxes, nothing can
+touch, and the robot need not be moved in PyBullet to find that out.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from sim.engine import bullet
 from sim.robot import BASE, Robot
 
 AHEAD = 96
-"""Steps of the world that are looked at in one go."""
+"""World steps examined at once."""
 MARGIN = 1e-4
-"""Width by which boxes are taken larger [m]: PyBullet gives the frames of links in single precision."""
+"""Margin of boxes [m]: PyBullet returns link frames in single precision."""
 
 Pairs = tuple[tuple[str, str], ...]
 
 
 @dataclass(slots=True)
 class Outlook:
-    """The pairs that may touch in the next steps of the only motion, as long as nothing but this motion goes on."""
+    """Pairs that may touch in the next steps of the only motion in progress, valid while nothing else changes."""
 
     contacts: Contacts
     here: Callable[[], object]
-    """Puts the robot where it is."""
+    """Restores the robot's current configuration in the client."""
     _motion: object = None
     _row: int = -1
-    """The row that was asked about last."""
+    """The last row queried."""
     _seen: object = None
-    """What there was then."""
+    """State of the other bodies at that query."""
     _pairs: list[Pairs] = field(default_factory=list)
-    """What may touch at the rows behind it, the last row first."""
+    """Pairs that may touch at the following rows, in reverse order."""
 
     def among(self, motion: object, names: Sequence[str], rows: Array, row: int, query: Query) -> Pairs | None:
-        """Return the only pairs that can touch at a row of a motion; None if nobody knows, as after a change.
+        """Find the only pairs that can touch at a row of a motion; None if unknown, as after a change.
 
         The robot is at the row before. ``names`` are the coordinates that the motion moves, ``rows`` (k, len(names))
-        their values, ``query`` is what the motion asks for.
+        their values, ``query`` is the contact query of the motion.
         """
         held = tuple((name, one.link, one.offset, one.moves) for name, one in self.contacts.held.items())
         seen = self.contacts.bodies.moves, held
@@ -58,44 +58,47 @@ class Outlook:
             return None
         if not self._pairs:
             self.here()
-            self._pairs = _meetings(self.contacts, query, names, rows[row : row + AHEAD])[::-1]
+            self._pairs = _candidate_pairs(self.contacts, query, names, rows[row : row + AHEAD])[::-1]
         return self._pairs.pop()
 
 
-def _meetings(contacts: Contacts, query: Query, names: Sequence[str], rows: Array) -> list[Pairs]:
-    """Return what may touch at each of some rows of a motion, which begins where the robot is shown."""
+def _candidate_pairs(contacts: Contacts, query: Query, names: Sequence[str], rows: Array) -> list[Pairs]:
+    """Find the pairs that may touch at each row of a motion that starts at the configuration shown."""
     robot, bodies = contacts.robot, contacts.bodies
     carried = [index for name in contacts.held for index in bodies.of[name]]
-    of_pieces = [bodies.pieces[index].body for index in carried]
-    links = robot.solid + [robot.links[contacts.held[name].link] for name in of_pieces]
+    carried_names = [bodies.pieces[index].body for index in carried]
+    links = robot.solid + [robot.links[contacts.held[name].link] for name in carried_names]
     motions = displacements(robot, names, rows, links)
     center, spans, half = (np.concatenate(both) for both in zip(robot.spans(), bodies.spans(carried), strict=True))
     boxes = _Boxes(moved(motions, center), product(motions[..., :3, :3], spans), half + MARGIN)
     every, (center, spans, half) = range(len(bodies.pieces)), bodies.spans(range(len(bodies.pieces)))
     around = _Boxes(center[None], spans[None], half)
-    parts, others = robot.solid_names + of_pieces, [bodies.pieces[index].body for index in every]
-    found: list[dict[tuple[str, str], None]] = [{} for _ in rows]
+    parts, others = robot.solid_names + carried_names, [bodies.pieces[index].body for index in every]
+    pairs_of_rows: list[dict[tuple[str, str], None]] = [{} for _ in rows]
     for row, one, other in _near(boxes, around, _with_bodies(contacts, query, carried)):
-        found[row][parts[one], others[other]] = None
+        pairs_of_rows[row][parts[one], others[other]] = None
     for row, one, other in _near(boxes, boxes, _with_each_other(contacts, query, names, carried)):
-        found[row][parts[one], parts[other]] = None
-    return [tuple(pairs) for pairs in found]
+        pairs_of_rows[row][parts[one], parts[other]] = None
+    return [tuple(pairs) for pairs in pairs_of_rows]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Boxes:
-    """Boxes at each of some rows, or the same at all: k is 1 then."""
+    """Oriented boxes at each of k rows; k is 1 for boxes that do not move."""
 
     center: Array
     """(k, n, 3)"""
     spans: Array
-    """(k, n, 3, 3): axes, as columns."""
+    """(k, n, 3, 3) axes, as columns."""
     half: Array
     """(n, 3) half extents along the axes [m]."""
 
 
 def _near(boxes: _Boxes, others: _Boxes, may: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
-    """Yield rows at which boxes meet others, with the numbers of both, among pairs (n, m) that may meet."""
+    """Yield the rows at which boxes overlap others, with the numbers of both, among the pairs ``may`` (n, m).
+
+    Map-aligned boxes first, over the whole motion, then per row; then separating axes, face normals only.
+    """
     (lower, upper), (its_lower, its_upper) = map(_corners, (boxes, others))
     along = overlaps(lower.min(axis=0), upper.max(axis=0), its_lower.min(axis=0), its_upper.max(axis=0))
     first, second = np.nonzero(may & along)
@@ -103,23 +106,23 @@ def _near(boxes: _Boxes, others: _Boxes, may: NDArray[np.bool_]) -> Iterator[tup
     rows, pairs = np.nonzero(near)
     first, second = first[pairs], second[pairs]
     mine, its = (rows, first), (rows % len(its_lower), second)
-    away, to_other = others.center[its] - boxes.center[mine], np.swapaxes(boxes.spans[mine], 1, 2)
+    offsets, to_other = others.center[its] - boxes.center[mine], np.swapaxes(boxes.spans[mine], 1, 2)
     turn, half, its_half = product(to_other, others.spans[its]), boxes.half[first], others.half[second]
-    apart = np.abs(rotated(to_other, away)) > half + rotated(np.abs(turn), its_half)
+    apart = np.abs(rotated(to_other, offsets)) > half + rotated(np.abs(turn), its_half)
     from_other, back = np.swapaxes(others.spans[its], 1, 2), np.swapaxes(turn, 1, 2)
-    apart |= np.abs(rotated(from_other, away)) > its_half + rotated(np.abs(back), half)
+    apart |= np.abs(rotated(from_other, offsets)) > its_half + rotated(np.abs(back), half)
     meets = ~apart.any(axis=1)  # no axis of one of the two boxes separates them
     yield from zip(rows[meets].tolist(), first[meets].tolist(), second[meets].tolist(), strict=True)
 
 
 def _corners(boxes: _Boxes) -> tuple[Array, Array]:
-    """Return the lower and upper corners (k, n, 3) of boxes around boxes, along the map's axes."""
+    """Compute the lower and upper corners (k, n, 3) of map-aligned boxes around boxes."""
     reach = rotated(np.abs(boxes.spans), boxes.half)
     return boxes.center - reach, boxes.center + reach
 
 
 def _with_bodies(contacts: Contacts, query: Query, carried: Sequence[int]) -> NDArray[np.bool_]:
-    """Return which pieces of bodies that nobody holds links, and carried pieces, may meet (n, m)."""
+    """Select which pieces of other bodies may meet links and carried pieces (n, m)."""
     robot, pieces = contacts.robot, contacts.bodies.pieces
     is_carried, yields = np.zeros(len(pieces), bool), np.array([piece.yields for piece in pieces], bool)
     is_carried[list(carried)] = True
@@ -136,7 +139,7 @@ def _with_bodies(contacts: Contacts, query: Query, carried: Sequence[int]) -> ND
 def _with_each_other(
     contacts: Contacts, query: Query, names: Sequence[str], carried: Sequence[int]
 ) -> NDArray[np.bool_]:
-    """Return which links and carried pieces may meet each other (n, n), the lower number first."""
+    """Select which links and carried pieces may meet each other (n, n), the lower number first."""
     robot, moving = contacts.robot, _moving(contacts, query)
     count = len(robot.solid)
     may = np.zeros((count + len(carried),) * 2, bool)
@@ -161,7 +164,7 @@ def _carriers(contacts: Contacts, index: int) -> frozenset[int]:
 
 
 def displacements(robot: Robot, names: Sequence[str], rows: Array, links: Sequence[int]) -> Array:
-    """Return how links, by index, move from where they are shown until coordinates have values (k, len(names)).
+    """Compute how links, by index, move from where they are shown to coordinate values (k, len(names)).
 
     Rigid motions (k, n, 4, 4) in the map, to single precision.
     """
@@ -175,18 +178,18 @@ def displacements(robot: Robot, names: Sequence[str], rows: Array, links: Sequen
         turned[robot.joints[name]] = by
         turned |= {index: one.multiplier * by for index, one in robot.followers.get(name, ())}
     back = inverse(Pose.planar(*robot.base).matrix())
-    found = {-1: product(Pose.matrices(Pose.planar(*place) for place in base.tolist()), back)}
+    motions = {-1: product(Pose.matrices(Pose.planar(*place) for place in base.tolist()), back)}
 
     def nearest(above: Sequence[int]) -> int:
         return next((index for index in above if index in turned), -1)
 
     for index in sorted(turned):  # a link's number is above that of what carries it
-        found[index] = product(found[nearest(robot.ancestors(index)[1:])], _motion(robot, index, turned[index]))
-    return np.stack([found[nearest(robot.ancestors(link))] for link in links], axis=1)
+        motions[index] = product(motions[nearest(robot.ancestors(index)[1:])], _motion(robot, index, turned[index]))
+    return np.stack([motions[nearest(robot.ancestors(link))] for link in links], axis=1)
 
 
 def _motion(robot: Robot, index: int, by: Array) -> Array:
-    """Return the motions (k, 4, 4) in the map of a joint's link by angles or ways (k,) (Rodrigues)."""
+    """Compute the motions (k, 4, 4) in the map of a joint's link by angles or distances (k,) (Rodrigues' formula)."""
     info = bullet.getJointInfo(robot.uid, index, physicsClientId=robot.client)
     state = bullet.getLinkState(robot.uid, index, computeForwardKinematics=True, physicsClientId=robot.client)
     axis, point = rotated(rotations(np.array([state[1]]))[0], np.array(info[13])), np.array(state[4])

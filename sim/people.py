@@ -1,4 +1,4 @@
-"""The people of a world: each step they look at what the robot holds, and reach for it when it is offered."""
+"""The people of a world: each step they watch what the robot holds, and reach for it when it is offered."""
 
 from __future__ import annotations
 
@@ -19,17 +19,16 @@ from sim.scene import Body, BodyShape
 HAND_SPEED = 0.4
 """Speed of a hand [m/s]."""
 TAKING_DISTANCE = 0.05
-"""A hand takes what is not farther from it [m]."""
+"""Distance up to which a hand takes a thing [m]."""
 TAKING_TIME = 1.0
-"""Time for which an object must have been offered within that distance [s]."""
+"""Time for which a thing must be within that distance before it is taken [s]."""
 COMFORT_ANGLE = math.radians(60)
 """Half opening angle of the cone in front of a shoulder in which a person likes to take things."""
 NEAREST = 0.25
-"""Least distance from the shoulder at which a person likes to take things, as a share of the arm's length."""
+"""Smallest comfortable distance from the shoulder, as a share of the arm length."""
 SHARES, RISES, TURNS = (0.7, 0.55, 0.85), (0.0, -0.12, 0.12), (0.0, 0.35, -0.35, 0.7, -0.7, 0.95, -0.95)
-"""Points that stand for the zone: shares of the arm's length, heights over the shoulder [m], and turns from where the
-person faces [rad], the most comfortable first.
-"""
+"""Sample points of the zone, most comfortable first: shares of the arm length, heights above the shoulder [m], and
+turns from the facing direction [rad]."""
 
 _SKIN = (0.86, 0.68, 0.56, 1.0)
 _CLOTHES = (0.45, 0.62, 0.78, 1.0)
@@ -38,24 +37,24 @@ _UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
 
 @dataclass(frozen=True, slots=True)
 class ComfortZone:
-    """Zone in which a person takes things: in front of a shoulder, within the length of the arm."""
+    """Zone in which a person takes things: in front of a shoulder, within arm's reach."""
 
     shoulders: tuple[tuple[float, float, float], tuple[float, float, float]]
-    """Right, left, in the map."""
+    """Right and left, in the map."""
     arm_length: float
     """Distance from the shoulder to the palm [m]."""
     facing: tuple[float, float, float]
-    """Horizontal direction in which the person looks."""
+    """Horizontal direction in which the person looks, as a unit vector."""
 
     @property
     def heading(self) -> float:
-        """Return the heading of the person [rad]."""
+        """Heading of the person [rad]."""
         return math.atan2(self.facing[1], self.facing[0])
 
     def arm_for(self, point: Sequence[float] | Array) -> int | None:
-        """Return 0 (right) or 1 (left): the arm that has the point in its zone, the nearer one of two; else None.
+        """Select the arm with a point in its zone, the nearer one of two: 0 (right), 1 (left), or None.
 
-        The zone: from a quarter to all of the arm length, within 60 degrees of where the person faces.
+        The zone extends from a quarter of the arm length to all of it, within 60 degrees of the facing direction.
         """
         best: tuple[float, int] | None = None
         for k, shoulder in enumerate(self.shoulders):
@@ -70,51 +69,51 @@ class ComfortZone:
         return None if best is None else best[1]
 
     def contains(self, point: Sequence[float] | Array) -> bool:
-        """Return whether the person would take something at this point of the map."""
+        """Check whether the person would take something at this point of the map."""
         return self.arm_for(point) is not None
 
     def points(self) -> Array:
-        """Return points of the zone, most comfortable first, (n, 3); sparse."""
-        found: dict[tuple[float, float, float], None] = {}
+        """Sample the zone sparsely, most comfortable points first, (n, 3)."""
+        points: dict[tuple[float, float, float], None] = {}
         for share, rise, turn in itertools.product(SHARES, RISES, TURNS):
             for x, y, z in self.shoulders:
                 step, heading = share * self.arm_length, self.heading + turn
                 point = (x + step * math.cos(heading), y + step * math.sin(heading), z + rise)
                 if self.contains(point):
-                    found[point] = None
-        return np.array(list(found)).reshape(-1, 3)
+                    points[point] = None
+        return np.array(list(points)).reshape(-1, 3)
 
     def margins(self, points: Array) -> Array:
-        """Return how far inside the zone points (n, 3) are, (n,): as a share of the arm, or of the cosine.
+        """Compute how far inside the zone points (n, 3) are, (n,): as a share of the arm, or in terms of the cosine.
 
-        The person may sit a little otherwise than believed: what is at the border may not be taken.
+        The person may sit slightly differently than believed, so that things at the border may not be taken.
         """
         offsets = points[:, None] - np.array(self.shoulders)
-        away = np.linalg.norm(offsets, axis=2)
+        distances = np.linalg.norm(offsets, axis=2)
         ahead = offsets[..., 0] * math.cos(self.heading) + offsets[..., 1] * math.sin(self.heading)
-        share, cosine = away / self.arm_length, ahead / np.maximum(away, 1e-9)
+        share, cosine = distances / self.arm_length, ahead / np.maximum(distances, 1e-9)
         return np.asarray(np.minimum(np.minimum(1.0 - share, share - NEAREST), cosine - 0.5).max(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """Parts and proportions in the frame of the body's box; ``turn`` leads from that frame to one with x ahead."""
+    """Parts and proportions in the frame of the body's box; ``turn`` rotates a frame with x ahead into that frame."""
 
     trunk: tuple[Part, ...]
     shoulders: tuple[Array, Array]
     hands: tuple[Array, Array]
-    """The positions at which the hands rest."""
+    """Rest positions of the hands."""
     scale: float
     turn: Pose
 
     @property
     def arm_length(self) -> float:
-        """Return the distance from the shoulder to the palm [m]."""
+        """Distance from the shoulder to the palm [m]."""
         return (_UPPER + _FORE + _HAND / 2) * self.scale
 
 
 def figure_of(body: Body) -> Figure:
-    """Lying (long and low: raised upper body as far as the box is high), seated or standing."""
+    """Build a figure: lying (long and low, upper body raised as far as the box is high), seated or standing."""
     length, width, height = body.size
     along = max(length, width)
     if along >= 1.2 and along > height:
@@ -124,7 +123,7 @@ def figure_of(body: Body) -> Figure:
 
 def _lying(length: float, height: float, turn: Pose) -> Figure:
     scale, lean = length / 1.75, 0.0
-    for _ in range(20):  # a fixed point: the more upright the upper body, the longer the legs may be
+    for _ in range(20):  # fixed-point iteration: the more upright the upper body, the longer the legs may be
         lean = math.asin(min(max((height - 0.2 * scale) / (0.80 * scale), 0.0), 0.94))
         scale = min(max(length / (0.92 + 0.80 * math.cos(lean) + 0.05), 0.5), 1.15)
     pelvis = np.array([length / 2 - 0.92 * scale, 0.0, -height / 2 + 0.10 * scale])
@@ -148,7 +147,7 @@ def _upright(length: float, height: float, *, seated: bool) -> Figure:
 
 
 def _figure(pelvis: Array, up: Array, scale: float, turn: Pose, legs: list[Part], rest: Array) -> Figure:
-    """Torso and head on top of the legs; ``rest`` is where the left hand lies, from the pelvis."""
+    """Put torso and head on top of the legs; ``rest`` is the left hand's rest position relative to the pelvis."""
     front = np.array([up[2], 0.0, -up[0]])
     torso = _posed(pelvis + up * 0.29 * scale, front, up, (0.2, 0.34, 0.52), scale, _CLOTHES)
     head = Part(SolidKind.SPHERE, (0.2 * scale,) * 3, turn @ Pose(_triple(pelvis + up * 0.68 * scale)), _SKIN)
@@ -180,7 +179,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 
 def reach_from(figure: Figure, pose: Pose) -> ComfortZone:
-    """Return the reach of a figure whose body is at a pose."""
+    """Compute the comfort zone of a figure whose body is at a pose."""
     matrix = pose.matrix()
     shoulders = [moved(matrix, shoulder) for shoulder in figure.shoulders]
     ahead = rotated(matrix[:3, :3], figure.turn.rotation[:, 0])
@@ -190,7 +189,7 @@ def reach_from(figure: Figure, pose: Pose) -> ComfortZone:
 
 
 def parts_of(body: Body) -> tuple[Part, ...]:
-    """Return the trunk first, then upper arm, fore arm and hand of the right arm and of the left, hands at rest."""
+    """List the trunk, then upper arm, forearm and hand of the right and the left arm, hands at rest."""
     figure = figure_of(body)
     parts = list(figure.trunk)
     for k in (0, 1):
@@ -199,7 +198,7 @@ def parts_of(body: Body) -> tuple[Part, ...]:
 
 
 def arm_parts(figure: Figure, k: int, hand: Array) -> list[Part]:
-    """Return arm ``k`` with its palm at a point of the body's frame, or as near as it reaches; elbow down and out."""
+    """Pose arm ``k`` with its palm at a point of the body's frame, or as near as possible; elbow down and outward."""
     scale, shoulder = figure.scale, figure.shoulders[k]
     upper, fore = _UPPER * scale, (_FORE + _HAND / 2) * scale
     offset = hand - shoulder
@@ -225,7 +224,7 @@ def _limb(kind: SolidKind, start: Array, end: Array, width: float, color: tuple[
     along = end - start
     length = max(float(np.linalg.norm(along)), 1e-3)
     pose = facing(((start + end) / 2).tolist(), along, np.array([0.0, 0.0, 1.0]))
-    if kind == SolidKind.CYLINDER:  # its axis is z: turn z onto x
+    if kind == SolidKind.CYLINDER:  # rotate its axis from z to x
         turn = math.sqrt(0.5)
         return Part(
             kind, (width, width, length), pose @ Pose((0.0, 0.0, 0.0), (0.0, turn, 0.0, turn)), color, limb=True
@@ -235,26 +234,26 @@ def _limb(kind: SolidKind, start: Array, end: Array, width: float, color: tuple[
 
 @dataclass(slots=True)
 class Person:
-    """State of a person's hands; positions are in the frame of the body."""
+    """State of a person's hands; positions are in the body's frame."""
 
     body: Body
     figure: Figure
     hands: list[Array]
     reaching: tuple[int, str] | None = None
-    """Arm and name of the object reached for."""
+    """Arm, and name of the object it reaches for."""
     close: int = 0
-    """The number of steps for which it has been offered within the hand's grasp."""
+    """Number of steps for which the object has been within the hand's grasp."""
     holds: dict[str, tuple[int, Pose]] = field(default_factory=dict)
-    """Object -> arm and the object's pose when it was taken."""
+    """Object -> arm, and the object's pose when it was taken."""
 
     @staticmethod
     def of(body: Body) -> Person:
-        """Return a person at rest."""
+        """Create a person at rest."""
         figure = figure_of(body)
         return Person(body, figure, [hand.copy() for hand in figure.hands])
 
     def free(self, k: int) -> bool:
-        """Return whether a hand holds nothing."""
+        """Check whether a hand holds nothing."""
         return all(arm != k for arm, _ in self.holds.values())
 
     def move_hand(self, k: int, goal: Array, rate: int) -> bool:
@@ -267,7 +266,7 @@ class Person:
 
 
 def taking_point(pose: Pose, size: Sequence[float], shoulder: Sequence[float]) -> Array:
-    """Return where a palm goes to take an object: beside its upper half, on the side of the shoulder, in the map."""
+    """Compute where a palm goes to take an object: beside its upper half, on the shoulder's side, in the map."""
     center = np.asarray(pose.position)
     aside = np.asarray(shoulder, dtype=float) - center
     aside[2] = 0.0
@@ -281,45 +280,45 @@ def taking_point(pose: Pose, size: Sequence[float], shoulder: Sequence[float]) -
 
 
 _REST = 8
-"""Steps for which an object must have been at rest before it counts as offered."""
+"""Steps for which an object must be at rest before it counts as offered."""
 _LOST = 0.1
-"""A person who has taken something lets go when the robot moves it by more than this [m]."""
+"""Displacement by the robot of a taken object above which the person lets go [m]."""
 
 
 class People:
-    """All persons of a scene; the world reports what the robot holds and asks what they have taken."""
+    """All persons of a scene; the world reports what the robot holds and asks who has taken what."""
 
     def __init__(self, bodies: Bodies, rate: int) -> None:
         self.bodies, self.rate = bodies, rate
         self.persons = {name: Person.of(b) for name, b in bodies.bodies.items() if b.shape is BodyShape.PERSON}
         self.still: dict[str, tuple[Pose, int]] = {}
-        """Thing in the robot's hand -> where it is, and for how many steps it has been at rest there."""
+        """Object in the robot's hand -> its pose, and the number of steps it has been at rest there."""
         self._reach: dict[str, tuple[Pose, ComfortZone]] = {}
 
     def reach(self, name: str) -> ComfortZone:
-        """Return what a person reaches now; ``KeyError`` when that is no person."""
+        """Comfort zone of a person now; ``KeyError`` if there is no such person."""
         if name not in self.persons:
-            raise KeyError(f"{name!r} is not a person; the persons are {', '.join(self.persons) or 'none'}")
+            raise KeyError(f"{name!r} is not a person; persons: {', '.join(self.persons) or 'none'}")
         pose = self.bodies.poses[name]
         if name not in self._reach or self._reach[name][0] != pose:
             self._reach[name] = (pose, reach_from(self.persons[name].figure, pose))
         return self._reach[name][1]
 
     def hand(self, name: str, k: int) -> Array:
-        """Return the position of a palm (0 right, 1 left) in the map."""
+        """Locate a palm (0 right, 1 left) in the map."""
         return moved(self.bodies.poses[name].matrix(), self.persons[name].hands[k])
 
     def holder(self, name: str) -> str | None:
-        """Return the person who has taken a body."""
+        """Name the person who has taken a body, if any."""
         return next((person for person, state in self.persons.items() if name in state.holds), None)
 
     def lose(self, name: str) -> None:
-        """Record that nobody holds the body any more."""
+        """Record that no person holds the body any more."""
         for person in self.persons.values():
             person.holds.pop(name, None)
 
     def step(self, held: Mapping[str, Pose]) -> None:
-        """Step everybody once; ``held`` are the objects in the robot's hands, with their poses."""
+        """Advance all persons by one step; ``held`` are the objects in the robot's hands, with their poses."""
         if not self.persons:
             return
         self._watch(held)
@@ -340,20 +339,20 @@ class People:
     def _step(self, name: str, person: Person, held: Mapping[str, Pose]) -> None:
         target = self._offer(name, person, held)
         person.reaching = target
-        stirred = [False, False]
+        moved_hands = [False, False]
         if target is None:
             person.close = 0
             for k in (0, 1):
                 if person.free(k):
-                    stirred[k] = person.move_hand(k, person.figure.hands[k], self.rate)
+                    moved_hands[k] = person.move_hand(k, person.figure.hands[k], self.rate)
         else:
             k, thing = target
             size = self.bodies.bodies[thing].size
             goal = taking_point(held[thing], size, self.reach(name).shoulders[k])
             inverse = self.bodies.poses[name].inverse().matrix()
-            stirred[k] = person.move_hand(k, moved(inverse, goal), self.rate)
-        if any(stirred):
-            self.place_arms(name, [k for k in (0, 1) if stirred[k]])
+            moved_hands[k] = person.move_hand(k, moved(inverse, goal), self.rate)
+        if any(moved_hands):
+            self.place_arms(name, [k for k in (0, 1) if moved_hands[k]])
         if target is not None:
             self._take(name, person, target, held)
 
@@ -367,7 +366,7 @@ class People:
             person.reaching, person.close = None, 0
 
     def _offer(self, name: str, person: Person, held: Mapping[str, Pose]) -> tuple[int, str] | None:
-        """Return the arm and the object to reach for: at rest, in the comfort zone, not yet taken by anybody."""
+        """Select the arm and the object to reach for: at rest, in the comfort zone, not taken by anybody yet."""
         reach = self.reach(name)
         for thing, pose in held.items():
             if self.still[thing][1] < _REST or self.holder(thing):
@@ -385,7 +384,7 @@ class People:
         return [index for index in self.bodies.of[name] if self.bodies.pieces[index].part.limb]
 
     def place_arms(self, name: str, arms: Iterable[int]) -> None:
-        """Put arms where their hands are."""
+        """Pose arms to match their hands."""
         person, limbs = self.persons[name], self._limbs(name)
         for k in arms:
             parts = arm_parts(person.figure, k, person.hands[k])
@@ -393,7 +392,7 @@ class People:
                 self.bodies.place_part(index, part.offset)
 
     def state(self) -> tuple[object, ...]:
-        """Return where all hands are and what they hold, hashable."""
+        """Summarise positions and contents of all hands as a hashable value."""
         return tuple(
             (name, *(tuple(np.asarray(hand).tolist()) for hand in person.hands), tuple(person.holds))
             for name, person in self.persons.items()

@@ -1,4 +1,4 @@
-"""The world that planning asks: contacts, room, visibility and rays for the robot at any configuration."""
+"""The world for planning queries: contacts, clearance, visibility and rays, for the robot at any configuration."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Size = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """A convex piece of a body where it is: "box", "cylinder" (about z) or "sphere", extents [m], pose in the map."""
+    """Convex piece of a body: "box", "cylinder" (about z) or "sphere", extents [m], pose in the map."""
 
     body: str
     kind: SolidKind
     size: Size
     pose: Pose
     limb: bool
-    """Part of a person's arm that has left its rest, which hands may touch."""
+    """True for a part of a person's arm that has left its rest: hands may touch it."""
 
 
 Band = tuple[float, float, float]
@@ -39,36 +39,35 @@ Outline = tuple[float, float, Array]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """A robot in a posture from above, without some links, one entry for each solid link."""
+    """The robot in a posture seen from above, without some links; one entry per solid link."""
 
     bands: tuple[Band, ...]
     outlines: tuple[Outline, ...]
-    """They hold no more than the links do."""
+    """Inner approximations: within the links' true outlines."""
 
 
 MOST_LINES = 16_000
-"""Lines that are cast in one go: PyBullet takes no more."""
+"""Number of lines per ray cast; PyBullet's limit."""
 MOST_SHAPES = 64
-"""Postures of which the shape is kept."""
+"""Number of cached postures."""
 _shapes: dict[object, Shape] = {}
 
 
 class PlanningWorld(KinematicScene):
-    """A world in which nothing happens by itself: it is made equal to what is believed, and asked.
+    """A world in which nothing happens by itself: it is set to what is believed, and queried.
 
-    A query about another configuration (:meth:`contacts`, :meth:`link_pose`, :meth:`visible`) shows the robot there and
-    leaves it; whatever needs the robot where it is puts it back first, so that a series of queries costs no restoring.
-    The true world (:class:`sim.world.PyBulletWorld`) has none of this: what masses and motors move there may not be
-    moved by a question.
+    A query about another configuration (:meth:`contacts`, :meth:`link_pose`, :meth:`visible`) leaves the robot there;
+    whatever needs the robot's actual configuration restores it first, so that a series of queries needs no restoring.
+    The true world (:class:`sim.world.PyBulletWorld`) has no such queries: they must not move what the robot acts on.
     """
 
     def link_pose(self, link: str, configuration: Configuration | None = None) -> Pose:
-        """Return the pose of a link frame in the map, now or at another configuration; ``KeyError`` if unknown."""
+        """Pose of a link frame in the map, now or at another configuration; ``KeyError`` if unknown."""
         self._show(configuration or self._now)
         return self.robot.link_pose(link)
 
     def solid_frames(self, configuration: Configuration | None = None) -> Array:
-        """Return (n, 4, 4) frames in the map of the robot's solid links, in order, now or at another configuration."""
+        """Frames (n, 4, 4) in the map of the robot's solid links, in order, now or at another configuration."""
         self._show(configuration or self._now)
         places = self.robot.frames()
         frames = np.zeros((len(places), 4, 4))
@@ -83,14 +82,14 @@ class PlanningWorld(KinematicScene):
         ignore: Ignored = (),
         among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
-        """Return the penetrations of the robot and of what it holds, here or elsewhere; joints not named stay.
+        """Find the penetrations of the robot and what it holds, now or at another configuration.
 
-        ``moving``: joint names, "x", "y", "yaw" or "base": look only at links that these move, and in self-collision
-        only at pairs that they move against each other. ``ignore``: names of
-        bodies or links, or (part, body) pairs, that may touch. In self-collision the body is a link's name as well.
-        ``among``: the only pairs that can touch at all, where somebody knows; they are looked at, nothing else.
-        Left out: penetrations up to 0.5 mm; a hand and what it holds; hands, or held objects, and a person's arms; up
-        to 2 cm between a held object and what it has touched since it was grasped.
+        Joints not named keep their values. ``moving``: joint names, "x", "y", "yaw" or "base": test only links that
+        these move, and for self-collision only pairs that they move relative to each other. ``ignore``: names of bodies
+        or links, or (part, body) pairs, that may touch. For self-collision the body is also a link name. ``among``:
+        candidate pairs, if it is known that no others can touch. Excluded: penetrations up to 0.5 mm; a hand and what
+        it holds; hands, or held objects, and a person's arms; up to 2 cm between a held object and what it has touched
+        since it was grasped.
         """
         if self._robot is None:
             return ()
@@ -102,12 +101,12 @@ class PlanningWorld(KinematicScene):
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
 
     def touches(self, links: Collection[str], configuration: Configuration | None = None) -> tuple[Touch, ...]:
-        """Return what links feel, now or at another configuration, as ``touches`` of the true world."""
+        """List what links feel, now or at another configuration, as in the true world."""
         self._show(configuration or self._now)
         return self._contacts.touches(links)
 
     def self_contacts(self, configuration: Configuration | None = None) -> tuple[Contact, ...]:
-        """Return the :meth:`contacts` that do not depend on the robot's pose: with what it holds, and in itself."""
+        """Find the :meth:`contacts` that do not depend on the base pose: within the robot and with what it holds."""
         return () if self._robot is None else self._find(configuration or self._now, Query(others=False))
 
     @property
@@ -116,9 +115,9 @@ class PlanningWorld(KinematicScene):
         return self._contacts.self_pairs
 
     def passed(self, start: Configuration, steps: Sequence[Mapping[str, float]]) -> frozenset[str]:
-        """Return bodies that the links which some joints move may meet on a way; no others can be touched there.
+        """Find the bodies that moving links may meet along a joint path; a superset of those touched.
 
-        ``start``: the configuration at the beginning; ``steps``: the joints' values, one after another.
+        ``start`` is the initial configuration, ``steps`` are the values of the moving joints, in order.
         """
         self._show(start)
         links = self._moved(name for step in steps for name in step)
@@ -127,33 +126,33 @@ class PlanningWorld(KinematicScene):
         return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
 
     def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
-        """Return what the robot, with what it holds, needs of room when it turns on the spot in its present posture.
+        """Compute the space swept when the robot turns on the spot, with what it holds, in its present posture.
 
-        Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object;
-        what a joint of ``without`` moves is left out.
+        Bands (z_low, z_high, radius) [m] around the vertical through the base, one for each solid link and held object,
+        without what a joint of ``without`` moves.
         """
-        found, left_out = list(self._shape(without).bands), self._moved(without)
+        bands, left_out = list(self._shape(without).bands), self._moved(without)
         for name, held in self._held.items():
             if not self.robot.carrier(held.link) & left_out:
                 self._show(self._at_origin())
                 low, high = self._bodies.box_of(name)
                 radius = float(np.hypot(*np.maximum(np.abs(low[:2]), np.abs(high[:2]))))
-                found.append((float(low[2]), float(high[2]), radius))
+                bands.append((float(low[2]), float(high[2]), radius))
         self._here()
-        return tuple(found)
+        return tuple(bands)
 
     def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
-        """Return the robot from above in its present posture: z_low, z_high [m] and a polygon for each solid link.
+        """Compute the robot's outlines from above: z_low, z_high [m] and a polygon for each solid link.
 
-        Polygons (n, 2) are in the frame of the base, counter-clockwise, and hold no more than the link does; what a
-        joint of ``without`` moves is left out.
+        Polygons (n, 2) are in the frame of the base, counter-clockwise, and lie within the link; links that a joint of
+        ``without`` moves are left out.
         """
-        found = self._shape(without).outlines
+        outlines = self._shape(without).outlines
         self._here()
-        return found
+        return outlines
 
     def _shape(self, without: Collection[str]) -> Shape:
-        """Return the robot in its posture, without links that a joint of ``without`` moves; once in a process."""
+        """Compute the robot's shape in its posture, without links that a joint of ``without`` moves; cached."""
         robot = self.robot
         posture = tuple((name, value) for name, value in self._now.joints.items() if name not in without)
         key = robot.key, tuple(sorted(without)), posture
@@ -171,31 +170,31 @@ class PlanningWorld(KinematicScene):
         return _shapes[key]
 
     def _moved(self, names: Iterable[str]) -> frozenset[int]:
-        """Return the numbers of the solid links that one of some joints, or coordinates of the base, moves."""
+        """List the numbers of the solid links that any of these joints, or base coordinates, moves."""
         return frozenset[int]().union(*map(self.robot.moved_by, names))
 
     def _at_origin(self) -> Configuration:
         return Configuration((0.0, 0.0, 0.0), self._now.joints)
 
     def solids(self) -> tuple[Solid, ...]:
-        """Return the convex pieces of all bodies not held, where they are, floors left out."""
+        """List the convex pieces of all bodies that are not held, without floors."""
         self._here()
-        found = []
+        pieces = []
         for piece, height in zip(self._bodies.pieces, self._bodies.upper[:, 2].tolist(), strict=True):
             if piece.body in self._held or piece.body in self._bodies.removed or height < GROUND:
                 continue
             x, y, z = piece.part.size
             if piece.part.kind != SolidKind.BOX:
                 x = y = max(x, y)
-            found.append(Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields))
-        return tuple(found)
+            pieces.append(Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields))
+        return tuple(pieces)
 
     def touched_since_grasp(self, name: str) -> frozenset[str]:
-        """Return bodies that a held one has touched ever since it was grasped: it may go on touching them a little."""
+        """Bodies in touch with a held one since it was grasped: slight contact with them is allowed."""
         return frozenset(self._held[name].touched)
 
     def clear_lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
-        """Return which lines from starts (n, 3) to ends (n, 3) meet no body, the robot left out, (n,)."""
+        """Check which lines from starts (n, 3) to ends (n, 3) hit no body, ignoring the robot, (n,)."""
         self._here()
         parts = range(0, len(starts), MOST_LINES)
         hits = [
@@ -204,10 +203,9 @@ class PlanningWorld(KinematicScene):
         return np.concatenate(hits) if hits else np.zeros(0, bool)
 
     def sight(self, name: str, configuration: Configuration | None = None) -> tuple[float, Mapping[str, int]]:
-        """Return the share (0..1) of a body that lines of sight from the camera reach, and what the lines hit first.
+        """Compute the share (0..1) of a body that the camera's lines of sight reach, and count what lines hit first.
 
-        The latter as name -> lines; the robot's own links go by their names, and lines that reach the body count
-        for it.
+        The counts include the robot's own links, and the body itself.
         """
         self.scene.body(name)
         self._show(configuration or self._now)

@@ -1,7 +1,7 @@
-"""Processes that nobody drives: vessels that are turned over run dry, heat bakes, blades carry and turn.
+"""Processes without an actor: tilted vessels run dry, heat bakes, blades carry things and turn them over.
 
-A thin thing over a blade that rises goes with it, slides off when the blade turns over, and comes down with the other
-side up. Time goes on in steps; nothing here is random.
+A thin thing over a rising blade moves along, slides off when the blade turns over, and lands upside down. Time advances
+in steps; nothing here is random.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from sim.matter import Portion
 from sim.scene import Body
 
 NEAR_BLADE = 0.03
-"""Distance of a thing's centre from a blade within which the blade carries it [m]."""
+"""Distance of a thing's centre from a blade up to which the blade carries it [m]."""
 ROUNDING = 1e-6
-"""Error that a sum of many steps may have [s]."""
+"""Error of a sum over many steps [s]."""
 RISEN = 1e-6
-"""A blade that is higher by more than this than a step before rises [m]."""
+"""Rise of a blade within a step above which it counts as rising [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Riding:
-    """A thing on a blade: the tool, the thing's pose in the tool's frame, and the side of the blade that it is on."""
+    """Thing on a blade: the tool, the thing's pose in the tool's frame, and the side of the blade."""
 
     tool: str
     offset: Pose
@@ -36,22 +36,22 @@ class Riding:
 
 
 class Processes:
-    """Advances what goes on in one world."""
+    """Advances the processes of one world."""
 
     def __init__(self, changes: Changes) -> None:
         self._changes, self._bodies, self._matter = changes, changes.bodies, changes.matter
         self.riding: dict[str, Riding] = {}
         self.heights: dict[str, float] = {}
-        """Tool -> height of its blade one step before [m]."""
+        """Tool -> height of its blade one step earlier [m]."""
 
     def step(self, seconds: float) -> None:
-        """Go on by some time [s]: what flows, what blades carry, what is heated."""
+        """Advance by some seconds: flow, blades, heat."""
         self.flow(seconds)
         self.carry()
         warm(self._changes, seconds)
 
     def flow(self, seconds: float) -> None:
-        """Let vessels in hands run dry whose axis points down."""
+        """Empty held vessels whose axis points down."""
         changed = self._matter.count
         for name in self._changes.held:
             pose = self._bodies.poses[name]
@@ -59,10 +59,10 @@ class Processes:
                 portions = self._matter.take(name, self._changes.rules.flow_rate * seconds)
                 mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
                 self._changes.drop(portions, mouth.position, name)
-        self._matter.count = changed  # what flows by itself, nobody has changed
+        self._matter.count = changed  # flow is no change by anybody
 
     def carry(self) -> None:
-        """Let thin things go with the blades under them; things on blades that turn over slide off."""
+        """Move thin things with the blades under them; drop those whose blade turns over."""
         tools = [name for name in self._changes.held if self._bodies.bodies[name].blade]
         for thing, ride in list(self.riding.items()):
             if thing in self._changes.held or thing in self._bodies.removed:
@@ -99,8 +99,8 @@ class Processes:
         body, held = self._bodies.bodies[tool], self._changes.held
         half = np.array([blade_extent / 2 for blade_extent in _blade_size(body)])
         for thing, other in self._bodies.bodies.items():
-            gone = thing in self.riding or thing in held or thing in self._bodies.removed
-            if not other.thin or other.blade or gone or thing in self._changes.falling.on_the_way:
+            excluded = thing in self.riding or thing in held or thing in self._bodies.removed
+            if not other.thin or other.blade or excluded or thing in self._changes.falling.on_the_way:
                 continue
             place = self._bodies.poses[thing]
             if self.heights[tool] > place.position[2] + other.size[2] / 2:
@@ -112,7 +112,7 @@ class Processes:
                 self._changes.falling.stop(thing)
 
     def _blade(self, tool: str) -> Pose:
-        """Return the pose of a blade's centre: x along the tool's longest axis, z the normal."""
+        """Pose of a blade's centre: x along the tool's longest axis, z the normal."""
         body = self._bodies.bodies[tool]
         along, _, normal = axes_of(body.size)
         centre, columns = np.array(body.centre), np.zeros((3, 3))
@@ -126,7 +126,7 @@ class Processes:
 
 
 def warm(changes: Changes, seconds: float) -> None:
-    """Heat what is over, or inside of, devices that are on: lower sides, or all sides; it may become something else."""
+    """Heat things above devices that are on (lower side) or inside them (both sides); they may change class."""
     bodies, matter = changes.bodies, changes.matter
     if not any(map(matter.is_on, matter.states)):
         return
@@ -138,7 +138,7 @@ def warm(changes: Changes, seconds: float) -> None:
 
 
 def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iterator[float]:
-    """Yield when heat will have made something, of a class if that is given, of things that it heats now [s]."""
+    """Yield the times [s] until heat makes something (of a class, if given) of things that are heated now."""
     for name in names:
         heat = None if name in changes.bodies.removed else changes.heated_by(name)
         if heat is None:
@@ -168,5 +168,5 @@ def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float
 
 
 def _blade_size(body: Body) -> tuple[float, float, float]:
-    """Return the extents of a blade along its own axes [m]; it is as thin as nothing."""
+    """Extents of a blade along its own axes [m]; its thickness is zero."""
     return body.blade, body.size[axes_of(body.size)[1]], 0.0

@@ -1,4 +1,4 @@
-"""Descriptions of a world: bodies of simple shape, a robot's body, a camera's optics; and how the truth differs.
+"""Descriptions of a world: bodies of simple shape, the robot's body, camera optics; and random deviations from a map.
 
 Lengths in metres, angles in radians; the map has z up and the floor at z = 0.
 """
@@ -25,32 +25,30 @@ from sim.matter import Portion, Rules
 
 
 class BodyShape(StrEnum):
-    """The kind of a body in the scene."""
-
     BOX = "box"
     CYLINDER = "cylinder"
-    """Axis z, diameter is the larger horizontal size: bottles, cups."""
+    """Axis z, the diameter is the larger horizontal size: bottles, cups."""
     PERSON = "person"
     """A person lying, seated or standing, depending on the size; x of the pose is where the person faces."""
     MARKER = "marker"
-    """A place: touches nothing, is not seen."""
+    """A place without substance: cannot be touched or seen."""
     ROOM = "room"
     """A room: size and pose are of the *interior*; walls stand outside it, there is no ceiling."""
 
 
 THIN = 0.02
-"""A movable thing not higher than this along its own z axis lies flat: a blade goes under it [m]."""
+"""Height up to which a movable thing lies flat, so that a blade goes under it [m]."""
 GRASPABLE_WIDTH = 0.12
-"""A movable body not wider than this in one horizontal direction counts as something a hand can take [m]."""
+"""Horizontal width up to which a hand can take a movable body [m]."""
 LONGEST = 0.6
 """Greatest length of a thing that a hand takes [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cavity:
-    """Room inside a box, along the box's axes: its centre in the box's frame and its extents [m].
+    """Hollow inside a box, along the box's axes: centre in the box's frame, and extents [m].
 
-    Where it goes beyond the box, the box is open.
+    Where it reaches beyond the box, the box is open.
     """
 
     centre: tuple[float, float, float]
@@ -59,7 +57,7 @@ class Cavity:
 
 @dataclass(frozen=True, slots=True)
 class Handle:
-    """A box that sticks out of a body, by which a hand takes it: its pose in the body's frame and its extents [m]."""
+    """Box that sticks out of a body, by which a hand takes it: pose in the body's frame, and extents [m]."""
 
     pose: Pose
     size: tuple[float, float, float]
@@ -67,49 +65,49 @@ class Handle:
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A body of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
+    """Body of the map: a box of ``size`` (along its own axes) whose centre is at ``pose``."""
 
     name: str
     pose: Pose
     size: tuple[float, float, float]
     shape: BodyShape = BodyShape.BOX
-    """The shape; its value, as text, will do as well."""
+    """Shape; its value as text works as well."""
     iri: str = ""
     type: str = ""
-    """Class of the thing, local name or IRI."""
+    """Class of the thing: local name or IRI."""
     movable: bool = False
-    """True for what may stand elsewhere than in the map: see :func:`sim.scene.perturb`."""
+    """True for things that may be displaced from the map: see :func:`sim.scene.perturb`."""
     color: tuple[float, float, float, float] | None = None
     cavities: tuple[Cavity, ...] = ()
-    """Rooms inside a box: compartments, the inside of a drawer; of a room: openings in its walls."""
+    """Hollows of a box: compartments, the inside of a drawer; for a room, openings in its walls."""
     content: tuple[Portion, ...] = ()
-    """Its content, or what it consists of, at the beginning."""
+    """Initial contents, or what it consists of."""
     capacity: float = 0.0
-    """Its capacity as a vessel [ml]."""
+    """Capacity as a vessel [ml]."""
     is_on: bool = False
-    """True for a device that is on at the beginning."""
+    """True for a device that is initially on."""
     blade: float = 0.0
     """Length of the blade at the front end of its longest axis [m]; 0 without one."""
     wall: float = 0.0
-    """Thickness of the walls of what is hollow and open above, such as a plate or a bowl [m]; 0 for what is solid."""
+    """Wall thickness of a hollow thing that is open above, such as a plate or a bowl [m]; 0 if solid."""
     soft: bool = False
-    """True for cloth and the like: between two fingers that close on it from above it makes a fold."""
+    """True for cloth and the like: two fingers that close on it from above form a fold."""
     handles: tuple[Handle, ...] = ()
-    """Handles of a thing that is taken by them."""
+    """Handles by which it is taken."""
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Centre of its box in its own frame [m]: elsewhere than at 0 only for a tool, whose frame is in its blade."""
+    """Centre of its box in its own frame [m]: nonzero only for a tool, whose frame is in its blade."""
     mass: float = 0.0
-    """Its mass, with what it contains at the beginning [kg]; 0 if it is not known."""
+    """Mass including initial contents [kg]; 0 if unknown."""
     largest_tilt: float | None = None
-    """The angle by which its z axis may lean while carried [rad]; None if it may be turned as one likes."""
+    """Largest angle of its z axis from the vertical while carried [rad]; None if unrestricted."""
     hands: int = 1
-    """The number of hands that hold it: it slips off fewer."""
+    """Number of hands it takes to hold; it slips out of fewer."""
     kinds: tuple[str, ...] = field(default=(), repr=False, compare=False)
-    """Its class and those above it by their local names, the nearest first: what it looks like."""
+    """Its class and superclasses by local names, nearest first: determines its looks."""
 
     def __post_init__(self) -> None:
         if self.shape not in tuple(BodyShape):
-            raise ValueError(f"body {self.name!r} has shape {self.shape!r}; shapes are {', '.join(BodyShape)}")
+            raise ValueError(f"body {self.name!r} has unknown shape {self.shape!r}; shapes are {', '.join(BodyShape)}")
         object.__setattr__(self, "shape", BodyShape(self.shape))
         if self.shape is not BodyShape.MARKER and not all(extent > 0 for extent in self.size):
             raise ValueError(
@@ -118,31 +116,31 @@ class Body:
 
     @property
     def thin(self) -> bool:
-        """Return True for what a blade goes under and carries: movable, and not higher than :data:`THIN`."""
+        """Whether a blade goes under it: movable, and not higher than :data:`THIN`."""
         return self.movable and self.size[2] <= THIN
 
     @property
     def graspable(self) -> bool:
-        """Return True if a hand could take it: a movable box or cylinder, narrow enough or soft, by a rim, a handle."""
+        """Whether a hand can take it: a movable box or cylinder that is narrow or soft, or has a rim or a handle."""
         narrow = min(self.size[:2]) <= GRASPABLE_WIDTH or self.wall > 0 or self.soft or bool(self.handles)
         return self.movable and self.shape in (BodyShape.BOX, BodyShape.CYLINDER) and narrow
 
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A scene: all bodies, in an order that is kept everywhere, and where the robot starts."""
+    """All bodies, in an order that is preserved everywhere, and the robot's start."""
 
     bodies: tuple[Body, ...]
     bounds: tuple[float, float, float, float] = (-5.0, -5.0, 5.0, 5.0)
-    """The rectangle in which a robot may drive: x_min, y_min, x_max, y_max."""
+    """Rectangle in which the robot may drive: x_min, y_min, x_max, y_max."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Base of the robot at the beginning: x, y, yaw."""
+    """Initial base pose of the robot: x, y, yaw."""
     joints: tuple[Articulation, ...] = ()
-    """The leaves that turn or slide; the poses of their bodies, and of what lies in them, are those when closed."""
+    """Joints of the leaves; the poses of their bodies, and of what lies in them, are given for closed leaves."""
     controls: tuple[Control, ...] = ()
     """Buttons and knobs of devices."""
     rules: Rules = field(default_factory=Rules)
-    """The effects of heat and tilting on things."""
+    """Effects of heat and tilting on things."""
     _by_name: Mapping[str, Body] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -150,24 +148,24 @@ class Scene:
         object.__setattr__(self, "_by_name", {body.name: body for body in self.bodies})
         twice = sorted(name for name, number in Counter(names).items() if number > 1)
         if twice:
-            raise ValueError(f"bodies of a scene have names of their own, these occur twice: {', '.join(twice)}")
+            raise ValueError(f"names of bodies must be unique; these occur twice: {', '.join(twice)}")
         moving = [name for joint in self.joints for name in joint.bodies]
         if not set(moving) <= set(names) or len(set(moving)) != len(moving):
-            raise ValueError("each body that a joint moves is a body of the scene, and moved by no other joint")
+            raise ValueError("every body moved by a joint must be in the scene, and be moved by that joint only")
 
     def body(self, name: str) -> Body:
-        """Return the body of that name; ``KeyError`` lists the names there are."""
+        """Look up a body by name; ``KeyError`` lists the names that exist."""
         if name in self._by_name:
             return self._by_name[name]
         raise KeyError(f"no body {name!r} in the scene; there are {', '.join(body.name for body in self.bodies)}")
 
     def first_pose(self, body: Body) -> Pose:
-        """Return the pose of a body at the beginning, when some leaves are open."""
+        """Initial pose of a body, given that some leaves may be open."""
         joint = next((joint for joint in self.joints if joint.first and body.name in joint.bodies), None)
         return body.pose if joint is None else joint.motion(joint.first) @ body.pose
 
     def with_poses(self, poses: Mapping[str, Pose]) -> Scene:
-        """Return the same scene with some bodies elsewhere."""
+        """Copy the scene with some bodies at other poses."""
         return replace(self, bodies=tuple(replace(body, pose=poses.get(body.name, body.pose)) for body in self.bodies))
 
 
@@ -180,19 +178,19 @@ class CameraModel:
     """Horizontal opening angle [rad]."""
     near: float = 0.3
     far: float = 4.0
-    """Objects whose centre is nearer or farther than these are not recognised [m]."""
+    """Range [m]: objects whose centre is nearer or farther are not recognised."""
     width: int = 160
     height: int = 120
     forward: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    """The direction of view, in the link's frame: z for an optical frame, x for a body frame."""
+    """Viewing direction in the link's frame: z for an optical frame, x for a body frame."""
     up: tuple[float, float, float] = (0.0, -1.0, 0.0)
-    """The upward direction of its picture, in the link's frame."""
+    """Upward direction of its picture, in the link's frame."""
     recognises: tuple[str, ...] | None = None
-    """Classes of things of which there are models from the beginning; None: of all."""
+    """Classes of things with recognition models from the start; None: all."""
 
     @property
     def half_angle(self) -> float:
-        """Return the angle from the middle of the picture to its corners [rad]."""
+        """Angle from the centre of the picture to its corners [rad]."""
         return math.atan(math.tan(self.fov / 2) * math.hypot(1.0, self.height / self.width))
 
 
@@ -205,36 +203,36 @@ class RobotBody:
     hands: Mapping[str, Collection[str]] = field(default_factory=dict)
     """Link of a hand -> links of its fingers."""
     allowed: Collection[tuple[str, str]] = ()
-    """Pairs of links that may touch, beyond the pairs that the simulator finds itself."""
+    """Pairs of links that may touch, besides the pairs that the simulator finds itself."""
     posture: Mapping[str, float] = field(default_factory=dict)
     """Initial joint positions; joints not named are at zero, or at the limit nearest to it."""
     moving: Collection[str] | None = None
-    """Joints that are commanded; the others never move, except when they mimic these. None: all may."""
+    """Commanded joints; the others never move, unless they mimic these. None: all."""
 
 
 OBJECT_DISTANCE = 0.3
-"""Largest distance of a graspable object from where the map has it [m]."""
+"""Largest displacement of a graspable object from the map [m]."""
 FURNITURE_DISTANCE = 0.2
-"""Largest distance of movable furniture from where the map has it [m]; it turns by up to 0.2 rad."""
+"""Largest displacement of movable furniture from the map [m]; it turns by up to 0.2 rad."""
 START_DISTANCE = 0.3
-"""Largest distance of the robot's start from the given one [m]; it turns by up to 0.5 rad."""
+"""Largest displacement of the robot's start [m]; it turns by up to 0.5 rad."""
 
 _TRIES = 60
-"""Draws for each thing; in a crowded room most things stay after fewer."""
+"""Draws per thing; in a crowded room most things stay in place after fewer would."""
 _CLEARANCE = 0.01
-"""Distance kept between things [m]: more than contacts tolerate."""
+"""Distance between things [m]: more than the contact tolerance."""
 _RIM = 0.005
-"""Distance of a thing from the edge of its support [m]: it must not fall."""
+"""Distance of a thing from the edge of its support [m], so that it cannot fall."""
 _SUPPORTED = 0.025
-"""Gap or penetration between a thing and its support in real maps [m]."""
+"""Gap or penetration between things and their supports in real maps [m]."""
 
 
 def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:
-    """Return the scene as it might really be; seed 0 leaves it unchanged, equal seeds give equal scenes.
+    """Displace things at random, as the real world differs from a map; seed 0 changes nothing.
 
-    ``radius`` and ``height`` [m] are the size of a standing cylinder around the robot. Movable furniture goes first and
-    takes along what stands on it, then graspable objects move on their support and turn, then the robot's start.
-    Whatever would touch something, leave its support or the scene's bounds, stays.
+    Equal seeds give equal scenes. ``radius`` and ``height`` [m] describe an upright cylinder around the robot. Movable
+    furniture is displaced first, with what stands on it, then graspable objects shift and turn on their support, then
+    the robot's start. Whatever would touch something, or leave its support or the scene's bounds, stays where it is.
     """
     if seed == 0:
         return scene
@@ -250,7 +248,7 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
 
 
 class _Room:
-    """The poses of all bodies while they are moved, one after another."""
+    """Poses of all bodies while they are displaced, one after another."""
 
     def __init__(self, scene: Scene, generator: np.random.Generator) -> None:
         self.scene, self.generator = scene, generator
@@ -263,9 +261,9 @@ class _Room:
         self.supports = {body.name: _support(body, self._around(body, body.pose), half) for body in scene.bodies}
 
     def _around(self, body: Body, pose: Pose) -> list[Body]:
-        """Return the bodies that a body at a pose may stand on, stand in or touch, in the order of the scene."""
-        away = np.hypot(*(self._centres - pose.position)[:, :2].T)
-        return [self.scene.bodies[index] for index in np.flatnonzero(away <= self._reach + _reach(body)).tolist()]
+        """List the bodies that a body at a pose may stand on, stand in or touch, in the order of the scene."""
+        distances = np.hypot(*(self._centres - pose.position)[:, :2].T)
+        return [self.scene.bodies[index] for index in np.flatnonzero(distances <= self._reach + _reach(body)).tolist()]
 
     def _put(self, poses: Mapping[str, Pose]) -> None:
         self.poses.update(poses)
@@ -273,7 +271,7 @@ class _Room:
             self._centres[self._index[name]] = pose.position
 
     def move_furniture(self, body: Body) -> None:
-        """Move a body with what stands on it."""
+        """Displace a piece of furniture with what stands on it."""
         group = [body.name]
         for member in group:
             group += [other for other, support in self.supports.items() if support == member and other not in group]
@@ -287,7 +285,7 @@ class _Room:
                 return
 
     def move_object(self, body: Body) -> None:
-        """Move a body on its support."""
+        """Displace an object on its support."""
         support = self.supports[body.name]
         if support is None:
             return
@@ -300,7 +298,7 @@ class _Room:
                 return
 
     def moved_start(self, radius: float, height: float) -> tuple[float, float, float]:
-        """Return where a standing cylinder of this radius and height is free."""
+        """Draw a start pose at which an upright cylinder is free."""
         x_min, y_min, x_max, y_max = self.scene.bounds
         start = self.scene.start
         for dx, dy, turn in self._shifts(START_DISTANCE, 0.5):
@@ -313,14 +311,14 @@ class _Room:
         return start
 
     def _shifts(self, distance: float, turn: float) -> Iterator[tuple[float, float, float]]:
-        """Yield shifts uniform in a disc, with turns uniform in an interval."""
+        """Yield shifts, uniform in a disc, and turns, uniform in an interval."""
         uniform = self.generator.uniform
         for _ in range(_TRIES):
             angle, radius = uniform(0, 2 * math.pi), distance * math.sqrt(uniform(0, 1))
             yield radius * math.cos(angle), radius * math.sin(angle), float(uniform(-turn, turn))
 
     def _is_free(self, body: Body, pose: Pose, group: Sequence[str]) -> bool:
-        """Return whether a body at a pose keeps clear of all bodies outside its group, supports below it apart."""
+        """Check whether a body at a pose is clear of all bodies outside its group, except supports below it."""
         return not any(
             _overlap(one, one.pose, another, another.pose)
             for other in self._around(body, pose)
@@ -330,14 +328,14 @@ class _Room:
 
 
 def _solids(body: Body, pose: Pose) -> Iterator[Body]:
-    """Yield a body at a pose, and its handles as bodies of their own."""
+    """Yield a body at a pose, and its handles as separate bodies."""
     yield replace(body, pose=pose)
     for handle in body.handles:
         yield Body(body.name, pose @ handle.pose, handle.size)
 
 
 def _reach(body: Body) -> float:
-    """Return how far a body, with what it keeps clear, extends at most, however it is turned [m]; everywhere a room."""
+    """Bound the radius of a body in any orientation, with clearance [m]; infinite for a room."""
     if body.shape is BodyShape.ROOM:
         return math.inf
     handles = (math.hypot(*one.pose.position) + math.hypot(*one.size) / 2 for one in body.handles)
@@ -349,7 +347,7 @@ def _outline(body: Body, pose: Pose) -> Array:
 
 
 def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
-    """Yield outlines, within all of which a thing stays that stands on a body, or in a room inside of it."""
+    """Yield the outlines within which a thing at ``of`` stays when it moves on a body, or in a cavity of it."""
     x, y, z = support.size
     yield _outline(replace(support, size=(x - 2 * support.wall, y - 2 * support.wall, z)), pose)
     for cavity in support.cavities:
@@ -359,9 +357,9 @@ def _surfaces(support: Body, pose: Pose, of: Pose) -> Iterator[Array]:
 
 
 def _support(body: Body, bodies: Sequence[Body], half: Mapping[str, float]) -> str | None:
-    """Return what a body stands on or in: a dish on whose floor it is, else what its bottom is at or its centre is in.
+    """Find what a body stands on or in: a dish on whose floor it is, else a body just below it or around its centre.
 
-    ``half`` are the half heights of bodies by name [m].
+    ``half`` holds the half heights of bodies by name [m].
     """
     if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
         return None
@@ -385,7 +383,7 @@ def _half_height(pose: Pose, body: Body) -> float:
 
 
 def _shifted(pose: Pose, shift: tuple[float, float, float], about: Pose) -> Pose:
-    """Turn about the vertical through another pose's position and shift."""
+    """Turn a pose about the vertical through another pose's position, then shift it."""
     dx, dy, turn = shift
     here, there = Pose(about.position), Pose.planar(0.0, 0.0, turn)
     turned = here @ there @ here.inverse() @ pose
@@ -398,7 +396,7 @@ def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
         local = rotated(b_pose.rotation[:2, :2].T, footprint(a_pose, a.size) - np.asarray(b_pose.position[:2]))
         return bool((np.abs(local) > np.asarray(b.size[:2]) / 2 - _CLEARANCE).any())
     heights = _half_height(a_pose, a), _half_height(b_pose, b)
-    # on each other, or far apart: what stands beside something flat is deeper in its height than half of that
+    # one on top of the other, or far apart in height: 2 cm of overlap, or all of a flat body's half height, are allowed
     if abs(a_pose.position[2] - b_pose.position[2]) >= sum(heights) - min(0.02, *heights):
         return False
     first, second = _outline(a, a_pose), _outline(b, b_pose)
@@ -406,7 +404,7 @@ def _overlap(a: Body, a_pose: Pose, b: Body, b_pose: Pose) -> bool:
 
 
 def _separated(polygon: Array, other: Array) -> bool:
-    """Return whether an edge of a convex polygon has all of another outside, by the clearance (separating axis)."""
+    """Check whether an edge of a convex polygon has all of another outside, by the clearance (separating axis)."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
     distances = np.einsum("ij,kij->ki", normals, other[:, None] - polygon[None])

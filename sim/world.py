@@ -1,4 +1,4 @@
-"""The true world in PyBullet: it is commanded and sensed like a robot's real environment, and time goes on in steps."""
+"""The true world in PyBullet: commanded and sensed like a robot's real environment; time advances in steps."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 
 DEEPER = 0.003
-"""A contact that was there before the motion blocks it once it is deeper by more than this [m]."""
+"""Growth of a contact that existed before a motion beyond which it blocks the motion [m]."""
 
 _JUMP = 0.05
-"""Distance of a trajectory's first row from the robot [m, rad] beyond which it was planned for another place."""
+"""Distance of a trajectory's first row from the robot [m, rad] above which it was planned for another configuration."""
 _LIMIT = 1e-3
-"""Tolerance of rows beyond a joint's limits [m, rad]: timing rounds, PyBullet reads limits as floats."""
+"""Tolerance for rows beyond joint limits [m, rad]: timing rounds, and PyBullet reads limits as floats."""
 Find = Callable[[Configuration, Query], tuple[Contact, ...]]
 Feel = Callable[[Contact], Touch | None]
 
 
 @dataclass(slots=True)
 class Playback:
-    """A motion under way: row ``row`` of the trajectory was reached, ``strands`` move on independently.
+    """Motion in progress: ``row`` of the trajectory has been reached; ``strands`` advance independently.
 
-    An arm is one strand; each finger is a strand of its own, so that one which touches waits for the others.
+    An arm is one strand; each finger is its own strand, so that a finger that touches something waits for the others.
     """
 
     trajectory: Trajectory
@@ -46,35 +46,36 @@ class Playback:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the joints and bodies that the motion moves."""
+        """Names of the joints and base coordinates that the motion moves."""
         return self.trajectory.names
 
     def state(self) -> Motion:
-        """See :class:`planlang.protocols.Motion`."""
+        """State of the motion, as in :class:`planlang.protocols.Motion`."""
         blocked = next((strand for strand in self.strands if strand.blocked_by), None)
         if self.halted:
             return Motion(MotionState.HALTED)
-        over = self.row + 1 >= len(self.trajectory.positions)
-        if blocked and (over or all(strand.blocked_by for strand in self.strands)):
+        at_end = self.row + 1 >= len(self.trajectory.positions)
+        if blocked and (at_end or all(strand.blocked_by for strand in self.strands)):
             return Motion(MotionState.BLOCKED, blocked.blocked_by, blocked.touch)
-        return Motion(MotionState.DONE) if over else Motion(MotionState.MOVING)
+        return Motion(MotionState.DONE) if at_end else Motion(MotionState.MOVING)
 
 
 @dataclass(slots=True)
 class Strand:
-    """Columns of a trajectory that stop together, and the contacts there were when it began."""
+    """Columns of a trajectory that stop together."""
 
     columns: list[int]
     query: Query
     before: dict[tuple[str, str], float]
+    """Contacts that existed before the motion, with their depths [m]; pairs that part are dropped."""
     blocked_by: str | None = None
     touch: Touch | None = None
 
 
 def begin(robot: Robot, find: Find, now: Configuration, trajectory: Trajectory) -> Playback:
-    """Check a trajectory against the robot and where it is, and get ready to play it.
+    """Check a trajectory against the robot and its configuration, and prepare to play it.
 
-    Raises ``ValueError``: an unknown joint, a wrong shape, a number that is none, a row outside the joint limits, or a
+    Raises ``ValueError`` for an unknown joint, a wrong shape, a non-finite number, a row outside the joint limits, or a
     first row that is not where the robot is.
     """
     _check(robot, now, trajectory)
@@ -116,12 +117,12 @@ def _check(robot: Robot, now: Configuration, trajectory: Trajectory) -> None:
 
 
 def coordinate(configuration: Configuration, name: str) -> float:
-    """Return the value of a joint or of x, y, yaw."""
+    """Look up the value of a joint or of x, y, yaw."""
     return configuration.base[BASE.index(name)] if name in BASE else configuration.joints[name]
 
 
 def moved(configuration: Configuration, names: Sequence[str], values: Array) -> Configuration:
-    """Return the configuration with some coordinates changed."""
+    """Copy a configuration with some coordinates changed."""
     base, joints = list(configuration.base), dict(configuration.joints)
     for name, value in zip(names, values.tolist(), strict=True):
         if name in BASE:
@@ -132,9 +133,9 @@ def moved(configuration: Configuration, names: Sequence[str], values: Array) -> 
 
 
 def advance(playback: Playback, find: Find, feel: Feel, now: Configuration) -> Configuration:
-    """Advance by one row; return the robot's configuration then: ``now`` where the way is blocked.
+    """Advance by one row; return the robot's new configuration, or ``now`` if blocked.
 
-    ``feel`` returns what is felt of a contact that was found last.
+    ``feel`` returns what the robot feels of a contact found by the last call of ``find``.
     """
     playback.row += 1
     row = np.asarray(playback.trajectory.positions, dtype=float)[playback.row]
@@ -143,9 +144,9 @@ def advance(playback: Playback, find: Find, feel: Feel, now: Configuration) -> C
             continue
         following = moved(now, [playback.names[k] for k in strand.columns], row[strand.columns])
         contacts = find(following, strand.query)
-        obstacle = _obstacle(contacts, strand.before)
-        if obstacle is not None:
-            strand.blocked_by, strand.touch = obstacle.body, feel(obstacle)
+        blocking = _obstacle(contacts, strand.before)
+        if blocking is not None:
+            strand.blocked_by, strand.touch = blocking.body, feel(blocking)
         else:
             current = {(contact.part, contact.body) for contact in contacts}
             strand.before = {pair: depth for pair, depth in strand.before.items() if pair in current}
@@ -155,30 +156,30 @@ def advance(playback: Playback, find: Find, feel: Feel, now: Configuration) -> C
 
 def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], float]) -> Contact | None:
     for contact in contacts:
-        known = before.get((contact.part, contact.body))
-        if known is None or contact.depth > known + DEEPER:
+        earlier = before.get((contact.part, contact.body))
+        if earlier is None or contact.depth > earlier + DEEPER:
             return contact
     return None
 
 
 STRAYED, TWISTED = 0.01, 0.1
-"""What several hands hold slips off when one is farther [m, rad] from where it took it than this."""
+"""Displacement of a hand from its grasp [m, rad] above which an object held by several hands slips off."""
 
 
 class PyBulletWorld(KinematicScene):
-    """Implements :class:`planlang.protocols.RobotInterface` for the robot, and :class:`sim.truth.Truth` for all else.
+    """Implements :class:`planlang.protocols.RobotInterface` for the robot, :class:`sim.truth.Truth` for all else.
 
-    Motions are played back (:class:`Playback`): a step that would make the robot touch something is taken back.
+    Motions are played back kinematically (:class:`Playback`): a step into something is undone.
     """
 
     def __init__(
         self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30, seed: int = 0
     ) -> None:
-        """Initialize as every scene; ``seed`` is kept for records: nothing in here is random."""
+        """Create the world; ``seed`` is only recorded, since nothing in here is random."""
         super().__init__(scene, robot, gui=gui, rate=rate)
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
-        """Group whose motion pushes -> the link of the hand with which it does."""
+        """Motion group that pushes -> link of the hand with which it pushes."""
         self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
         self._controls = Controls(scene.controls, self._matter)
@@ -191,11 +192,11 @@ class PyBulletWorld(KinematicScene):
     # Time and motions
 
     def step(self) -> None:
-        """Advance by one step: motions in the order of their groups' first start, then people, then what falls."""
+        """Advance by one step: motions in the order of their groups' first start, then people, then falling bodies."""
         moving = [playback for playback in self._motions.values() if playback.state().state is MotionState.MOVING]
         for playback in moving:
             free = [strand for strand in playback.strands if strand.blocked_by is None]
-            find = self._met if len(moving) > 1 else partial(self._met_alone, playback)
+            find = self._contacts_at if len(moving) > 1 else partial(self._contacts_alone, playback)
             self._now = advance(playback, find, self._contacts.felt, self._now)
             self._push(free)
         for group in [one for one in self._pushes if self.motion(one).state is not MotionState.MOVING]:
@@ -211,28 +212,28 @@ class PyBulletWorld(KinematicScene):
         self._processes.step(1 / self.rate)
         self.steps += 1
 
-    def _met(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
-        """Return the contacts at a configuration, once what hands push has given way."""
+    def _contacts_at(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        """Find the contacts at a configuration, after things pushed by hands have given way."""
         return self._pushing.contacts_after(lambda: self._find(configuration, query))
 
-    def _met_alone(self, playback: Playback, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
-        """Return the same for the only motion: what may touch in its next steps is mostly known, and mostly nothing."""
+    def _contacts_alone(self, playback: Playback, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
+        """Find the same for the only motion: its next steps are mostly known to be free (:class:`Outlook`)."""
         is_simple = len(playback.strands) == 1 and not playback.strands[0].before and not query.grip
         if is_simple and not self._leaves.led and not self._pushing.hands:
             rows = np.asarray(playback.trajectory.positions, dtype=float)
             among = self._outlook.among(playback, playback.names, rows, playback.row, query)
             if among is not None and not self._find(configuration, replace(query, among=among)):
                 return ()
-        return self._met(configuration, query)
+        return self._contacts_at(configuration, query)
 
     def _stop_pushing(self, group: str) -> None:
-        """Let the hand that a group's motion pushed with be stopped by what it meets again."""
+        """End the push of a group's motion, so that obstacles stop the hand again."""
         if (link := self._pushes.pop(group, None)) is not None:
             self._pushing.end(link)
 
-    def _push(self, moved: Sequence[Strand]) -> None:
-        """Let hands push the buttons that stop them."""
-        for strand in moved:
+    def _push(self, strands: Sequence[Strand]) -> None:
+        """Press the buttons that have stopped hands."""
+        for strand in strands:
             if (
                 strand.blocked_by in self._bodies.poses
                 and strand.touch is not None
@@ -241,7 +242,7 @@ class PyBulletWorld(KinematicScene):
                 self._controls.pushed(strand.blocked_by, strand.touch, self._bodies.poses[strand.blocked_by])
 
     def _slip(self, robot: Robot) -> None:
-        """Let leaves stay behind from which a hand has slipped off, and what slips out of one of its hands fall."""
+        """Release leaves that a hand has slipped off, and drop what slips out of one of several hands."""
         for leaf, link in self.led().items():
             if self._leaves.strayed(leaf, robot.link_pose(link)):
                 self.let_go(leaf)
@@ -254,7 +255,7 @@ class PyBulletWorld(KinematicScene):
                     break
 
     def _open(self, robot: Robot, moving: Sequence[Playback]) -> None:
-        """Let hands hold nothing any more the fingers of which have moved off it."""
+        """Release what a hand holds once its fingers have moved off it."""
         fingers = [one.query.links for playback in moving for one in playback.strands if one.query.grip]
         moved = frozenset[int]().union(*(links for links in fingers if links is not None))
         holding = (*self.led().values(), *(link for name in self._held for link in self.holders(name)))
@@ -263,34 +264,34 @@ class PyBulletWorld(KinematicScene):
                 self.loosen(link)
 
     def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
-        """Begin a motion. A joint obeys the newest motion: another group that moves one of these joints is halted.
+        """Start a motion. A joint obeys the newest motion: other groups that move one of these joints are halted.
 
-        A trajectory that moves finger joints alone lets each finger go on until it touches something by itself.
-        ``pushes`` is a link whose hand pushes meanwhile what it meets and can be moved. Raises ``ValueError`` for
-        unknown joints, wrong shapes, values outside the limits, or a first row elsewhere.
+        In a trajectory of finger joints alone, each finger continues until it touches something. ``pushes`` names a
+        link whose hand pushes movable things in its way. Raises ``ValueError`` for unknown joints, wrong shapes, values
+        outside the limits, or a first row elsewhere.
         """
-        begun = begin(self.robot, self._find, self._now, trajectory)
+        new = begin(self.robot, self._find, self._now, trajectory)
         for other, playback in self._motions.items():
             if other != group and set(playback.names) & set(trajectory.names):
                 self.halt(other)
-        self._motions[group] = begun
+        self._motions[group] = new
         self._stop_pushing(group)
         if pushes is not None:
             self._pushes[group] = pushes
             self._pushing.begin(pushes)
 
     def motion(self, group: str) -> Motion:
-        """Return the state of the group's last motion; a group that has never moved is done."""
+        """State of the group's last motion; DONE for a group that has never moved."""
         return self._motions[group].state() if group in self._motions else Motion(MotionState.DONE)
 
     def halt(self, group: str) -> None:
-        """Stop the group where it is; nothing happens when it does not move."""
+        """Stop a group where it is; no effect if it is not moving."""
         if group in self._motions and self._motions[group].state().state is MotionState.MOVING:
             self._motions[group].halted = True
         self._stop_pushing(group)
 
     def set_configuration(self, configuration: Configuration) -> None:
-        """Put the robot, with what it holds, somewhere; joints not named stay. Motions under way are halted."""
+        """Place the robot, with what it holds; joints not named keep their values. Motions in progress are halted."""
         super().set_configuration(configuration)
         for group in self._motions:
             self.halt(group)
@@ -298,7 +299,7 @@ class PyBulletWorld(KinematicScene):
     # Grippers
 
     def grip(self, link: str) -> None:
-        """Hold, or lead, what is between the fingers of the hand at a link, whatever the robot believes that to be."""
+        """Attach whatever is between the fingers of the hand at a link, whatever the robot believes it to be."""
         self._here()
         for name in self._contacts.between(link):
             leaf = self._leaves.leaf_of(name)
@@ -308,7 +309,7 @@ class PyBulletWorld(KinematicScene):
                 self.attach(link, name)
 
     def loosen(self, link: str) -> None:
-        """Let go what the hand at a link holds; what fewer hands still hold than it takes slips off them, too."""
+        """Release what the hand at a link holds, and what the remaining hands are too few to hold."""
         for leaf in [leaf for leaf, leader in self.led().items() if leader == link]:
             self.let_go(leaf)
         for name in [name for name in self._held if link in self.holders(name)]:
@@ -322,60 +323,60 @@ class PyBulletWorld(KinematicScene):
             held.others, held.hand, held.placed = links, frozenset().union(*map(self.robot.hand_of, held.links)), None
 
     def feels(self, link: str) -> bool:
-        """Return whether the hand at a link holds or leads something."""
+        """Check whether the hand at a link holds an object or a leaf."""
         return link in self.led().values() or any(link in self.holders(name) for name in self._held)
 
     def pulled(self, link: str) -> bool:
-        """Return whether a person has hold of what the hand at a link holds."""
+        """Check whether a person has hold of the object in the hand at a link."""
         return any(link in self.holders(name) and self.taken(name) is not None for name in self._held)
 
     def release(self, name: str) -> None:
-        """Let a body go: it sinks in free fall unless a person has taken it. ``KeyError`` when it is not held."""
+        """Release a body: it falls unless a person has taken it. ``KeyError`` if it is not held."""
         riders = self.riders(name)
         super().release(name)
         if self._people.holder(name) is None:
             self._falling.begin(name, riders)
 
-    # What is so: implements sim.truth.Truth
+    # Ground truth: implements sim.truth.Truth
 
     def contents(self, name: str) -> Mapping[str, float]:
-        """Return class of substance -> amount of it in a body [ml]."""
+        """Class of substance -> amount of it in a body [ml]."""
         return {one.type: one.amount for one in self._matter.contents.get(name, {}).values()}
 
     def condition(self, name: str) -> str | None:
-        """Return the state of a body, such as on or clean; None if it has none."""
+        """State of a body, such as on or clean; None if it has none."""
         return self._matter.states.get(name)
 
     def falling(self, name: str) -> bool:
-        """Return whether a body is on its way down."""
+        """Check whether a body is falling."""
         return name in self._falling.on_the_way
 
     def taken(self, name: str) -> str | None:
-        """Return the person who has taken a body, None if nobody has."""
+        """Name the person who has taken a body, if any."""
         return self._people.holder(name)
 
     def hand(self, name: str, side: str = "right") -> tuple[float, float, float]:
-        """Return where a person's palm is, in the map."""
+        """Locate a person's palm in the map."""
         x, y, z = self._people.hand(name, 0 if side == "right" else 1).tolist()
         return (x, y, z)
 
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
-        """Return where links are touched."""
+        """List the places where links are touched."""
         self._here()
         return self._contacts.touches(links)
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """Return what the camera at a link sees in its picture, in the order of the scene."""
+        """List what the camera at a link recognises in its picture, in the order of the scene."""
         self._here()
         return self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[np.bool_]]:
-        """Return where lines through the camera's pixels end (n, 3) in the map, and whether at a surface, (n,)."""
+        """Trace lines through the camera's pixels: ends (n, 3) in the map, and whether each is on a surface, (n,)."""
         self._here()
         return self._camera.scan(self._optics(), self.robot.link_pose(camera_link))
 
     def state(self) -> tuple[object, ...]:
-        """Return something hashable, equal for worlds where everything is in the same pose and motion."""
+        """Summarise the world as a hashable value: equal if everything has the same pose and motion."""
         motions = tuple((group, playback.row, playback.state()) for group, playback in self._motions.items())
         *things, people = super().state()
         return (self.steps, *things, motions, people)

@@ -4,18 +4,29 @@ import gc
 import os
 import signal
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+import typer.testing
 from hypothesis import settings
 
 # no test is timed; continuous integration tries the same examples each time, everybody else new ones
-settings.register_profile("planlang", deadline=None, derandomize="CI" in os.environ, print_blob=True)
+settings.register_profile(
+    "planlang",
+    max_examples=100 if "PLANLANG_EXAMPLES" in os.environ else 30,
+    deadline=None,
+    derandomize="CI" in os.environ,
+    print_blob=True,
+)
 settings.load_profile("planlang")
 
 # a shell lets what it runs in the background ignore Ctrl-C, and so would the processes that tests interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# CliRunner would make all commands and their options anew for each call, which takes longer than many of them
+typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
 
 TESTS = Path(__file__).resolve().parent
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
@@ -28,6 +39,9 @@ def corpus() -> Path:
         pytest.skip("the corpus of real OWL files is not beside this checkout")
     return CORPUS
 
+
+# what libraries and worlds leave is looked through less often: a tenth of the suite's time
+gc.set_threshold(20_000, 10, 10)
 
 COSTLY = ("native", "reachability", "spheres")
 """Kinds of cached things that take seconds to make and are named by what they depend on."""

@@ -14,10 +14,12 @@ from typing import Annotated, Any, NoReturn, get_type_hints
 import typer
 
 from executive.cli import arguments as local
+from executive.cli import authoring_arguments as authoring
 from executive.cli import server_arguments as server
-from executive.cli.arguments import Arguments
-from executive.cli.console import Answer, ExitCode, answer, give
+from executive.cli.base_arguments import Arguments
+from executive.cli.console import Answer, ExitCode, answer, give, say
 from executive.cli.resources import check_memory
+from executive.cli.usage import guessed_value, understood
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -48,7 +50,7 @@ def robots_command() -> None:
     """Inspect robots, make robot files."""
 
 
-_RUNNING = ("run", "sweep", "replay", "report", "locate", "enable")
+_RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
 """Commands that build the simulated world."""
 
 
@@ -73,7 +75,7 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
             reply: Answer = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}").command(given)
             return reply
 
-        answer(name, work, as_json=given.json, all_notes=getattr(given, "verbose", True))
+        answer(name, work, as_json=given.json, detail=given.detail)
 
     called.__name__, called.__doc__ = name, arguments.__doc__
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -82,10 +84,13 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
 
 
 for name, arguments, example in (
+    ("new", authoring.NewArguments, "project my_task"),
     ("compile", local.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
     ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
     ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
+    ("list", local.ListArguments, "classes bottle"),
+    ("show", local.ShowArguments, "hospital_room -o room.png --view top"),
     ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
     ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
     ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),
@@ -131,11 +136,12 @@ def main() -> NoReturn:
         code = app(prog_name="planlang", standalone_mode=False)
     except _UsageError as problem:
         if "--json" in sys.argv:
-            name = problem.ctx.command_path.removeprefix("planlang").strip() if problem.ctx is not None else ""
-            message = problem.format_message()
-            give(name, Answer(ExitCode.BAD_INPUT, data={"error": message}), as_json=True)
+            name, message, advice = understood(problem)
+            give(name, Answer(ExitCode.BAD_INPUT, data={"error": message, "help": advice}), as_json=True)
         else:
             problem.show()
+            if guessed := guessed_value(problem.format_message()):
+                say(f"    help: {guessed}")
         code = ExitCode.BAD_INPUT
     except typer.Exit as end:
         code = end.exit_code

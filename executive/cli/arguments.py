@@ -2,58 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from executive.cli.base_arguments import Arguments, OntologyArguments, TaskArguments
+from executive.cli.console import Detail
 from executive.runs.settings import Modules, RunSettings, SituationSettings, Urdf
-from planlang.diagnostics import BadInput, error
 from planlang.records import dataclass
-
-
-@dataclass(frozen=True, kw_only=True)
-class Arguments:
-    """Options of every command."""
-
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")] = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class VerboseArguments(Arguments):
-    """Options of commands that print notes before their result."""
-
-    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes instead of counting them.")] = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class OntologyArguments(Arguments):
-    """Options of commands that read ontologies."""
-
-    ontologies: Annotated[
-        list[Path] | None, typer.Option(metavar="DIR", help="Also search this folder for imported files; repeatable.")
-    ] = None
-
-    @property
-    def folders(self) -> tuple[Path, ...]:
-        """The folders in which imported files are looked for; raises BadInput for one that is none."""
-        folders = tuple(self.ontologies or ())
-        wrong = [path for path in folders if not os.path.isdir(path)]
-        if wrong:
-            raise BadInput([error("C001", f"--ontologies {path} is not a folder") for path in wrong])
-        return folders
-
-
-@dataclass(frozen=True, kw_only=True)
-class TaskArguments(OntologyArguments):
-    """Options of commands that read recipes."""
-
-    task: Annotated[
-        str | None, typer.Option(metavar="CLASS", help="The task: local name or IRI of an action class in the recipe.")
-    ] = None
-
 
 Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
 RecipeOrPlan = Annotated[
@@ -118,8 +76,33 @@ class LogicReasoner(Enum):
     PELLET = "pellet"
 
 
+class Listed(Enum):
+    """What is listed."""
+
+    ROBOTS = "robots"
+    ROOMS = "rooms"
+    RECIPES = "recipes"
+    CLASSES = "classes"
+    RELATIONS = "relations"
+    FAILURES = "failures"
+
+
 @dataclass(frozen=True, kw_only=True)
-class CompileArguments(TaskArguments, VerboseArguments):
+class ListArguments(Arguments):
+    """List what there is to name: bundled robots, rooms and recipes, classes, relations of locations, failures.
+
+    Exit code 1: nothing has the word in its name, label or description.
+    """
+
+    kind: Annotated[Listed, typer.Argument(help="What is listed.", show_default=False)]
+    word: Annotated[
+        str | None,
+        typer.Argument(metavar="WORD", help="List only what has this in its name, label or description."),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompileArguments(TaskArguments):
     """Compile a recipe to a plan in Python.
 
     With --output, what was compiled is also kept beside the plan, as PLAN.base: from it --merge knows what was edited.
@@ -134,7 +117,9 @@ class CompileArguments(TaskArguments, VerboseArguments):
     trust: Trust = False
     graph: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also draw the order of the steps: a .svg, .dot or .mmd (Mermaid) file."),
+        typer.Option(
+            metavar="FILE", help="Also draw the order of the steps: a .svg, .png, .dot or .mmd (Mermaid) file."
+        ),
     ] = None
     scopes: Annotated[bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")] = (
         True
@@ -155,9 +140,9 @@ class CompileArguments(TaskArguments, VerboseArguments):
 class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
-    For a recipe, lists all problems; for a folder, tabulates its recipes; for a map, tells what it holds. For
-    a plan, tells whether its recipe or the compiler has changed since it was compiled, and what a person has edited;
-    shows both.
+    For a recipe, lists all problems, of those with the same advice the first; for a folder, tabulates its recipes; for
+    a map, tells what it holds. For a plan, tells whether its recipe or the compiler has changed since it was compiled,
+    and what a person has edited; shows both.
     """
 
     file: RecipeOrPlan
@@ -184,6 +169,30 @@ class CheckArguments(TaskArguments):
     reason_seconds: Annotated[
         float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: the time that it has.")
     ] = 120.0
+
+    @property
+    def summed(self) -> Detail:
+        """Each advice is printed: it is what is asked for."""
+        return Detail.ADVICE
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowArguments(TaskArguments):
+    """Show what is in a file: a recipe, a plan, a trace, a map or a robot.
+
+    As text: steps of a recipe or plan as a tree, what a map or robot has, how a run went. With --output also as a
+    picture (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid) or as a page (traces: HTML).
+    """
+
+    file: Annotated[str, typer.Argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Draw it to this file; its suffix says how.")
+    ] = None
+    view: Annotated[
+        str | None,
+        typer.Option(metavar="VIEW", help="From where a map or robot is seen: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+    ] = None
+    force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,7 +236,7 @@ class ExportArguments(Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MergeArguments(OntologyArguments, VerboseArguments):
+class MergeArguments(OntologyArguments):
     """Merge maps of one place, in one frame, and list what they disagree about.
 
     The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
@@ -261,7 +270,7 @@ class MatchArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SituationArguments(TaskArguments, VerboseArguments, SituationSettings):
+class SituationArguments(TaskArguments, SituationSettings):
     """Options that say which robot runs a plan, where, and what it knows."""
 
     robot: Robot = None
@@ -283,7 +292,9 @@ class RunArguments(SituationArguments, RunSettings):
         str | None,
         typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
     ] = None
-    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and inner actions of modules.")] = False
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="List all notes and warnings, and inner actions of modules.")
+    ] = False
     resume: Annotated[
         Path | None,
         typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
@@ -310,7 +321,7 @@ class ReportArguments(SituationArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnableArguments(OntologyArguments, VerboseArguments):
+class EnableArguments(OntologyArguments):
     """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
 
     Taken are the recipe, recognition models of the things among its parameters, a map that has them, and what these
@@ -375,7 +386,7 @@ class ReplayArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateArguments(OntologyArguments, VerboseArguments):
+class LocateArguments(OntologyArguments):
     """Find poses that match a phrase, for the robot's base or for a thing."""
 
     phrase: Annotated[
@@ -417,7 +428,7 @@ class InspectArguments(Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MakeArguments(VerboseArguments):
+class MakeArguments(Arguments):
     """Make a robot file (TOML) from a URDF, for you to complete.
 
     Each derived value has its reason as a comment; what is missing stands there as a comment.

@@ -39,7 +39,7 @@ def command(arguments: CheckArguments) -> Answer:
     if os.path.isdir(arguments.file):  # False also for what can be no name of a folder
         from executive.cli.recipe_table import check_folder
 
-        return check_folder(Path(arguments.file), arguments.folders)
+        return check_folder(Path(arguments.file), arguments.folders, arguments.progress)
     found = read(arguments.file)
     if isinstance(found, RecipeFile):
         if not arguments.reason:

@@ -12,7 +12,7 @@ import typer
 from executive.cli.app import app
 from executive.cli.arguments import RunArguments, SituationArguments
 
-_SHOWN = ("json", "verbose")
+_SHOWN = ("json", "verbose", "quiet")
 """Options of what is printed, which no run depends on."""
 
 

@@ -9,11 +9,12 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import Any
 
 import typer
 
+from executive.cli.progress import PROGRESS
 from executive.cli.resources import no_room, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.records import dataclass
@@ -31,8 +32,16 @@ class ExitCode(IntEnum):
     INTERRUPTED = 130
 
 
-MOST_NOTES = 10
-"""Notes that are listed before a result; of more only their codes are counted, as they would hide what follows."""
+class Detail(Enum):
+    """How many of its notes and warnings a command prints; errors are all printed."""
+
+    NONE = "none"
+    CODES = "codes"
+    """The first of each code, with how many more there are: many would hide the result."""
+    ADVICE = "advice"
+    """The first of each code and advice: for commands whose result they are."""
+    ALL = "all"
+
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
@@ -49,7 +58,7 @@ class Answer:
     """The result for machines: further keys of the JSON object."""
 
 
-def answer(command: str, work: Callable[[], Answer], *, as_json: bool, all_notes: bool = True) -> None:
+def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: Detail = Detail.CODES) -> None:
     """Do a command's work and print its result; always ends by raising ``typer.Exit``.
 
     A user's mistake is shown as diagnostics. A programming error is reported in one line; with
@@ -71,18 +80,20 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, all_notes
             reply = Answer(ExitCode.BAD_INPUT, (full,))
         else:
             reply = _internal_error(problem)
-    give(command, reply, as_json=as_json, all_notes=all_notes)
+    finally:
+        PROGRESS.close()
+    give(command, reply, as_json=as_json, detail=detail)
     raise typer.Exit(reply.exit_code)
 
 
-def give(command: str, reply: Answer, *, as_json: bool, all_notes: bool = True) -> None:
+def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.CODES) -> None:
     """Print a result; raises ``typer.Exit`` if stdout takes no more."""
     if as_json:
         whole = {"command": command, "exit_code": int(reply.exit_code), **reply.data}
         whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
         text = json.dumps(whole, indent=2, ensure_ascii=False, default=str)
     else:
-        show(reply.diagnostics, all_notes=all_notes)
+        show(reply.diagnostics, detail)
         text = reply.text.removesuffix("\n")
     try:
         if text:
@@ -96,41 +107,56 @@ def give(command: str, reply: Answer, *, as_json: bool, all_notes: bool = True) 
         raise typer.Exit(ExitCode.BAD_INPUT) from None
 
 
-def show(diagnostics: Iterable[Diagnostic], *, all_notes: bool = True) -> None:
+def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> None:
     """Print diagnostics to stderr, in their order, and how many there are of each severity.
 
-    The same help is printed once. Without ``all_notes``, more than a few notes are counted by code instead.
+    The same help is printed once. Of what ``detail`` sums up, the first is printed, with the number of others.
     """
     diagnostics = list(diagnostics)
-    counts = Counter(one.severity for one in diagnostics)
-    hidden = not all_notes and counts[Severity.NOTE] > MOST_NOTES
+    if detail is Detail.NONE:
+        diagnostics = [one for one in diagnostics if one.severity is Severity.ERROR]
+    like = Counter(_kind(one, detail) for one in diagnostics)
+    shown: set[object] = set()
     printed: set[str | None] = {None}
+    PROGRESS.clear()
     for diagnostic in diagnostics:
-        severity = diagnostic.severity
-        if hidden and severity is Severity.NOTE:
+        kind = _kind(diagnostic, detail)
+        others = like[kind] - 1
+        if others and kind in shown:
             continue
-        label = f"{severity.value} {diagnostic.code}"
-        text = str(diagnostic if diagnostic.help not in printed else replace(diagnostic, help=None))
+        shown.add(kind)
+        _print(diagnostic if diagnostic.help not in printed else replace(diagnostic, help=None), others)
         printed.add(diagnostic.help)
-        if _is_colourful():
-            text = text.replace(label, typer.style(label, fg=_COLOURS[severity], bold=True), 1)
-        typer.echo(text, err=True)
-    if hidden:
-        codes = Counter(one.code for one in diagnostics if one.severity is Severity.NOTE).most_common()
-        listed = ", ".join(f"{number} {code}" for code, number in codes)
-        typer.echo(f"{_counted(counts[Severity.NOTE], 'note')}: {listed} (--verbose lists them)", err=True)
-    if counts[Severity.ERROR] or counts[Severity.WARNING]:
+    counts = Counter(one.severity for one in diagnostics)
+    if counts[Severity.ERROR] or counts[Severity.WARNING] or len(diagnostics) > len(shown):
         listed = ", ".join(_counted(counts[severity], severity.value) for severity in Severity if counts[severity])
-        typer.echo(listed, err=True)
+        typer.echo(listed + ("; --verbose lists all" if len(diagnostics) > len(shown) else ""), err=True)
+
+
+def _kind(diagnostic: Diagnostic, detail: Detail) -> object:
+    """Return what diagnostics have in common of which only the first is printed; errors are all different."""
+    if diagnostic.severity is Severity.ERROR or detail in (Detail.ALL, Detail.NONE):
+        return id(diagnostic)
+    return diagnostic.severity, diagnostic.code, diagnostic.help if detail is Detail.ADVICE else None
+
+
+def _print(diagnostic: Diagnostic, others: int) -> None:
+    label = f"{diagnostic.severity.value} {diagnostic.code}"
+    message = f"{diagnostic.message} (and {others} more {diagnostic.code})" if others else diagnostic.message
+    text = str(replace(diagnostic, message=message))
+    if _is_colourful():
+        text = text.replace(label, typer.style(label, fg=_COLOURS[diagnostic.severity], bold=True), 1)
+    typer.echo(text, err=True)
 
 
 def say(line: str) -> None:
-    """Print one line of progress to stderr."""
+    """Print one line to stderr."""
+    PROGRESS.clear()
     typer.echo(line, err=True)
 
 
 def silent(_: object) -> None:
-    """Print nothing: what takes the place of :func:`say` with ``--json``."""
+    """Print nothing: what takes the place of :func:`say` with ``--json`` or ``--quiet``."""
 
 
 def _counted(number: int, word: str) -> str:

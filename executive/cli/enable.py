@@ -79,7 +79,7 @@ def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Fold
     if reply.exit_code is not ExitCode.DONE:
         return reply
     if not arguments.json:
-        show(reply.diagnostics)
+        show(reply.diagnostics, arguments.detail)
         say(reply.text)
     result = _run(arguments, explanation, folder)
     before = reply.diagnostics if arguments.json else ()
@@ -108,6 +108,7 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         seed=arguments.seed,
         trace=arguments.trace,
         verbose=arguments.verbose,
+        quiet=arguments.quiet,
         json=arguments.json,
     )
     return run.command(wanted, recipes=tuple([*further, recipe] if is_own and about else further))

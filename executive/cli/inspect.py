@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import InspectArguments
-from executive.cli.console import Answer, ExitCode, say, silent
+from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_maps import reachability_map
@@ -41,7 +41,7 @@ def command(arguments: InspectArguments) -> Answer:
     problems += missing() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)
-    robot = with_carrying(bare)
+    robot = with_carrying(bare, report=arguments.progress)
     world = PlanningWorld(Scene(()), robot.body())
     try:
         return _inspected(bare, robot, world, arguments, urdf or source)
@@ -50,14 +50,14 @@ def command(arguments: InspectArguments) -> Answer:
 
 
 def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
-    picture, record, progress = arguments.picture, arguments.record, silent if arguments.json else say
+    picture, record = arguments.picture, arguments.record
     models = arm_models(robot, world)
     bounds = dict(world.robot.limits)
     for output in (picture, record):
         if output is not None and not models:
             raise BadInput([error("C004", f"{output}: {robot.name} has no arm whose reach could be drawn")])
     maps = {
-        model.name: {grasp: reachability_map(model, grasp, robot.name, progress) for grasp in GraspClass}
+        model.name: {grasp: reachability_map(model, grasp, robot.name, arguments.progress) for grasp in GraspClass}
         for model in models
     }
     if record is not None:
@@ -83,6 +83,20 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
     return Answer(code, robot.diagnostics, text="\n".join(lines), data=data)
 
 
+def summary(robot: Robot, file: Path) -> Iterator[str]:
+    """Yield what a robot has, in a few lines; nothing is computed for them."""
+    yield from _body_lines(robot, file)
+    for arm in robot.arms:
+        hand = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
+        yield f"  {_named(arm)}: {len(arm.joints)} joints from {arm.base_link} to {arm.tip}, {hand}"
+    yield f"  postures: {', '.join(robot.postures) or 'none'}"
+    yield f"  missing: {'; '.join(_lacking(robot)) or 'nothing'}"
+
+
+def _named(arm: Arm) -> str:
+    return arm.name if "arm" in arm.name.split() else f"arm {arm.name}"
+
+
 def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
     base = robot.base
     yield f"{robot.name} ({file})"
@@ -94,8 +108,7 @@ def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
 
 
 def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    named = arm.name if "arm" in arm.name.split() else f"arm {arm.name}"
-    yield f"{named}, from {arm.base_link} to {arm.tip}"
+    yield f"{_named(arm)}, from {arm.base_link} to {arm.tip}"
     approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
     opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
     yield f"  hand: {arm.hand_link}, approaches along {approach}, closes along {closing}, {opening}"

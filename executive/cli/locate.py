@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executive.cli.arguments import LocateArguments
-from executive.cli.console import Answer, ExitCode, say, silent
+from executive.cli.console import Answer, ExitCode
 from executive.cli.inputs import check_files, chosen, environments, planar, refuse
 from executive.runs.locating import LocateOptions, locate
 from planlang.diagnostics import Diagnostic
@@ -49,5 +49,6 @@ def options_of(arguments: LocateArguments) -> LocateOptions:
         count=arguments.count,
         units=tuple(arguments.units or ()),
         drawn=arguments.explain is not None,
-        progress=silent if arguments.json else say,
+        long_work=arguments.progress,
+        waiting=arguments.waiting,
     )

@@ -24,11 +24,12 @@ def command(arguments: MakeArguments) -> Answer:
     problems += check_outputs({"--output": output}, {"the URDF": urdf, "--srdf": srdf}, force=arguments.force)
     refuse(problems)
     folder = Path() if output is None else output.parent
-    draft = draft_of(urdf, srdf, named=os.path.relpath(urdf, folder))
-    robot = bind_draft(draft, folder / f"{urdf.stem}.toml")
+    with arguments.waiting(lambda: f"reading {urdf.name}"):
+        draft = draft_of(urdf, srdf, named=os.path.relpath(urdf, folder))
+        robot = bind_draft(draft, folder / f"{urdf.stem}.toml")
     if robot.arms and CARRYING not in robot.postures:
         table = draft.table("postures", CARRYING)
-        for joint, value in with_carrying(robot).postures[CARRYING].items():
+        for joint, value in with_carrying(robot, report=arguments.progress).postures[CARRYING].items():
             table.add(joint, value, "" if table.entries else "hands level, close to the body, without contact")
     text = draft.text()
     if output is not None:

@@ -27,7 +27,8 @@ def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer])
     reasoner = Reasoner(arguments.reasoner.value)
     code = answer.exit_code
     try:
-        found = reason(ontology, reasoner, arguments.reason_seconds)
+        with arguments.waiting(lambda: f"{reasoner.title} looks for contradictions", arguments.reason_seconds):
+            found = reason(ontology, reasoner, arguments.reason_seconds)
     except BadInput as problem:
         code = ExitCode.MISSING_CAPABILITY if missing() else ExitCode.BAD_INPUT
         return replace(answer, exit_code=code, diagnostics=(*answer.diagnostics, *problem.diagnostics))

@@ -15,6 +15,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, error
 from planlang.files import printable
 from planlang.ontology import load
+from planlang.progress import Report
 from planlang.recipe import Actions
 from planlang.recipe.reading import top_tasks
 from planlang.records import dataclass
@@ -42,8 +43,8 @@ class Row:
     """The things that the file holds, if it is a map and no recipe."""
 
 
-def check_folder(folder: Path, folders: Sequence[Path]) -> Answer:
-    """Compile every task of every file; raises BadInput for a folder without ontologies."""
+def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> Answer:
+    """Compile every task of every file, with its progress; raises BadInput for a folder without ontologies."""
     files = list(_files(folder))
     if not files:
         advice = f"recipes have one of the suffixes {', '.join(SUFFIXES)}"
@@ -52,7 +53,10 @@ def check_folder(folder: Path, folders: Sequence[Path]) -> Answer:
         raise BadInput(
             [error("C001", f"more than {MOST_FILES} files in the folder {folder}", help="name one below it")]
         )
-    rows = [row for file in files for row in _rows(file, folder, folders)]
+    rows: list[Row] = []
+    for number, file in enumerate(files):
+        report(f"checking file {number + 1} of {len(files)}", number / len(files))
+        rows += _rows(file, folder, folders)
     maps = sum(row.map is not None for row in rows)
     compiled = sum(row.refused is None for row in rows) - maps
     lines = ["| file | task | steps | nothing performs | warnings | refused for |", "|---|---|---|---|---|---|"]

@@ -30,7 +30,7 @@ def command(arguments: ReportArguments) -> Answer:
     """Write the page; raises BadInput."""
     output = arguments.output or arguments.trace.with_suffix(".html")
     refuse(check_outputs({"--output": output}, {"the trace": arguments.trace}, force=arguments.force))
-    recorded = _recorded(arguments.trace)
+    recorded = recorded_run(arguments.trace)
     missing = _repeated(arguments, recorded, output)
     if missing:
         context = _context(arguments, recorded.header)
@@ -38,7 +38,7 @@ def command(arguments: ReportArguments) -> Answer:
         told = Told.of(line.record for line in recorded.lines)
         model = model_of(told, replace(context, missing=missing))
         _keep_fuller_page(output, model, missing, force=arguments.force)
-        for line in missing if not arguments.json else ():
+        for line in missing if not arguments.is_silent else ():
             say(line)
         write_text(output, page(model))
     text = f"{output}: {'the run was repeated' if not missing else 'without the world'}"
@@ -80,7 +80,8 @@ def _views(model: Mapping[str, Any]) -> set[str]:
     return {name for name in ("scene", "map", "graph") if model.get(name)} | set(sources)
 
 
-def _recorded(path: Path) -> RecordedRun:
+def recorded_run(path: Path) -> RecordedRun:
+    """Read a trace; raises BadInput."""
     try:
         return RecordedRun.read(path)
     except OSError as problem:

@@ -13,7 +13,7 @@ from pathlib import Path
 import typer
 
 from executive.cli.arguments import RunArguments
-from executive.cli.console import Answer, ExitCode, say, show, silent
+from executive.cli.console import Answer, ExitCode, show, silent
 from executive.cli.inputs import (
     PlanFile,
     RecipeFile,
@@ -35,6 +35,7 @@ from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file
 from planlang.outputs import PNG, WEBP, check_outputs
+from planlang.progress import unreported
 
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
@@ -106,8 +107,9 @@ def options_of(arguments: RunArguments) -> RunOptions:
         resume=recorded,
         notes=tuple(notes),
         inner_actions=arguments.verbose,
-        progress=silent if arguments.json or arguments.watch_tree else say,
-        announce=silent if arguments.json else partial(show, all_notes=arguments.verbose),
+        progress=silent if arguments.watch_tree else arguments.tell,
+        long_work=unreported if arguments.watch_tree else arguments.progress,
+        announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )
 
 

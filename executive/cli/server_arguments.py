@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from executive.cli.arguments import Arguments, OntologyArguments, VerboseArguments
+from executive.cli.base_arguments import Arguments, OntologyArguments
 from planlang.records import dataclass
 
 
@@ -98,7 +98,7 @@ class PullArguments(ServerArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PushArguments(AuthorArguments, VerboseArguments):
+class PushArguments(AuthorArguments):
     """Push an ontology to a server, as a new entry or as the next revision of one of yours.
 
     The server checks it as planlang check does; what is wrong is shown with its place in the file.

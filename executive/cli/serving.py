@@ -7,7 +7,7 @@ from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.cli.console import Answer, ExitCode, say, show, silent
+from executive.cli.console import Answer, ExitCode, show
 from executive.cli.server_arguments import ServeArguments
 from executive.processes.calls import Limits
 from executive.serving.access import Lines
@@ -45,12 +45,12 @@ def command(arguments: ServeArguments) -> Answer:
 def _serve(store: Store, arguments: ServeArguments) -> Answer:
     folders = arguments.folders
     lines = None if arguments.access_log is None else _lines(arguments.access_log)
-    tell = silent if arguments.json else say
+    tell = arguments.tell
     with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
         staff.start()  # beside the index, which is made meanwhile
         app = application(store, staff, rates=Rates(arguments.rate), access=lines)
         serving = app.state.serving
-        show(serving.vocabulary.diagnostics)
+        show(serving.vocabulary.diagnostics, arguments.detail)
         with closing(serving):
             staff.wait()
             address = run(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import shlex
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -15,14 +14,16 @@ import typer
 
 from executive.cli.arguments import SweepArguments
 from executive.cli.command_lines import parsed, words_of
-from executive.cli.console import Answer, ExitCode, say, show, silent
+from executive.cli.console import Answer, ExitCode, say, show
 from executive.cli.inputs import refuse
+from executive.cli.progress import PROGRESS
 from executive.cli.run import options_of
 from executive.cli.sweep_table import counted, exit_code, write_csv
 from executive.runs.options import RunOptions
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import CRASHED, LIMITS, Done, is_reached
 from planlang.outputs import check_outputs
+from planlang.progress import Report
 
 JOB = "executive.cli.swept_world:ended"
 _WALL_PER_CPU = 5.0
@@ -33,7 +34,7 @@ def command(arguments: SweepArguments) -> Answer:
     """Run the sweep, or the rest of it; raises BadInput as the run of one world does."""
     rows: dict[Any, Row] = {}
     total = len(_seeds(arguments, *_shard(arguments.shard)))
-    progress = Progress(total, silent if arguments.json else None)
+    progress = Counts(total, arguments.tell, arguments.progress)
 
     def resumed(found: Sequence[Row]) -> None:
         rows.update((row["world"], row) for row in found)
@@ -42,11 +43,10 @@ def command(arguments: SweepArguments) -> Answer:
     try:
         found = swept(arguments, progress, resumed, rows)
     except KeyboardInterrupt:
-        progress.close()
+        PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]
         say(_how_to_go_on(arguments, len(done), total))
         return counted(done, total, ExitCode.INTERRUPTED)
-    progress.close()
     if arguments.csv is not None:
         write_csv(arguments.csv, found)
     return counted(found, total, exit_code(found, total))
@@ -54,7 +54,7 @@ def command(arguments: SweepArguments) -> Answer:
 
 def swept(
     arguments: SweepArguments,
-    progress: Progress | None = None,
+    progress: Counts | None = None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
     rows: dict[Any, Row] | None = None,
 ) -> list[Row]:
@@ -73,7 +73,7 @@ def swept(
     options = options_of(parsed([*words, "--json"]))  # what is wrong for all worlds is said before the first
     _check(arguments, options)
     if not arguments.json:
-        show(options.notes)
+        show(options.notes, arguments.detail)
     kept: dict[Any, Row] = {} if rows is None else rows
 
     def told(done: Any) -> None:
@@ -149,20 +149,14 @@ def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:
     return f"interrupted after {done} of {total} worlds, which {arguments.out} has: the same command does the rest"
 
 
-EVERY, EVERY_IN_TERMINAL = 10.0, 0.2
-"""Seconds between two lines, and between two renewals of the line of a terminal."""
+class Counts:
+    """Counts worlds, and reports how fast they are done."""
 
-
-class Progress:
-    """Counts worlds, and says how fast they are done and how long the rest will take."""
-
-    def __init__(self, total: int, say: Callable[[str], None] | None = say) -> None:
-        """Begin now; ``say`` prints a line, None: to stderr, as it suits that."""
-        self._total, self._say = total, say
-        self._is_terminal = say is None and sys.stderr.isatty()
+    def __init__(self, total: int, tell: Callable[[str], None], report: Report) -> None:
+        """Begin now; ``tell`` prints a line, ``report`` shows the progress."""
+        self._total, self._tell, self._report = total, tell, report
         self._before = self._done = self._reached = self._crashed = 0
-        self._began = self._last = time.monotonic()
-        self._seconds = 0.0
+        self._began, self._seconds = time.monotonic(), 0.0
 
     def resumed(self, rows: Sequence[Row]) -> None:
         """Count what was done before; it does not count for the rate."""
@@ -170,17 +164,15 @@ class Progress:
         for row in rows:
             self._count(row)
         if rows:
-            self._print(f"{len(rows)} of {self._total} worlds were done before")
+            self._tell(f"{len(rows)} of {self._total} worlds were done before")
         self._began = time.monotonic()
+        self._report(f"{self._done} of {self._total} worlds", self._done / self._total)
 
     def told(self, done: Done) -> None:
         """Count a world."""
         self._count(done.row)
         self._seconds += done.seconds
-        now, every = time.monotonic(), EVERY_IN_TERMINAL if self._is_terminal else EVERY
-        if now - self._last >= every or (self._is_terminal and self._done == self._total):
-            self._last = now
-            self._print(self._line(now - self._began))
+        self._report(self._line(time.monotonic() - self._began), self._done / self._total)
 
     def _count(self, row: Row) -> None:
         self._done += 1
@@ -190,27 +182,6 @@ class Progress:
     def _line(self, seconds: float) -> str:
         new = self._done - self._before
         rate = new / max(seconds, 1e-6)
-        left = _duration((self._total - self._done) / rate)
         counts = f"{self._reached} reached" + (f", {self._crashed} crashed" if self._crashed else "")
-        return (
-            f"{self._done} of {self._total} worlds, {counts}; {60 * rate:.0f} a minute, "
-            f"{self._seconds / new:.2f} s of CPU each, {left} left"
-        )
-
-    def _print(self, line: str) -> None:
-        if self._is_terminal:
-            sys.stderr.write(f"\r{line}\x1b[K")
-            sys.stderr.flush()
-        else:
-            (self._say or say)(line)
-
-    def close(self) -> None:
-        """End the line of a terminal."""
-        if self._is_terminal:
-            sys.stderr.write("\n")
-
-
-def _duration(seconds: float) -> str:
-    minutes, seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+        each = f"{60 * rate:.0f} a minute, {self._seconds / new:.2f} s of CPU each"
+        return f"{self._done} of {self._total} worlds, {counts}; {each}"

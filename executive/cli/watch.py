@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 import typer
 
-from executive.cli.console import Answer, say, silent
+from executive.cli.console import Answer, say
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
 from planlang.diagnostics import BadInput, error
@@ -31,7 +31,7 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
     if arguments.stop:
         return _stopped(client, arguments.uids or ())
     kept: deque[News] = deque(maxlen=MOST_KEPT)
-    tell = silent if arguments.json else say
+    tell = arguments.tell
     try:
         for uid in arguments.uids or ():
             client.subscribe(uid)

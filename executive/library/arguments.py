@@ -15,14 +15,14 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
 
-from executive.cli.arguments import Arguments
+from executive.cli.base_arguments import Arguments
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.spelling import similar
 
 A = TypeVar("A", bound=Arguments)
 F = TypeVar("F", bound=Callable[..., Any])
 
-_OF_THE_TERMINAL = ("json", "verbose")
+_OF_THE_TERMINAL = ("json", "verbose", "quiet")
 """Options of what a command prints."""
 
 

@@ -19,6 +19,8 @@ from urllib.parse import parse_qs, urlsplit
 HERE = "127.0.0.1"
 LONGEST_COMMAND = 1000
 """Bytes of a command."""
+CLOSING = 0.05
+"""Time that a run waits at most for its page to close [s]."""
 NEVER_KEPT = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -54,7 +56,7 @@ class LiveServer:
         token = secrets.token_urlsafe(16)  # nothing of the run depends on it
         self._server = _Server((HERE, port), served, token)
         self.address = f"http://{HERE}:{self._server.server_port}/{token}/"
-        self._thread = Thread(target=self._server.serve_forever, name="planlang page", daemon=True)
+        self._thread = Thread(target=self._server.serve_forever, args=(CLOSING,), name="planlang page", daemon=True)
 
     def __enter__(self) -> Self:
         self._thread.start()

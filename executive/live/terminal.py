@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TextIO
 
 from rich.console import Console
@@ -68,6 +68,10 @@ class TerminalTree:
             places = {one: place for one, place in places.items() if one < depth}
             places[depth] = above.add(_line(node))
         return shown
+
+    def lines(self) -> Iterator[str]:
+        """Yield the same as plain text, however long."""
+        yield from (f"{'  ' * depth}{_line(node).plain}" for depth, node in self._rows(self._run.roots, 0))
 
     def _time(self) -> float:
         ends = (time for node in self._run.numbered.values() for time in (node.start, node.end) if time is not None)

@@ -1,9 +1,9 @@
 """Base poses from which grasp candidates are reachable, by inverting reachability maps.
 
-For a candidate whose tip heads for g at the point p, a row of the map with the tip at c and heading y (in the torso
-frame) is used from the base at p - Rz(g) v with yaw g - y, where v = Rz(-y) c does not depend on the world: maps are
-prepared once for each height, and looking at all rows of a candidate costs a rotation of constants and a look at the
-field of room (Vahrenkamp et al., Robot placement based on reachability inversion, ICRA 2013).
+For a candidate with its tip at the point p and heading g, a map row with the tip at c and heading y (in the torso
+frame) is used from the base at p - Rz(g) v with yaw g - y, where v = Rz(-y) c does not depend on the world. Maps are
+prepared once per height; testing all rows of a candidate then costs a rotation of constants and a look-up in the
+clearance field (Vahrenkamp et al., Robot placement based on reachability inversion, ICRA 2013).
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ from executive.locations.reachability_maps import reachability_map
 from executive.locations.rejections import NO_ROOM
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.progress import Report
 from planlang.records import dataclass
 
 SPREAD = 0.1
-"""Side of a square in which the best place of one candidate comes first [m]."""
+"""Side of the squares whose best base poses come first, per candidate [m]."""
 MOST_CELLS = 1 << 17
-"""More cells than a map has to either side, twice."""
+"""More cells than a map has in either direction, twice."""
 SQUARE_BITS = 22
-"""Numbers of squares have no more bits."""
+"""Bits for the number of a square."""
 MOST_MAPS = 24
-"""Maps that are kept prepared."""
+"""Number of prepared maps to cache."""
 
 Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
 class Rows(Columns):
-    """Rows of a map that grasp candidates of one height and roll can use, best first."""
+    """Map rows for grasp candidates of one height and roll, best first."""
 
     v: Array
     """(n, 2) [m]."""
@@ -51,51 +52,51 @@ class Rows(Columns):
     row: Indices
     torso: Array
     squares: Indices
-    """Number of the square of side :data:`SPREAD` that v is in."""
+    """Number of the square of side :data:`SPREAD` that contains v."""
     spots: Indices
-    """Number of v: rows for other torso positions often have the same."""
+    """Number of v, which rows for different torso positions often share."""
     torsos: tuple[float, ...] = ()
     """Torso positions, lowest first."""
 
     def of(self, torsos: tuple[float, ...]) -> Rows:
-        """Return the rows for some torso positions."""
+        """Select the rows for some torso positions."""
         return self if torsos == self.torsos else replace(self.chosen(np.isin(self.torso, torsos)), torsos=torsos)
 
     @cached_property
     def places(self) -> Places:
-        """Return the places of rows."""
-        _, first, same = np.unique(self.spots, return_index=True, return_inverse=True)
-        different, squares = np.unique(self.squares, return_inverse=True)
-        away = np.hypot(*self.v[first].T)
+        """Distinct positions of these rows."""
+        _, first, spot_of_row = np.unique(self.spots, return_index=True, return_inverse=True)
+        distinct, squares = np.unique(self.squares, return_inverse=True)
+        distances = np.hypot(*self.v[first].T)
         return Places(
             first,
-            same,
-            np.bincount(same),
-            np.argsort(same, kind="stable"),
-            (squares, len(different)),
-            (float(away.min(initial=np.inf)), float(away.max(initial=0.0))),
+            spot_of_row,
+            np.bincount(spot_of_row),
+            np.argsort(spot_of_row, kind="stable"),
+            (squares, len(distinct)),
+            (float(distances.min(initial=np.inf)), float(distances.max(initial=0.0))),
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
-    """The u different v of rows (n,): what holds of a base pose holds of it with the torso at any height."""
+    """The u distinct v of rows (n,): clearance at a base pose does not depend on the torso's height."""
 
     first: Indices
     """A row with each v (u,)."""
     same: Indices
-    """The number of the v of each row (n,)."""
+    """Number of the v of each row (n,)."""
     sizes: Indices
-    """The number of rows with each v (u,)."""
+    """Number of rows with each v (u,)."""
     order: Indices
-    """Rows in the order of their v (n,)."""
+    """Rows, sorted by v (n,)."""
     squares: tuple[Indices, int]
-    """The number of the square of side :data:`SPREAD` that each row is in (n,), and how many there are."""
+    """Number of the square of side :data:`SPREAD` that contains each row (n,), and the number of squares."""
     away: tuple[float, float]
-    """Least and greatest distance of base poses from what is reached [m]."""
+    """Smallest and greatest distance of base poses from the target [m]."""
 
     def rows_at(self, places: Indices) -> tuple[Indices, Indices]:
-        """Return the rows with the v of each of some places (k,): the numbers of these among them, and the rows."""
+        """List the rows with the v of some places (k,): indices into these places, and rows."""
         sizes = self.sizes[places]
         entry = np.repeat(np.arange(len(places)), sizes)
         begins = np.cumsum(self.sizes) - self.sizes
@@ -104,20 +105,20 @@ class Places:
 
 
 class InverseMap:
-    """A reachability map prepared for inversion, level by level as they are asked for."""
+    """Reachability map prepared for inversion, level by level on demand."""
 
     def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
-        """Prepare a map; ``exact`` has x, y [m] and heading [rad] of rows (n, 3) that are not those of the lattice."""
+        """Prepare a map; ``exact`` holds x, y [m] and heading [rad] of rows (n, 3) that are off the lattice."""
         self.forward, self._exact = forward, exact
         rows = forward.rows
         away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
         self.reach = float(away.max()) if len(rows) else 0.0
-        """Farthest that a base is from a point that it reaches, horizontally [m]."""
+        """Greatest horizontal distance of a base from a point that it reaches [m]."""
         self._levels: dict[tuple[int, int], Rows] = {}
         self._known: dict[tuple[float, int, float, int], Rows] = {}
 
     def rows(self, z: float, roll: int, least: float, most: int) -> Rows:
-        """Return rows for a height [m] and roll, of at least a score, no more than ``most`` for each torso position."""
+        """Look up rows for a height [m] and roll, of at least a score, at most ``most`` per torso position."""
         key = (round(z, 6), roll, least, most)
         if key not in self._known:
             if len(self._known) > 64:
@@ -127,18 +128,18 @@ class InverseMap:
 
     def _find(self, z: float, roll: int, least: float, most: int) -> Rows:
         forward = self.forward
-        parts = [self._level(forward.lowest_level - 1, roll)]  # which has no rows: there is always a part
+        parts = [self._level(forward.lowest_level - 1, roll)]  # an empty level, so that there is always a part
         for torso in forward.heights(z):
             rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
             level = self._level(round((z - rise) / CELL), roll)
             count = min(int(np.searchsorted(-level.score, -least, side="right")), most)
             parts.append(replace(level.chosen(np.arange(count)), torso=np.full(count, torso)))
-        found = Rows.joined(parts)
-        found = found.chosen(np.argsort(-found.score, kind="stable"))
-        return replace(found, torsos=tuple(np.unique(found.torso).tolist()))
+        joined = Rows.joined(parts)
+        joined = joined.chosen(np.argsort(-joined.score, kind="stable"))
+        return replace(joined, torsos=tuple(np.unique(joined.torso).tolist()))
 
     def _level(self, level: int, roll: int) -> Rows:
-        """Return the rows of a level that a roll can use, at no torso position, best first."""
+        """Select the rows of a level that a roll can use, without torso position, best first."""
         if (level, roll) in self._levels:
             return self._levels[level, roll]
         forward = self.forward
@@ -158,7 +159,7 @@ class InverseMap:
             x, y, yaw = self._exact[first + index].T
         c, s = np.cos(yaw), np.sin(yaw)
         v = np.stack([c * x + s * y, c * y - s * x], axis=1)
-        if flipped:  # a turned hand is the same as another heading
+        if flipped:  # turning the hand by half a turn equals another heading
             v, yaw = -v, yaw - math.pi
         spots = first + index
         if self._exact is None:
@@ -173,25 +174,25 @@ class InverseMap:
 _prepared: dict[tuple[object, ...], InverseMap] = {}
 
 
-def inverse_map(facts: tuple[object, ...], prepared: Callable[[], InverseMap]) -> InverseMap:
-    """Return a map prepared for inversion, once in a process for all arms of the same ``facts``."""
+def inverse_map(facts: tuple[object, ...], prepare: Callable[[], InverseMap]) -> InverseMap:
+    """Get a prepared map, shared in the process by all arms with the same ``facts``."""
     if facts not in _prepared:
         while len(_prepared) >= MOST_MAPS:
             del _prepared[next(iter(_prepared))]
-        _prepared[facts] = prepared()
+        _prepared[facts] = prepare()
     return _prepared[facts]
 
 
 class InverseMaps:
-    """The maps of the arms of one robot, prepared when they are first asked for."""
+    """Inverse maps of the arms of one robot, prepared on demand."""
 
-    def __init__(self, robot: str, say: Callable[[str], None]) -> None:
-        """Prepare none yet; ``say`` is told of maps of the ``robot`` that have to be built, which takes seconds."""
-        self._robot, self._say = robot, say
+    def __init__(self, robot: str, report: Report) -> None:
+        """Prepare none yet; ``report`` gets the progress of maps of the ``robot`` that have to be built."""
+        self._robot, self._report = robot, report
         self._known: dict[tuple[str, GraspClass], InverseMap] = {}
 
     def __call__(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        """Return the map of an arm and class of grasp."""
+        """Get the map of an arm and grasp class."""
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
@@ -199,7 +200,7 @@ class InverseMaps:
         return self._known[key]
 
     def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        forward = reachability_map(arm, grasp, self._robot, self._say)
+        forward = reachability_map(arm, grasp, self._robot, self._report)
         if not is_bound(arm):
             return InverseMap(forward)
         q, roll = forward.postures[forward.rows["posture"]], forward.rows["roll"].astype(int)
@@ -207,20 +208,20 @@ class InverseMaps:
 
 
 TIE = 1e-9
-"""Scores that differ by less count as equal: then the base pose of the better row comes first."""
+"""Difference below which scores count as equal; then the better map row wins."""
 AT_ONCE = 200_000
-"""Base poses that are looked at in one go: more would not stay in the processor's memory."""
+"""Base poses tested at once: more would not fit into the processor's cache."""
 COUNTED = 48
-"""Base poses without room, unwanted and unseen that are counted of each candidate, so that reasons can be compared."""
+"""Base poses counted per candidate and reason, so that the counts of reasons are comparable."""
 SHOWN = 150
-"""Base poses that are shown in a picture of those that are refused at once."""
+"""Base poses kept for a picture of those rejected at once."""
 
 Weigh = Callable[[Array], Array]
-"""Bases (m, 3) -> weights (m,), 0 where a base pose will not do."""
+"""Bases (m, 3) -> weights (m,), 0 for base poses to reject."""
 Conjunct = tuple[str, Weigh]
-"""The reason for which bases are refused, and the weights."""
+"""Reason to reject bases, and their weights."""
 Misses = Callable[[Array], NDArray[np.bool_]]
-"""Bases (m, 3) -> whether something is surely not seen from there (m,)."""
+"""Bases (m, 3) -> whether something is surely hidden from there (m,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,43 +237,43 @@ class BaseCandidates(Columns):
     """Rows of the map of the candidate's class."""
     torsos: Array = field(default_factory=lambda: np.zeros(0))
     ranks: Indices = field(default_factory=lambda: np.zeros(0, np.intp))
-    """The number of better ones of the same candidate."""
+    """Number of better base poses of the same candidate."""
 
     def __len__(self) -> int:
         return len(self.scores)
 
     def order(self, weigh: Weigh, most: int) -> Indices:
-        """Return indices round-robin over the candidates, the best of each first, at most ``most``."""
-        some = np.flatnonzero(self.ranks <= last_rank(np.bincount(self.ranks, minlength=1), most))
-        worth = self.scores[some] * weigh(self.bases[some])
-        return some[np.lexsort((-worth.round(6), self.ranks[some]))[:most]]
+        """Order indices round-robin over the candidates, the best of each first, at most ``most``."""
+        index = np.flatnonzero(self.ranks <= last_rank(np.bincount(self.ranks, minlength=1), most))
+        worth = self.scores[index] * weigh(self.bases[index])
+        return index[np.lexsort((-worth.round(6), self.ranks[index]))[:most]]
 
 
 def last_rank(numbers: Indices, most: int) -> int:
-    """Return the rank up to which there are ``most`` candidates, or all, where so many have each rank (r,)."""
+    """Find the rank up to which there are ``most`` candidates, given the number with each rank (r,)."""
     return int(np.searchsorted(np.cumsum(numbers), most))
 
 
 @dataclass(slots=True, eq=False)
 class Inversion:
-    """The inversion of maps for some hands, whatever has to be seen, and what it refused on the way."""
+    """Inversion of maps for some hands, independent of what has to be visible, with what it rejected."""
 
     room: Field
     conjuncts: Sequence[Conjunct]
-    """Conjuncts of a location about the base, without the reach."""
+    """Conjuncts of a location about the base, apart from the reach."""
     refused: Counter[str] = field(default_factory=Counter)
-    """Base poses that will not do, by reason: up to :data:`COUNTED` for each reason and grasp candidate."""
+    """Base poses rejected, by reason: up to :data:`COUNTED` per reason and grasp candidate."""
     without_room: int = 0
     """Base poses without room, counted likewise."""
     show: Callable[[str, Array], object] | None = None
-    """Given a reason and some of the bases (m, 3) that are refused for it, for a picture."""
+    """Receives a reason and some of the bases (m, 3) rejected for it, for a picture."""
     _parts: list[_Part] = field(default_factory=list)
     _known: dict[tuple[int, int], BaseCandidates] = field(default_factory=dict)
-    """Results of :meth:`best` where nothing that has to be seen is missed."""
+    """Results of :meth:`best` if visibility rejects nothing."""
     _crowded: list[tuple[int, int, float, Array]] = field(default_factory=list)
 
     def crowded(self) -> list[tuple[float, Array]]:
-        """Return the score and the base pose of the best row of each grasp candidate without any that has room."""
+        """List score and base pose of the best row of each grasp candidate that has no room anywhere."""
         return [(score, base) for *_, score, base in sorted(self._crowded, key=lambda place: place[:2])]
 
     def invert(
@@ -284,30 +285,30 @@ class Inversion:
         least: float,
         rows: int,
     ) -> None:
-        """Look at base poses for arms and their grasp candidates.
+        """Find base poses for arms and their grasp candidates.
 
-        ``lifted`` tells where the torso may be with the rest of the robot as it is. ``least`` and ``rows`` bound the
-        rows of the maps by score, and by number for each torso position.
+        ``lifted`` selects the torso positions possible with the rest of the robot as it is. ``least`` and ``rows``
+        bound the map rows by score, and by number per torso position.
         """
         for number, (arm, candidates, _) in enumerate(hands):
-            # those of one class, roll and height use the same rows of a map
-            alike: dict[tuple[float, int, int], list[int]] = {}
+            # candidates of one class, roll and height use the same map rows
+            groups: dict[tuple[float, int, int], list[int]] = {}
             heights = candidates.points[:, 2].round(6).tolist()
             kinds = zip(heights, candidates.grasps.tolist(), candidates.rolls.tolist(), strict=True)
             for candidate, kind in enumerate(kinds):
-                alike.setdefault(kind, []).append(candidate)
-            for (z, grasp, roll), mine in alike.items():
+                groups.setdefault(kind, []).append(candidate)
+            for (z, grasp, roll), mine in groups.items():
                 chosen = inverse(arm, CLASSES[grasp]).rows(z, roll, least, rows)
                 chosen = chosen.of(lifted(arm, chosen.torsos))
-                for some in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
-                    index = np.array(mine[some], np.intp)
+                for part in blocks(len(mine), max(1, AT_ONCE // max(len(chosen.row), 1))) if len(chosen.row) else ():
+                    index = np.array(mine[part], np.intp)
                     self._look_up(number, candidates, index, chosen)
 
     def best(self, each: int, most: int, misses: Misses | None) -> tuple[BaseCandidates, int]:
-        """Return base poses in the order of arms and grasp candidates, and how many were refused as ``misses`` tells.
+        """Select base poses in the order of arms and grasp candidates, and count those that ``misses`` rejects.
 
-        Of a grasp candidate ``each`` are kept, those with the best score, well spread. ``most`` are wanted in all: more
-        are kept only of the rank of the last, among those of its candidate.
+        Of each candidate the ``each`` best are kept, well spread; of all, about ``most``: up to the rank that completes
+        that number.
         """
         if misses is not None:
             parts = [replace(part, factors=part.factors.copy()) for part in self._parts]
@@ -319,33 +320,33 @@ class Inversion:
         return self._known[each, most], 0
 
     def _look_up(self, number: int, candidates: GraspCandidates, index: Indices, chosen: Rows) -> None:
-        """Look up at once how good all rows (n) are for some candidates, and keep those that have room."""
+        """Rate all rows (n) for some candidates at once, and keep those with room."""
         places = chosen.places
         v = chosen.v[places.first]
         near = self.room.has_room(candidates.points[index, :2], *places.away)
-        some = index[near]
-        looked = self.room.looked_up(candidates.points[some, :2], candidates.headings[some], v)
+        roomy = index[near]
+        clearance_score = self.room.looked_up(candidates.points[roomy, :2], candidates.headings[roomy], v)
         free = np.zeros(len(index), np.intp)
-        free[near] = (looked > 0).astype(np.float64) @ places.sizes
+        free[near] = (clearance_score > 0).astype(np.float64) @ places.sizes
         self.without_room += int(np.minimum(len(chosen.row) - free, COUNTED).sum())
         if self.show is not None:
-            taken = np.ones((len(index), len(v)), bool)
-            taken[near] = looked <= 0
-            entry, place = (one[:: 1 + int(taken.sum()) // SHOWN] for one in _entries(taken))
+            blocked = np.ones((len(index), len(v)), bool)
+            blocked[near] = clearance_score <= 0
+            entry, place = (one[:: 1 + int(blocked.sum()) // SHOWN] for one in _entries(blocked))
             self.show(NO_ROOM, _bases(candidates, index[entry], chosen, places.first[place]))
         for candidate in index[free == 0].tolist():
             score = float(candidates.weights[candidate]) * float(chosen.score[0])
             base = _bases(candidates, np.array([candidate]), chosen, np.zeros(1, int))[0]
             self._crowded.append((number, candidate, score, base))
         if free.any():
-            part = _Part(number, candidates, index[free > 0], chosen, looked[free[near] > 0])
+            part = _Part(number, candidates, index[free > 0], chosen, clearance_score[free[near] > 0])
             for reason, weigh in self.conjuncts:
                 self.refused[reason] += part.weigh(weigh, None if self.show is None else partial(self.show, reason))
             self._parts.append(part)
 
 
 def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indices) -> Array:
-    """Return bases (m, 3) from which candidates (m,) are reached by rows (m,)."""
+    """Compute bases (m, 3) from which candidates (m,) are reached by rows (m,)."""
     c, s = np.cos(candidates.headings)[index], np.sin(candidates.headings)[index]
     x, y = chosen.v[row, 0], chosen.v[row, 1]
     points = candidates.points[index]
@@ -357,22 +358,22 @@ def _bases(candidates: GraspCandidates, index: Indices, chosen: Rows, row: Indic
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """Base poses for some grasp candidates of an arm, given by what is the same with the torso at any height."""
+    """Base poses for some grasp candidates of an arm, in terms that do not depend on the torso's height."""
 
     arm: int
     candidates: GraspCandidates
     index: Indices
-    """Numbers of the candidates (w,)."""
+    """Indices of the candidates (w,)."""
     rows: Rows
     factors: Array
-    """How good the places of the rows are for each, (w, u): 0 for those that will not do."""
+    """Weights of the rows' places for each candidate, (w, u): 0 for rejected ones."""
 
     def sizes(self) -> Indices:
-        """Return how many base poses each candidate has (w,)."""
+        """Count the base poses of each candidate (w,)."""
         return ((self.factors > 0).astype(np.float64) @ self.rows.places.sizes).astype(np.intp)
 
     def weigh(self, weigh: Weigh, show: Callable[[Array], object] | None = None) -> int:
-        """Multiply factors by what is said of bases, return how many are refused, as counted, and show some."""
+        """Multiply factors by weights of bases; return the (bounded) number of rejected ones, and show some."""
         places = self.rows.places
         candidate, place = _entries(self.factors)
         bases = _bases(self.candidates, self.index[candidate], self.rows, places.first[place])
@@ -384,21 +385,21 @@ class _Part:
         return int(np.minimum(np.bincount(candidate[refused], places.sizes[place[refused]]), COUNTED).sum())
 
     def best(self, each: int, last: int) -> BaseCandidates:
-        """Return those of the best of ``each`` candidate, well spread, that are no worse than the ``last`` rank."""
+        """Select the best base poses of each candidate, well spread: at most ``each``, none below the ``last`` rank."""
         candidate, row, scores = self._scored(8 * each)
-        # candidates are told apart by twice their number: scores are less than 1
+        # sort by candidate, then score, in one key: scores are less than 1
         order = np.argsort(2.0 * candidate + (TIE * row - scores))
         candidate, row, scores = candidate[order], row[order], scores[order]
         number, starts = np.arange(len(candidate)), np.searchsorted(candidate, np.arange(len(self.index) + 1))
-        square, several = self.rows.places.squares
-        squared = candidate * several + square[row]
-        best = np.zeros(len(self.index) * several, np.intp)
-        best[squared[::-1]] = number[::-1]
-        first = best[squared] == number
-        # of each candidate first the best of the squares, then the others
-        before = np.append(0, np.cumsum(first))
+        square, count = self.rows.places.squares
+        key = candidate * count + square[row]
+        best_of_square = np.zeros(len(self.index) * count, np.intp)
+        best_of_square[key[::-1]] = number[::-1]
+        is_best = best_of_square[key] == number
+        # rank the best of each square first, then the others
+        before = np.append(0, np.cumsum(is_best))
         better, bests = before[:-1] - before[starts[candidate]], np.diff(before[starts])[candidate]
-        rank = np.where(first, better, bests + number - starts[candidate] - better)
+        rank = np.where(is_best, better, bests + number - starts[candidate] - better)
         kept = np.flatnonzero(rank <= min(each - 1, last))
         kept = kept[np.argsort(starts[candidate[kept]] + rank[kept])]
         which, row = self.index[candidate[kept]], row[kept]
@@ -409,7 +410,7 @@ class _Part:
         )
 
     def _scored(self, most: int) -> tuple[Indices, Indices, Array]:
-        """Return base poses by number of the candidate, row and score; of each candidate the best ``most``, or all."""
+        """List base poses by candidate, row and score; of each candidate the best ``most``, or all."""
         weights, places = self.candidates.weights[self.index], self.rows.places
         if most < len(self.rows.row):
             scores = self.factors[:, places.same] * self.rows.score
@@ -426,48 +427,47 @@ class _Part:
 
 
 def _best(parts: Sequence[_Part], each: int, most: int) -> BaseCandidates:
-    """Return the best base poses of some parts, as :meth:`Inversion.best` does."""
+    """Select the best base poses of all parts (see :meth:`Inversion.best`)."""
     if not parts:
         return BaseCandidates()
     sizes = np.minimum(np.concatenate([part.sizes() for part in parts]), each)
     last = last_rank(len(sizes) - np.cumsum(np.bincount(sizes, minlength=1)), most)
-    found = BaseCandidates.joined([part.best(each, last) for part in parts])
-    return found.chosen(np.lexsort((found.candidates, found.arms)))
+    joined = BaseCandidates.joined([part.best(each, last) for part in parts])
+    return joined.chosen(np.lexsort((joined.candidates, joined.arms)))
 
 
 def _entries(scores: Array) -> tuple[Indices, Indices]:
-    """Return rows and columns of scores (w, n) that are not 0; numpy finds them faster in one row."""
+    """Find rows and columns of nonzero scores (w, n); numpy is faster on flat arrays."""
     candidate, row = np.divmod(np.flatnonzero(scores.ravel() != 0.0), scores.shape[1])
     return candidate, row
 
 
 def blocks(count: int, size: int) -> Iterator[slice]:
-    """Yield slices of so many rows, one after another."""
+    """Yield slices of ``size`` rows, one after another."""
     for first in range(0, count, size):
         yield slice(first, min(first + size, count))
 
 
 FINER = 2
-"""Base poses on the side of a cell, and headings for each of a map: what is moved by less than the distance of a map's
-base poses can mostly be reached from its postures.
-"""
+"""Divisions of a cell's side and of the angle between headings. Base poses moved by less than the lattice spacing are
+mostly reachable with the map's postures."""
 HALF = 1 << 12
 """More cells than a base pose is away in any direction."""
 
 
 def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float, most: int) -> BaseCandidates:
-    """Return candidates moved to the nearest point with room of a lattice around ``middle`` (2,), turned by ``yaw``.
+    """Move candidates to the nearest free point of a lattice around ``middle`` (2,), turned by ``yaw``.
 
-    Of each grasp candidate the best are moved, no more than ``most`` in all. Those without room nearby are left out, of
-    those that become equal all but the best.
+    The best of each grasp candidate are moved, at most ``most`` in all. Those without room nearby are dropped, and of
+    those that coincide only the best is kept.
     """
-    found = found.chosen(np.sort(np.lexsort((-found.scores.round(9), found.ranks))[:most]))
+    best = found.chosen(np.sort(np.lexsort((-found.scores.round(9), found.ranks))[:most]))
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, s], [-s, c]])
     angle = 2 * math.pi / (FINER * YAWS)
-    local = (found.bases[:, :2] - middle) @ turn.T / FLOOR_CELL
+    local = (best.bases[:, :2] - middle) @ turn.T / FLOOR_CELL
     cells = np.rint(local + HAIR).astype(np.int64)
-    headings = np.rint((found.bases[:, 2] - yaw) / angle + HAIR).astype(np.int64) % (FINER * YAWS)
+    headings = np.rint((best.bases[:, 2] - yaw) / angle + HAIR).astype(np.int64) % (FINER * YAWS)
     keys = ((cells[:, 0] + HALF) * 2 * HALF + cells[:, 1] + HALF) * FINER * YAWS + headings
     _, first, index = np.unique(keys, return_index=True, return_inverse=True)
     inner = (np.arange(FINER) - (FINER - 1) / 2) / FINER
@@ -477,17 +477,17 @@ def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float
         [spots, np.broadcast_to((headings[first] * angle + yaw)[:, None, None], (*spots.shape[:2], 1))], axis=2
     )
     free = floor.holds(bases.reshape(-1, 3)).reshape(bases.shape[:2])
-    away = np.linalg.norm(local[:, None] - cells[:, None] - corners, axis=2).round(9)
-    away = np.where(free[index], away, np.inf)
-    rows, nearest = np.arange(len(found)), np.argmin(away, axis=1)
-    kept = np.flatnonzero(np.isfinite(away[rows, nearest]))
+    distances = np.linalg.norm(local[:, None] - cells[:, None] - corners, axis=2).round(9)
+    distances = np.where(free[index], distances, np.inf)
+    rows, nearest = np.arange(len(best)), np.argmin(distances, axis=1)
+    kept = np.flatnonzero(np.isfinite(distances[rows, nearest]))
     index, nearest = index[kept], nearest[kept]
-    moved = replace(found.chosen(kept), bases=bases[index, nearest])
+    moved = replace(best.chosen(kept), bases=bases[index, nearest])
     return _distinct(moved, index * FINER**2 + nearest)
 
 
 def _distinct(found: BaseCandidates, place: Array) -> BaseCandidates:
-    """Return, of candidates with the same arm, candidate, base pose (m,) and torso the best one, ranked anew."""
+    """Keep the best of candidates with equal arm, candidate, base pose (m,) and torso, and rank them anew."""
     order = np.lexsort((-found.scores.round(9), found.torsos, place, found.candidates, found.arms))
     keys = np.column_stack([found.arms, found.candidates, place, found.torsos])[order]
     first = np.append(True, (np.diff(keys, axis=0) != 0).any(axis=1))[: len(keys)]

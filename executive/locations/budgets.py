@@ -1,4 +1,4 @@
-"""Bounds of searches for base poses, one after the other until something is found."""
+"""Budgets of searches for base poses, used one after the other until something is found."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ from executive.locations.hand_predicates import Stage
 from planlang.records import dataclass
 
 ALL = 1_000_000
-"""More rows than a map has, more base poses than a candidate."""
+"""More than the rows of any map, and the base poses of any candidate."""
 
 
 @dataclass(frozen=True, slots=True)
 class SearchBudget:
-    """Bounds of one search."""
+    """Budget of one search."""
 
     stage: Stage
     least: float
-    """Score of a map's rows that are used."""
+    """Smallest score of map rows to use."""
     rows: int
-    """So many of them for each height of the torso."""
+    """Number of rows per height of the torso."""
     each: int
-    """Base poses of one candidate."""
+    """Base poses per candidate."""
     most: int
-    """Base poses in all."""
+    """Base poses in total."""
     block: int
-    """Base poses whose inverse kinematics is solved at once."""
+    """Base poses per call of inverse kinematics."""
     exact: int
-    """Base poses that are validated exactly."""
+    """Base poses to validate exactly."""
     then: SearchBudget | None = None
-    """Bounds for base poses between those of the maps, when there is nothing at these: no more is looked for then."""
+    """Budget for base poses off the maps' lattice, tried if those on it fail; the search ends there."""
 
     @property
     def fine(self) -> bool:
-        """Return True if not only natural candidates are looked at."""
+        """Whether more than natural candidates are considered."""
         return self.stage > Stage.NATURAL
 
 
@@ -43,4 +43,4 @@ BUDGETS = (
     SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=128, exact=500, then=BETWEEN),
 )
 EASY = 3
-"""Number of the first of them that suffice to find out whether a change of the map would do."""
+"""Number of budgets with which to test whether a change of the map would help."""

@@ -1,4 +1,4 @@
-"""Candidates in columns: arrays of which each has one row for each candidate, chosen and joined together."""
+"""Tables of candidates: parallel arrays with one row per candidate, which are selected and joined together."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """Base class of tables: its fields that are arrays are the columns, the others apply to all rows."""
+    """Base class of tables: array fields are the columns, other fields apply to all rows."""
 
     def chosen(self, rows: ArrayLike) -> Self:
-        """Return some of the rows, by indices or a mask."""
+        """Select rows by indices or a mask."""
         index = np.asarray(rows)
         return replace(self, **{name: getattr(self, name)[index] for name in self._columns()})
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the rows of one or more tables, one after another; all else is that of the first."""
+        """Concatenate the rows of one or more tables; other fields are taken from the first."""
         names = parts[0]._columns()
         return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 

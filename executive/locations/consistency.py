@@ -1,4 +1,4 @@
-"""Locations that mean nothing or contradict themselves, and the distances that relations leave."""
+"""Locations that are meaningless or contradictory, and the bounds that relations imply."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from planlang.relations import RELATIONS, Bounds, Sense, Subject
 
 @dataclass(eq=False, repr=False)
 class LocationMeaningless(LocationUnresolvable):
-    """The description is of no place at all: it means nothing for what is looked for, or contradicts itself.
+    """The description applies to no place: it is meaningless for the subject, or contradicts itself.
 
-    ``parts`` of the message are texts, relations and locations, and tuples with names of relations.
+    ``parts`` of the message are texts, relations, locations, and tuples of relation names.
     """
 
     parts: tuple[object, ...] = field(default=(), kw_only=True)
@@ -26,15 +26,15 @@ class LocationMeaningless(LocationUnresolvable):
     text: ClassVar[str] = "no place is described"
 
     def describe(self) -> str:
-        """Return the parts, relations and locations as Python has them."""
+        """Render the message with relations and locations in Python syntax."""
         return self.worded(str) if self.parts else super().describe()
 
     def details(self) -> dict[str, Any]:
-        """Return the typed fields but for the parts, which the message has."""
+        """List the typed fields without the parts, which make up the message."""
         return {name: value for name, value in super().details().items() if name != "parts"}
 
     def worded(self, words: Callable[[object], str]) -> str:
-        """Return the message; ``words`` writes a relation, a location or the name of a relation."""
+        """Render the message; ``words`` renders a relation, a location or a relation's name."""
         return "".join(
             part if isinstance(part, str) else ", ".join(map(words, part)) if isinstance(part, tuple) else words(part)
             for part in self.parts
@@ -42,12 +42,12 @@ class LocationMeaningless(LocationUnresolvable):
 
 
 def meaningless(about: Relation | Location, *parts: object) -> LocationMeaningless:
-    """Return the failure of a relation or a location that means nothing, with its message in parts."""
+    """Create the failure of a meaningless relation or location, with its message in parts."""
     return LocationMeaningless(designator=str(about), parts=parts)
 
 
 def contradictory(location: Location, *why: object) -> LocationMeaningless:
-    """Return the failure of a conjunction that nothing can satisfy, ``why`` in parts."""
+    """Create the failure of a conjunction that nothing can satisfy, with the reason in parts."""
     return meaningless(location, location, " contradicts itself: ", *why)
 
 
@@ -63,32 +63,32 @@ def bounds(within: float | None, beyond: float | None, default: Bounds) -> Bound
 
 
 def check_consistent(location: Location, subject: Subject) -> None:
-    """Raise LocationMeaningless if a relation is asked for and excluded, or if nothing is at all the distances."""
+    """Raise LocationMeaningless if a relation is both required and excluded, or if distances exclude each other."""
     stated = set(location.relations)
     for relation in location.relations:
         if ~relation in stated:
-            asked = ~relation if relation.negated else relation
-            raise contradictory(location, "it asks for ", asked, " and excludes it")
-    distances = {relation: found for relation in location.relations if (found := _distances(relation, subject))}
+            required = ~relation if relation.negated else relation
+            raise contradictory(location, "it both requires and excludes ", required)
+    distances = {relation: limits for relation in location.relations if (limits := _distances(relation, subject))}
     for first, second in permutations(distances, 2):
         if first.reference != second.reference or first.negated:
             continue
         (least, most), (other_least, other_most) = distances[first], distances[second]
         if second.negated:
-            # an area around X that is excluded as a whole
+            # an excluded area around X contains the required one
             inside = other_least <= least and most <= other_most
             if _is_round_about(first, subject) and _is_round_about(second, subject) and inside:
                 raise contradictory(location, ~second, " holds wherever ", first, " does")
             continue
-        # distances on a side are measured square to it, those round about to the nearest point: never less
+        # distances on a side are measured perpendicular to it, others to the nearest point, so these are never longer
         if least > other_most and (_is_round_about(second, subject) or second.name == first.name):
-            raise contradictory(location, first, " and ", second, " leave no distance")
+            raise contradictory(location, first, " and ", second, " leave no possible distance")
         if RELATIONS[first.name].is_opposite(RELATIONS[second.name]):
             raise contradictory(location, first, " and ", second, " are opposite sides")
 
 
 def _distances(relation: Relation, subject: Subject) -> Bounds | None:
-    """Return the bounds of a relation as they are stated or usual, None for one without."""
+    """Bounds of a relation, stated or usual; None for one without distances."""
     meaning = RELATIONS[relation.name].meaning(subject)
     if meaning is None or meaning.bounds is None:
         return None
@@ -96,6 +96,6 @@ def _distances(relation: Relation, subject: Subject) -> Bounds | None:
 
 
 def _is_round_about(relation: Relation, subject: Subject) -> bool:
-    """Return whether the distance is all that a relation says."""
+    """Check whether a relation consists of a distance only."""
     meant = RELATIONS[relation.name]
     return meant.sense(subject) is Sense.AREA and not meant.directions

@@ -1,4 +1,4 @@
-"""Candidates for what a hand does with a thing in it: hold it over something, offer it, put it down."""
+"""Candidates for what a hand does with a held thing: hold it over something, offer it, put it down."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 
 SHARES = (0.4, 0.15, 0.75)
-"""Heights above a surface that are tried, as shares of what is allowed."""
+"""Heights above a surface to try, as shares of the allowed range."""
 ARM_ROOM = 0.45
-"""Largest reach of a hand over the edge of a surface for a place over it [m]."""
+"""Greatest distance that a hand reaches beyond the edge of a surface [m]."""
 COMFORTABLE = 0.2
-"""Distance inside a comfort zone from which a place is as good as can be (see :meth:`ComfortZone.margins`)."""
+"""Distance inside a comfort zone at which a place is optimal (see :meth:`ComfortZone.margins`)."""
 LEANING = 0.7
-"""Weight of offering a thing that leans, beside one that is as it stood."""
+"""Weight of offering a thing tilted, relative to level."""
 PARTICULAR, POOREST = 4, 0.001
-"""Power of a spot's score, beside that of the best one, that is the weight of what is put there, and the least one."""
+"""Power of a spot's score, relative to the best, that gives the weight of a candidate, and the smallest weight."""
 
 
 def held_above(
@@ -47,10 +47,10 @@ def held_above(
     inset: float,
     fine: bool,
 ) -> GraspCandidates:
-    """Return candidates level over the block's top, so that what is held comes down whole on it; near the edges first.
+    """Generate level candidates over the block's top, so that a released thing lands whole on it; near the edges first.
 
-    ``heights``: of the lowest point over the top, least and greatest [m]; ``lowest``: where that is, relative to the
-    tip, for rotations (m, 3, 3); ``inset``: how far from the edges an empty hand stays [m].
+    ``heights``: least and greatest height of the lowest point above the top [m]; ``lowest``: that point's height
+    relative to the tip for rotations (m, 3, 3); ``inset``: distance that an empty hand keeps from the edges [m].
     """
     places = block.grid(0.1 if fine else 0.2, (max(held.size[:2]) / 2 if held else inset) + 0.03)
     count = HEADINGS if fine else HEADINGS // 2
@@ -58,29 +58,29 @@ def held_above(
     over = _over_the_edge(block, places, turns)
     at, turn = np.nonzero(over <= ARM_ROOM)
     low, high = heights
-    found = []
+    tables = []
     for share in SHARES if fine else SHARES[:1]:
         weights = np.exp(-((over[at, turn] / 0.3) ** 2)) * (1.0 if share == SHARES[0] else 0.8)
         points = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
-        found.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
-    return GraspCandidates.joined(found).best(1200 if fine else 64)
+        tables.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
+    return GraspCandidates.joined(tables).best(1200 if fine else 64)
 
 
 def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
-    """Return how far inside the edge places (m, 2) are, along each heading (h,) of the hand, (m, h)."""
+    """Distances of places (m, 2) from the edge, against each heading (h,) of the hand, (m, h)."""
     local = block.to_local(places)
-    candidates = headings - block.yaw
-    back = -np.stack([np.cos(candidates), np.sin(candidates)], axis=1)
+    local_headings = headings - block.yaw
+    back = -np.stack([np.cos(local_headings), np.sin(local_headings)], axis=1)
     half = np.array([block.half_x, block.half_y])
     with np.errstate(divide="ignore", invalid="ignore"):
-        out = (np.sign(back)[None] * half - local[:, None]) / back[None]
-    return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, out).min(axis=2))
+        distance = (np.sign(back)[None] * half - local[:, None]) / back[None]
+    return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, distance).min(axis=2))
 
 
 def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
-    """Return candidates with what is held inside the person's comfort zone, coming from where they face.
+    """Generate candidates with the held thing inside the person's comfort zone, from the side that they face.
 
-    What is held is level; if it may lean as it likes, the hand may be level instead.
+    The thing is level; if its tilt is unrestricted, the hand may be level instead.
     """
     points = zone.points()
     points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
@@ -88,12 +88,12 @@ def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, 
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))
     weights = (1.0 - 0.2 * np.abs(turns[turn])) * np.clip(zone.margins(points)[at] / COMFORTABLE, 0.05, 1.0)
     headings = zone.heading + math.pi + turns[turn]
-    found = [_level(f"offer to {name}", points[at], headings, weights, frame, held)]
+    tables = [_level(f"offer to {name}", points[at], headings, weights, frame, held)]
     if held is not None and held.largest_tilt is None:
         level = _level(f"offer to {name}", points[at], headings, LEANING * weights, frame, None)
         places = np.tile(points[at], (len(level) // len(at), 1))
-        found.append(replace(level, points=places - held.offsets(level.rotations)))
-    return GraspCandidates.joined(found).best(1200 if fine else 64)
+        tables.append(replace(level, points=places - held.offsets(level.rotations)))
+    return GraspCandidates.joined(tables).best(1200 if fine else 64)
 
 
 def placing(
@@ -107,11 +107,10 @@ def placing(
     is_round: bool,
     fine: bool,
 ) -> GraspCandidates:
-    """Return candidates down onto a place for what is held, and back from it: as a whole upright at one of ``spots``.
+    """Generate candidates that lower a held thing, upright, onto one of ``spots``, and retreat.
 
-    These (n, 4) are its places and yaws, with so much room above (n,) [m], from where the hand puts it down. The better
-    the score of one (n,), the more natural it is. What is round may be turned as one likes, anything else only by half
-    a turn.
+    Spots (n, 4) are places and yaws of the thing, with ``rooms`` (n,) [m] above, from where the hand lowers it. The
+    better the score of a spot (n,), the more natural it is. Round things may be turned freely, others by half a turn.
     """
     count = 2 if not is_round else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
@@ -143,9 +142,9 @@ def _level(
     held: Held | None,
     lowest: Callable[[Array], Array] | None = None,
 ) -> GraspCandidates:
-    """Return candidates level, with either roll, or what it holds upright, its middle at places (m, 3).
+    """Generate candidates with a level hand in either roll, or an upright held thing, its centre at places (m, 3).
 
-    With ``lowest`` (see :func:`held_above`) it is the lowest point of hand and held object whose height they say.
+    With ``lowest`` (see :func:`held_above`) the places' heights are those of the lowest point of hand and held thing.
     """
     count = len(places)
     still = np.zeros((count, 1, 3))
@@ -173,11 +172,11 @@ def _level(
 
 
 def _raised(points: Array, lowest: Array) -> Array:
-    """Return points (m, 3) higher by as much as the lowest point is below them (m,)."""
+    """Raise points (m, 3) by the depth of the lowest point below them (m,)."""
     return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
 def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:
-    """Return a tip rotation that keeps what is held as it stands, and its class, heading and roll."""
+    """Tip rotation that keeps a held thing in its original orientation, with its class, heading and roll."""
     base: Array = held.pose.matrix()[:3, :3].T
     return (base, *classified(base, frame))

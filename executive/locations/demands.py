@@ -1,7 +1,7 @@
-"""The demands of a location on a base, a hand or a thing, bound to the bodies of the planning scene.
+"""Demands of a location on a base, a hand or a thing, bound to bodies of the planning scene.
 
-The senses of :mod:`planlang.relations` become areas of the floor, things to see, and reaches: what a hand has to do.
-Relations without a meaning, and conjunctions that contradict themselves, are refused.
+The senses of :mod:`planlang.relations` become areas of the floor, things to see, and reaches, which are tasks of a
+hand. Meaningless relations and contradictory conjunctions are rejected.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from planlang.records import dataclass
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
 
 Viewer = tuple[float, float]
-"""The position of a viewer in the map [m]."""
+"""Position of a viewer in the map [m]."""
 HIGHEST = 1.0
-"""Largest height of a hand above the least one, where nothing bounds it [m]: no arm here reaches farther."""
+"""Greatest height of a hand above the least one if nothing limits it [m]: no bundled arm reaches farther."""
 
 
 class ReachKind(Enum):
-    """Purpose of a hand pose, in the order in which one of several conjuncts makes the poses that the others filter."""
+    """Purpose of a hand pose, by precedence: the first of several conjuncts generates poses, the others filter."""
 
     RETREAT = "retreat"
-    """Go back, raised, with what it holds."""
+    """Retreat, raised, with the held thing."""
     GRASP = "grasp"
     OFFER = "offer"
     """Hold something where a person takes it."""
@@ -42,7 +42,7 @@ ORDER = tuple(ReachKind)
 
 
 class HandTerm(NamedTuple):
-    """One conjunct about a hand: relation, body, greatest and least distance if they are stated, whether negated."""
+    """Conjunct about a hand: relation, body, greatest and least distance if stated, and negation."""
 
     name: str
     body: str
@@ -50,62 +50,62 @@ class HandTerm(NamedTuple):
     beyond: float | None = None
     negated: bool = False
     viewer: Viewer | None = None
-    """Whose left and right is meant, where the body has no front of its own."""
+    """Whose left and right is meant if the body has no front of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """A task of a hand about one body."""
+    """Task of a hand with respect to one body."""
 
     kind: ReachKind
     body: str
     grasp: str | None = None
-    """The class of grasp that is asked for."""
+    """Required grasp class."""
     arms: tuple[str, ...] | None = None
     """Names of the arms that may do it; None: all."""
     heights: Bounds = HEIGHTS
-    """Bounds of the lowest point's height over the body's top, for ABOVE [m]."""
+    """For ABOVE: bounds of the lowest point's height above the body's top [m]."""
     inside: bool = False
-    """True for PLACE in the body, not on it."""
+    """For PLACE: True in the body, False on it."""
     also: tuple[HandTerm, ...] = ()
-    """Other conjuncts that the hand has to satisfy."""
+    """Other conjuncts for the hand."""
     before: bool = False
-    """For GRASP and RETREAT: where the hand stands before the thing, not at it, is where that holds."""
+    """For GRASP and RETREAT: True if these apply to the pre-grasp pose instead of the grasp pose."""
     then: tuple[Reach, ...] = ()
-    """For GRASP: what hands do with the thing later, which the grip has to serve."""
+    """For GRASP: later tasks of hands with the thing, which the grip has to suit."""
 
 
 @dataclass(frozen=True, slots=True)
 class BaseDemand:
-    """The demands of a location on the base, each conjunct once."""
+    """Demands of a location on the base, without duplicates."""
 
     reaches: tuple[Reach, ...] = ()
     seen: tuple[str, ...] = ()
     areas: tuple[Area | Facing | Clear, ...] = ()
     unreached: tuple[Reach, ...] = ()
-    """The reaches that must not be possible."""
+    """Reaches that must not be possible."""
     unseen: tuple[str, ...] = ()
     remembered: tuple[str, ...] = ()
-    """Things to be handled that need not be seen from there: they are looked at before."""
+    """Things to be handled that need not be visible from there: they are looked at before."""
 
 
 @dataclass(frozen=True, slots=True)
 class ThingDemand:
-    """The demands of a location on an object: one of where it rests, and areas."""
+    """Demands of a location on an object: at most one place to rest, and areas."""
 
     on: str | None = None
     inside: str | None = None
     areas: tuple[Area, ...] = ()
     people: tuple[tuple[str, bool], ...] = ()
-    """Persons in whose comfort zone it is, or (False) is not."""
+    """Persons whose comfort zone contains it, or (False) does not."""
     neither: tuple[tuple[str, bool], ...] = ()
     """Bodies on which, or (True) in which, it does not rest."""
 
 
 def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> BaseDemand:
-    """Return what a location asks of the base; raises LocationMeaningless if that is nothing, or contradictory.
+    """Derive the demands of a location on the base; raises LocationMeaningless if none, or contradictory.
 
-    ``viewer``: whose left and right is meant where a thing has no front.
+    ``viewer``: whose left and right is meant if a thing has no front.
     """
     check_consistent(location, "base")
     viewer = viewpoint(location, scene) or viewer
@@ -139,39 +139,38 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
             case _:
                 raise _without_meaning(relation, "base")
     if not (reaches or unreached or seen or unseen or areas):
-        raise meaningless(location, location, " says from where something is seen, but not what")
+        raise meaningless(location, location, " states a viewpoint, but no relation")
     return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
 
 
 def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Reach:
-    """Return what a location asks of a hand; raises LocationMeaningless for what means nothing, and for a posture."""
+    """Derive the task of a hand; raises LocationMeaningless for meaningless locations, and for postures."""
     if not location.relations:
-        raise meaningless(location, location, " is no place of a hand")
+        raise meaningless(location, location, " states no place for a hand")
     check_consistent(location, "hand")
-    made: dict[HandTerm, Reach] = {}
+    reach_of: dict[HandTerm, Reach] = {}
     terms = hand_terms(location, scene, viewer)
     relations = [relation for relation in location.relations if not _is_viewpoint(relation)]
     for relation, term in zip(relations, terms, strict=True):
-        if not relation.negated and (reach := _made(relation, term.body, location, scene)) is not None:
-            made[term] = reach
-    if not made:
-        made = _beside(terms, scene)
-    if not made:
+        if not relation.negated and (reach := _reach_for(relation, term.body, location, scene)) is not None:
+            reach_of[term] = reach
+    if not reach_of:
+        reach_of = _beside(terms, scene)
+    if not reach_of:
         for relation, term in zip(relations, terms, strict=True):
             if RELATIONS[relation.name].sense("hand") is Sense.PRE_GRASP and not relation.negated:
-                said = f" is where a hand waits to take {term.body}, which "
                 why = scene.bodies.ungraspable(term.body)
-                failure = meaningless(relation, relation, f"{said}{why}")
+                failure = meaningless(relation, relation, f" is the pre-grasp pose of {term.body}, which {why}")
                 widest = max((arm.max_opening for arm in scene.arms.all), default=0.0)
                 failure.figures = f"{term.body} {why} (the hands of {scene.robot.name} open to {widest:g} m)"
                 raise failure
         filters = (Sense.AREA, Sense.VIEWPOINT)
         needed = tuple(name for name in meaningful("hand") if RELATIONS[name].sense("hand") not in filters)
-        raise meaningless(location, location, " does not say what the hand is at: it needs one of ", needed)
-    # what is put on one thing may be before another one, or in reach of a person
-    first = min(made.values(), key=lambda reach: (reach.kind is not ReachKind.PLACE, ORDER.index(reach.kind)))
-    also = tuple(dict.fromkeys(term for term in terms if made.get(term) != first))
-    senses = {RELATIONS[term.name].sense("hand") for term, reach in made.items() if reach == first}
+        raise meaningless(location, location, " does not state what the hand is at: it needs one of ", needed)
+    # a thing put on one body may also be in front of another, or in reach of a person
+    first = min(reach_of.values(), key=lambda reach: (reach.kind is not ReachKind.PLACE, ORDER.index(reach.kind)))
+    also = tuple(dict.fromkeys(term for term in terms if reach_of.get(term) != first))
+    senses = {RELATIONS[term.name].sense("hand") for term, reach in reach_of.items() if reach == first}
     before = bool(also) and Sense.PRE_GRASP in senses and Sense.GRASP_POINT not in senses
     arms = _arms(location, scene.arms)
     if first.kind is ReachKind.OFFER:
@@ -180,20 +179,20 @@ def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Rea
 
 
 def _beside(terms: Sequence[HandTerm], scene: PlanningScene) -> dict[HandTerm, Reach]:
-    """Return where a hand puts what it holds beside something: on what that stands on; nothing for an empty hand."""
+    """Find where a hand puts a held thing beside something: on what that stands on; empty for an empty hand."""
     if not any(scene.arms.held(arm.name) for arm in scene.arms.all):
         return {}
-    meant = ((term, RELATIONS[term.name].thing) for term in terms if not term.negated)
-    near = (term.body for term, sense in meant if sense and sense.bounds and sense.bounds[1] < float("inf"))
+    positive = ((term, RELATIONS[term.name].thing) for term in terms if not term.negated)
+    near = (term.body for term, sense in positive if sense and sense.bounds and sense.bounds[1] < float("inf"))
     supports = (scene.bodies.support(body) for body in near)
     return {HandTerm("on", on): Reach(ReachKind.PLACE, on) for on in supports if on is not None}
 
 
 def viewpoint(location: Location, scene: PlanningScene) -> Viewer | None:
-    """Return from where a location says that its left and right are seen; None if it does not say."""
+    """Find the stated viewpoint of a location for left and right, if there is one."""
     for relation in filter(_is_viewpoint, location.relations):
         if relation.negated or not isinstance(relation.reference, Object):
-            raise meaningless(relation, relation, " is no place from which something is seen")
+            raise meaningless(relation, relation, " is no valid viewpoint")
         block = scene.bodies.block(_body(relation, relation.reference, scene.bodies))
         return block.x, block.y
     return None
@@ -204,7 +203,7 @@ def _is_viewpoint(relation: Relation) -> bool:
 
 
 def hand_terms(location: Location, scene: PlanningScene, viewer: Viewer) -> tuple[HandTerm, ...]:
-    """Return what each conjunct of a location says of a hand; raises LocationMeaningless for what means nothing."""
+    """List the conjuncts of a location about a hand; raises LocationMeaningless for meaningless ones."""
     terms = []
     bodies, viewer = scene.bodies, viewpoint(location, scene) or viewer
     for relation in location.relations:
@@ -213,15 +212,15 @@ def hand_terms(location: Location, scene: PlanningScene, viewer: Viewer) -> tupl
         if not isinstance(relation.reference, Object) or RELATIONS[relation.name].hand is None:
             raise _without_meaning(relation, "hand")
         body = _body(relation, relation.reference, bodies)
-        from_there = viewer if RELATIONS[relation.name].directions and bodies.front(body) is None else None
-        terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, from_there))
+        term_viewer = viewer if RELATIONS[relation.name].directions and bodies.front(body) is None else None
+        terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, term_viewer))
     return tuple(terms)
 
 
 def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: Viewer) -> ThingDemand:
-    """Return what a location asks of an object, given by its name; raises LocationMeaningless as above.
+    """Derive the demands of a location on an object, given by name; raises LocationMeaningless as above.
 
-    Nothing is in a relation to itself; only what is in a hand can be near to, or far from, where it was taken.
+    Nothing is in a relation to itself; only a held thing can be near to, or far from, where it was taken.
     """
     check_consistent(location, "thing")
     bodies, viewer = scene.bodies, viewpoint(location, scene) or viewer
@@ -240,10 +239,10 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
             raise _without_meaning(relation, "thing")
         body = _body(relation, relation.reference, bodies)
         if meaning.sense is Sense.REACH and not bodies.is_person(body):
-            only = (" means nothing for an object: only ", (relation.name,), f" a person does, and {body} is none")
+            only = (" means nothing for an object: it takes a person, and ", f"{body} is not a person")
             raise meaningless(relation, relation, *only)
         if body == thing and not (taken and meaning.sense is Sense.AREA):
-            raise meaningless(relation, relation, f" means nothing for {thing} itself: other things tell a place")
+            raise meaningless(relation, relation, f" relates {thing} to itself: state its place by other things")
         match meaning.sense:
             case Sense.SUPPORT if not relation.negated:
                 on.append(body)
@@ -258,15 +257,16 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
                 if meaning.bounds is not None and meaning.bounds[1] < float("inf"):
                     near.append(body)
     if len({*on, *inside}) > 1:
-        raise contradictory(location, f"a thing rests in one place, not in {' and '.join(dict.fromkeys(on + inside))}")
-    if not on and not inside and not people:  # beside something is on what that stands on
+        supports = " and ".join(dict.fromkeys(on + inside))
+        raise contradictory(location, f"a thing can rest in one place only, not in {supports}")
+    if not on and not inside and not people:  # a thing beside a body rests on that body's support
         on.extend(support for body in near if (support := bodies.support(body)) is not None)
     where = on[0] if on else None, inside[0] if inside else None
     return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
 
 
 def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
-    """Return what PLACE asks of the object that the hand holds, given by its name."""
+    """Derive the demands of PLACE on the held object, given by name."""
     radius = max(scene.bodies.size(thing)[:2]) / 2
     areas: list[Area] = []
     people: list[tuple[str, bool]] = []
@@ -285,7 +285,7 @@ def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
 
 
 def area_of_term(term: HandTerm, usual: Bounds, scene: PlanningScene, radius: float = 0.0) -> Area:
-    """Return the area that a conjunct means for an outline of a radius [m]; ``usual`` bounds hold if it has none."""
+    """Create the area of a conjunct for an outline of a radius [m]; ``usual`` bounds apply if it states none."""
     return area_of(
         in_words(term.name, term.body, negated=term.negated),
         term.body,
@@ -300,7 +300,7 @@ def area_of_term(term: HandTerm, usual: Bounds, scene: PlanningScene, radius: fl
 
 
 def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, str]:
-    """Return whose left, right, front and back is meant, for each conjunct that names a side."""
+    """Determine whose left, right, front and back each conjunct refers to: the viewer's or the body's own."""
     named = {term.words: term.body for term in demand.areas if isinstance(term, Area) and term.directions}
     reaches = (*demand.reaches, *demand.unreached) if isinstance(demand, BaseDemand) else ()
     for term in (term for reach in reaches for term in reach.also if RELATIONS[term.name].directions):
@@ -311,18 +311,18 @@ def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, s
 
 
 USES = (ReachKind.OFFER, ReachKind.PLACE)
-"""Tasks of a hand with what it holds for which it matters how it holds it."""
+"""Later tasks that depend on how a thing is held."""
 
 
 def goals_of(body: str, actions: Iterable[Action], scene: PlanningScene) -> list[Location]:
-    """Return where actions around the one that grasps a thing take it later, innermost first."""
+    """List where enclosing actions take a thing after it is grasped, innermost first."""
     goals = ((_goal(action), action.get("object_acted_on")) for action in actions)
-    meant = (goal for goal, what in goals if goal and isinstance(what, Object) and scene.bodies.known(what) == body)
-    return list(dict.fromkeys(meant))
+    matching = (goal for goal, what in goals if goal and isinstance(what, Object) and scene.bodies.known(what) == body)
+    return list(dict.fromkeys(matching))
 
 
 def use_at(goal: Location, body: str, scene: PlanningScene, viewer: Viewer) -> Reach | None:
-    """Return what a hand with a thing does at a goal; None if the goal asks nothing of the grip, or means nothing."""
+    """Derive the task of a hand with a thing at a goal; None if the grip does not matter, or it is meaningless."""
     try:
         reach = hand_demand(goal, scene, viewer)
     except (LocationMeaningless, ObjectUnresolvable):
@@ -331,7 +331,7 @@ def use_at(goal: Location, body: str, scene: PlanningScene, viewer: Viewer) -> R
 
 
 def _goal(action: Action) -> Location | None:
-    """Return where an action leaves what it is about; None if it does not say."""
+    """Location at which an action leaves its object; None if it states none."""
     where, recipient = action.get("to_location"), action.get("recipient")
     if isinstance(where, (Object, Location)):
         return resting_on(where)
@@ -339,11 +339,11 @@ def _goal(action: Action) -> Location | None:
 
 
 CHOSEN = (ReachKind.GRASP, ReachKind.ABOVE, ReachKind.OFFER)
-"""Tasks of a hand that several grasps can do: what it holds already, it holds as it does."""
+"""Tasks for which a grasp can be chosen: a thing in the hand is already held in one way."""
 
 
 def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> Location:
-    """Return the location without arms and grasps that nothing in it uses; raises LocationMeaningless as demands do."""
+    """Remove arms and grasps that nothing in a location uses; raises LocationMeaningless as demands do."""
     uses_device = uses_grasp = False
     relations = []
     for relation in location.relations:
@@ -364,12 +364,12 @@ def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> 
 
 
 def asks_for(location: Location, subject: Subject, sense: Sense) -> bool:
-    """Return whether one of the relations of a location has a sense for a subject."""
+    """Check whether one of a location's relations has a sense for a subject."""
     return any(RELATIONS[relation.name].sense(subject) is sense for relation in location.relations)
 
 
 def in_words(name: str, body: str, *, negated: bool) -> str:
-    """Return a relation to a body as reasons name it."""
+    """Express a relation to a body in words, as reasons state it."""
     words = f"{name.strip('_').replace('_', ' ')} {body}"
     return f"not {words}" if negated else words
 
@@ -383,12 +383,12 @@ def _arms(location: Location, arms: RobotArms) -> tuple[str, ...] | None:
 
 
 def _holding(names: tuple[str, ...] | None, arms: RobotArms) -> tuple[str, ...] | None:
-    """Return the arms that hold something, if any does: an empty hand offers nothing."""
+    """Restrict arms to those that hold something, if any does: an empty hand offers nothing."""
     return tuple(name for name in names or () if arms.held(name) is not None) or names
 
 
 def _reach_of(body: str, location: Location, scene: PlanningScene) -> Reach:
-    """Return what being in reach of a body asks of a hand."""
+    """Derive the task of a hand for being in reach of a body."""
     arms = _arms(location, scene.arms)
     if scene.bodies.is_person(body):
         return Reach(ReachKind.OFFER, body, None, _holding(arms, scene.arms))
@@ -398,8 +398,8 @@ def _reach_of(body: str, location: Location, scene: PlanningScene) -> Reach:
     return Reach(kind, body, location.grasp, arms)
 
 
-def _made(relation: Relation, body: str, location: Location, scene: PlanningScene) -> Reach | None:
-    """Return the reach that a conjunct about a hand is, None for one that only filters."""
+def _reach_for(relation: Relation, body: str, location: Location, scene: PlanningScene) -> Reach | None:
+    """Derive the reach from a conjunct about a hand; None if it only filters."""
     handling = ReachKind.RETREAT if scene.arms.is_held(body) else ReachKind.GRASP
     match RELATIONS[relation.name].hand:
         case None:
@@ -419,22 +419,22 @@ def _made(relation: Relation, body: str, location: Location, scene: PlanningScen
 
 
 def _body(relation: Relation, what: Object, bodies: BelievedBodies) -> str:
-    """Return the body that a relation is to; raises LocationMeaningless if it can be to no such body."""
+    """Bind a relation's reference to a body; raises LocationMeaningless if the relation does not apply to it."""
     body, meant = bodies.bind(what), RELATIONS[relation.name]
-    bodies.block(body)  # refuses what is at no possible pose
+    bodies.block(body)  # raises if its pose is impossible
     if bodies.is_room(body):
         if not meant.of_rooms:
-            raise meaningless(relation, f"{body} is a room, and nothing is ", (relation.name,), " a room")
+            raise meaningless(relation, f"{body} is a room: nothing can be ", (relation.name,), " a room")
         others = (name for name in bodies.names() if name != body)
         if meant.from_outside and not any(map(bodies.is_room, others)):
-            raise meaningless(relation, f"{body} is the only room: in it nothing is ", (relation.name,), " it")
+            raise meaningless(relation, f"{body} is the only room: nothing can be ", (relation.name,), " it")
     if meant.of_solids and not bodies.is_solid(body):
-        raise meaningless(relation, f"{body} has no size: it is a place, and nothing is ", (relation.name,), " a place")
+        raise meaningless(relation, f"{body} is a place and has no size: nothing can be ", (relation.name,), " a place")
     senses = {meant.sense("hand"), meant.sense("thing")}
     if Sense.SUPPORT in senses and not relation.negated and bodies.rests_at(body) is None:
-        raise meaningless(relation, f"{body} has no level top on which things rest")
+        raise meaningless(relation, f"{body} has no level top to rest things on")
     if Sense.CONTAINMENT in senses and min(bodies.size(body)) <= 0:
-        raise meaningless(relation, f"{body} has no size: nothing is in it")
+        raise meaningless(relation, f"{body} has no size: nothing can be in it")
     return body
 
 
@@ -466,7 +466,7 @@ def _clear(relation: Relation, body: str, scene: PlanningScene) -> Clear:
 def _without_meaning(relation: Relation, subject: Subject) -> LocationMeaningless:
     if isinstance(relation.reference, Location) and not RELATIONS[relation.name].of_locations:
         of_locations = tuple(name for name, one in RELATIONS.items() if one.of_locations)
-        only = ((relation.name,), " is a relation to a thing or a person; to a location there is only ", of_locations)
+        only = ((relation.name,), " takes a thing or a person; a location can follow only ", of_locations)
         return meaningless(relation, relation, ": ", *only)
     meant = {"base": "a base", "hand": "a hand", "thing": "an object"}[subject]
-    return meaningless(relation, relation, f" means nothing for {meant}; relations that do: ", meaningful(subject))
+    return meaningless(relation, relation, f" means nothing for {meant}; relations that apply: ", meaningful(subject))

@@ -1,4 +1,4 @@
-"""Explains in a sentence why no base pose of a location will do, with what would have to change in the map or task."""
+"""Explains why no base pose satisfies a location, with what would have to change in the map or task."""
 
 from __future__ import annotations
 
@@ -10,30 +10,40 @@ import numpy as np
 
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import AROUND, floor_near
-from executive.locations.changes import MOST_TRIED, Changes, WouldDo
+from executive.locations.changes import MOST_TRIED, Changes, IsFeasible
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NO_WAY, NOT_VISIBLE, OUT_OF_REACH, Rejections
+from executive.locations.rejections import (
+    COLLISION,
+    NO_HOLD,
+    NO_ROOM,
+    NO_WAY,
+    NOT_LOOKED_AT,
+    NOT_VISIBLE,
+    OUT_OF_REACH,
+    Rejections,
+)
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel
 from planlang.records import dataclass
 
 LEAST = 0.01
-"""Smallest distance that is stated [m]."""
+"""Smallest distance that is reported [m]."""
 HAIR = 1e-3
-"""Height below which nothing counts as too high or too low [m]."""
+"""Height difference up to which nothing counts as too high or too low [m]."""
 BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 """Reasons for which base poses are rejected."""
 BETWEEN_FINGERS = 0.003
-"""Room that a thing needs between open fingers besides its width [m]."""
+"""Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
 BESIDE = 1.0
-"""Bodies that are farther from a thing than this are no reason why a hand has no room there [m]."""
+"""Distance from a thing beyond which a body cannot be what leaves a hand no room [m]."""
 
 
 def explain_bases(
@@ -42,9 +52,9 @@ def explain_bases(
     scene: PlanningScene,
     inverse: InverseMaps,
     question: Question,
-    would_do: WouldDo | None,
+    is_feasible: IsFeasible | None,
 ) -> None:
-    """Add to the figures of the log what was measured about the most frequent reason, and what would do."""
+    """Add to the log's figures what was measured about the decisive reason, and what would help."""
     log = question.log
     if not wanted or not log.counts:
         return
@@ -60,9 +70,11 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     sentences = [measured]
-    changes = None if would_do is None else Changes(wanted[0].body, scene, log, would_do)
+    changes = None if is_feasible is None else Changes(wanted[0].body, scene, log, is_feasible)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
+    elif excluded := explanation.excluded():
+        sentences = [excluded]
     else:
         slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
         if slips and (slippery := explanation.no_hold()):
@@ -73,42 +85,50 @@ def explain_bases(
         log.figures[reason] = "; ".join(filter(None, sentences))
 
 
+def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: InverseMaps, log: Rejections) -> None:
+    """Add to the figures of the log by how much a thing is too high, too low or too far for an arm from where it is."""
+    if next(iter(log.ordered()), "") == OUT_OF_REACH.text:
+        explanation = _Explanation(reach, (arm,), scene, inverse, Question(log))
+        if measured := explanation.too_high() or explanation.too_far_from(scene.base()):
+            log.figures[OUT_OF_REACH.text] = measured
+
+
 def called(arm: str) -> str:
-    """Return what a sentence calls an arm: the left arm, the arm."""
+    """Name an arm in a sentence: the left arm, the arm."""
     return f"the {arm}" if arm.endswith("arm") else f"the {arm} arm"
 
 
 @dataclass(frozen=True, slots=True)
 class _Limit:
-    """The heights of candidates for one arm and approach, and the heights that the arm reaches [m]."""
+    """Heights of candidates for one arm and approach, and the heights that the arm reaches [m]."""
 
     arm: str
     grasp: GraspClass
     wanted: tuple[float, float]
     reached: tuple[float, float]
     reach: float
-    """How far from the base the arm reaches at the heights of the candidates [m]."""
+    """Greatest distance from the base that the arm reaches at the heights of the candidates [m]."""
 
     @property
     def gap(self) -> float:
-        """Height that is missing: above 0 if what is wanted is too high, below 0 if it is too low, else 0."""
+        """Missing height: positive if the candidates are too high, negative if they are too low, else 0."""
         if self.wanted[0] > self.reached[1]:
             return self.wanted[0] - self.reached[1]
         return min(self.wanted[1] - self.reached[0], 0.0)
 
 
 def _rise(arm: ArmModel) -> float:
-    """Return how far a torso lifts an arm [m]."""
+    """Greatest height by which a torso lifts an arm [m]."""
     return 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
 
 
 def _half(arm: ArmModel) -> float:
-    """Return the share of a cell of its map that an arm reaches beyond: a torso rises to what is between cells."""
+    """Share of a map's cell that an arm reaches beyond it: a torso covers the heights between cells."""
     return 0.5 if arm.lift is None else 0.0
 
 
 class _Explanation:
-    """What is measured about one reach for which no base pose was found."""
+    """Measurements of one reach for which no base pose was found."""
 
     def __init__(
         self,
@@ -122,46 +142,60 @@ class _Explanation:
         self.log, self.known = question.log, question.known
 
     def deciding(self) -> str:
-        """Return the reason that is explained: the most frequent one, unless it left nothing but what is out of reach.
+        """Select the reason to explain: the most frequent one, unless it only left what is out of reach.
 
-        Hands that are in something, wherever the base is, are counted first; the others decide.
+        Hands that collide wherever the base is are counted first; the others decide.
         """
         counts = self.log.ordered()
         bases = sum(counts.get(reason, 0) for reason in BASES)
-        if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one is where the base is
+        if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one: the present base pose
             return OUT_OF_REACH.text
         return next(iter(counts))
 
     def height(self) -> _Limit | None:
-        """Return the limit that the thing is least too high or too low for; None if it is not."""
+        """Find the limit by which the thing is least too high or too low; None if it is neither."""
         nearest = min(self.limits, key=lambda one: abs(one.gap), default=None)
         return nearest if nearest is not None and abs(nearest.gap) >= HAIR else None
 
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
+        if not (said := self.too_high()):
+            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
+        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
+
+    def too_high(self) -> str:
+        """Return by how much the thing is too high or too low for all arms, "" if it is not."""
         nearest = self.height()
         if nearest is None:
-            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
+            return ""
         high = nearest.gap > 0
         at, limit = (nearest.wanted[0], nearest.reached[1]) if high else (nearest.wanted[1], nearest.reached[0])
         does = "grasps" if self.reach.kind is ReachKind.GRASP else "reaches"
         gap, digits = abs(nearest.gap), 2 if abs(nearest.gap) > 2 * LEAST else 3
-        said = (
+        return (
             f"{self._aim()} is at {at:.{digits}f} m, {gap:.{digits}f} m too {'high' if high else 'low'}; "
             f"{called(nearest.arm)} {does} {APPROACHES[nearest.grasp]} "
             f"{'up' if high else 'down'} to {limit:.{digits}f} m"
         )
-        return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
+
+    def too_far_from(self, base: BasePose) -> str:
+        """Return how far a thing is from a base pose, and how far arms reach at its height; "" if that is enough."""
+        x, y, _ = self.scene.bodies.pose(self.reach.body).position
+        away, farthest = math.hypot(x - base[0], y - base[1]), max(self.limits, key=lambda one: one.reach, default=None)
+        if self.reach.kind is not ReachKind.GRASP or farthest is None or away <= farthest.reach:
+            return ""
+        said = f"{self.reach.body} is {away:.2f} m away from the middle of the base"
+        return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _aim(self) -> str:
-        """Return what the hand goes to: a thing, or a place on or at it."""
+        """Name what the hand goes to: a thing, or a place on or at it."""
         kind, body = self.reach.kind, self.reach.body
         return body if kind is ReachKind.GRASP else f"the place for the hand at {body}"
 
     def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
-        """Yield grasp candidates of arms: those in which the hand itself is inside nothing; all if there are none."""
-        found = self.known.hands
-        free = [hand for hand in found[max(found)].hands if len(hand.candidates)] if found else []
+        """Yield grasp candidates of arms: those with a collision-free hand, or all if there are none."""
+        by_stage = self.known.hands
+        free = [hand for hand in by_stage[max(by_stage)].hands if len(hand.candidates)] if by_stage else []
         for hand in free:
             yield hand.arm, [hand.candidates]
         for arm in () if free else self.arms:
@@ -169,7 +203,7 @@ class _Explanation:
 
     @cached_property
     def limits(self) -> list[_Limit]:
-        """What is wanted and what is reached, arm by arm and approach by approach."""
+        """Heights of candidates and heights within reach, by arm and approach."""
         return list(self._limits())
 
     def _limits(self) -> Iterator[_Limit]:
@@ -184,7 +218,7 @@ class _Explanation:
                         )
 
     def _heights_of(self, arm: ArmModel, grasp: GraspClass) -> tuple[float, float] | None:
-        """Return between which heights an arm reaches with its hand as a class of grasps says [m]; None if nowhere."""
+        """Range of heights that an arm reaches with a class of grasps [m]; None if it reaches none."""
         forward = self.inverse(arm, grasp).forward
         if not len(forward):
             return None
@@ -192,11 +226,11 @@ class _Explanation:
         return CELL * (float(levels.min()) - half), CELL * (float(levels.max()) + half) + rise
 
     def _away(self, arm: ArmModel, grasp: GraspClass, heights: tuple[float, float]) -> float:
-        """Return how far from the base an arm reaches between two heights [m]."""
+        """Greatest distance from the base that an arm reaches between two heights [m]."""
         rows, half = self.inverse(arm, grasp).forward.rows, _half(arm)
         at = (rows["z"] >= (heights[0] - _rise(arm)) / CELL - half) & (rows["z"] <= heights[1] / CELL + half)
-        away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
-        return float(away.max(initial=0.0))
+        distances = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
+        return float(distances.max(initial=0.0))
 
     def _too_far(self) -> str:
         gap = self._gap(self.scene.collisions.floor())
@@ -204,19 +238,19 @@ class _Explanation:
         if farthest is None or gap <= farthest.reach:
             return ""
         nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
-        said = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
-        return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+        sentence = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
+        return f"{sentence}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _reach_of(self, arm: ArmModel) -> float:
         return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
 
     def _gap(self, floor: Floor) -> float:
-        """Return the distance of the thing to the nearest place where the base has room to stand, inf if none [m]."""
+        """Distance of the thing from the nearest place with room for the base, inf if there is none [m]."""
         block = self.scene.bodies.block(self.reach.body)
         return float(np.hypot(*(floor_near(block, floor) - block.centre[:2]).T).min(initial=np.inf))
 
     def no_hold(self) -> str:
-        """Return how wide the thing is, and how wide hands open."""
+        """Compare the width of the thing with the opening of the hands."""
         if self.reach.kind is not ReachKind.GRASP:
             return ""
         wide = min(narrowest(grip) for grip in self.scene.bodies.grips(self.reach.body))
@@ -229,7 +263,7 @@ class _Explanation:
         )
 
     def in_collision(self) -> str:
-        """Return which body a hand or an arm would be in, and how far that is from the thing."""
+        """Name the body that a hand or arm would collide with, and its distance from the thing."""
         if not self.log.blocking:
             return ""
         body, number = next(iter(self.log.ordered_blocking().items()))
@@ -238,14 +272,14 @@ class _Explanation:
             part = "the robot's own parts are"
         elif self.scene.bodies.is_room(body):
             part = f"a wall of {body} is"
-        said = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
+        sentence = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
         if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
-            return f"{said}; {beyond}"
+            return f"{sentence}; {beyond}"
         gap = self._beside(body)
-        return said if gap is None else f"{said}, {gap:.2f} m away from it"
+        return sentence if gap is None else f"{sentence}, {gap:.2f} m away from it"
 
     def _from_the_side(self) -> str:
-        """Return up to where, or down to where, arms put something into furniture from the side; "" if that is well."""
+        """Describe the heights at which arms put something into furniture from the side, if these decide."""
         block = self.scene.bodies.block(self.reach.body)
         spans = [(span, arm.name) for arm in self.arms if (span := self._heights_of(arm, GraspClass.SIDE)) is not None]
         if not spans:
@@ -265,7 +299,7 @@ class _Explanation:
         return ""
 
     def _beside(self, body: str) -> float | None:
-        """Return the horizontal distance between a body and the thing at the thing's height; None if that is large."""
+        """Horizontal distance between a body and the thing at the thing's height; None if that is large."""
         boxes, names = self.scene.collisions.boxes_but(())
         rows = np.flatnonzero([name == body for name in names])
         fixed = {self.reach.body, self.scene.bodies.support(self.reach.body), *self._furniture()}
@@ -277,13 +311,13 @@ class _Explanation:
         return gap if LEAST < gap < BESIDE else None
 
     def _furniture(self) -> set[str]:
-        """Return the parts of the furniture that the thing is a part of, or in: there is no more room between these."""
+        """Parts of the furniture that contains the thing: between these nothing can be moved away."""
         joints, body = self.scene.belief.joints.values(), self.reach.body
         holders = {one.holder for one in joints if not {body, self.scene.bodies.support(body)}.isdisjoint(one.bodies)}
         return {name for one in joints if one.holder in holders for name in (*one.bodies, one.holder or "")}
 
     def no_room(self) -> str:
-        """Return how near the base gets."""
+        """Describe how near the base gets."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
         now = self._gap(self.scene.collisions.floor())
@@ -292,7 +326,7 @@ class _Explanation:
         return f"the middle of the base gets no nearer than {now:.2f} m to that of {self.reach.body}"
 
     def nearer(self) -> str:
-        """Return without which body the base would get nearer, and how near; "" if there is none."""
+        """Name the body without which the base would get nearer, and how near; "" if there is none."""
         if self.reach.kind is ReachKind.OFFER or NO_ROOM not in self.log.counts:
             return ""
         now = self._gap(self.scene.collisions.floor())
@@ -305,14 +339,22 @@ class _Explanation:
         for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
             yield body, self._gap(self.scene.collisions.floor_without(body))
 
+    def excluded(self) -> str:
+        """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
+        (reason, number), *others = self.log.counts.items()
+        met = reason.removeprefix("not ")
+        if others or met == reason or reason in (NOT_VISIBLE, NOT_LOOKED_AT):
+            return ""
+        return f"none of the {number} candidates is {met}: another place or relation is needed"
+
     def no_way(self) -> str:
-        """Return which body closes the way to where the base would have to stand."""
+        """Name the body that blocks the path to where the base would have to stand."""
         block = self.scene.bodies.block(self.reach.body)
         near = self.inverse_reach()
         body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near)
-        said = f"the base cannot drive to where it could reach {self.reach.body}"
-        return f"{said}; without {body} it could" if body is not None else said
+        sentence = f"the base cannot drive to where it could reach {self.reach.body}"
+        return f"{sentence}; without {body} it could" if body is not None else sentence
 
     def inverse_reach(self) -> float:
-        """Return the farthest that any of the arms reaches from the middle of the base [m]."""
+        """Greatest distance from the centre of the base that any of the arms reaches [m]."""
         return max(map(self._reach_of, self.arms))

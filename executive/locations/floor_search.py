@@ -1,9 +1,9 @@
-"""Base poses that need not reach anything: sampled on the floor, best first, validated one by one.
+"""Base poses without a reach: sampled on the floor, validated one by one, best first.
 
-First a grid around what the location is about is sampled, in its frame. What is not found there is looked for anywhere
-on the map: the floor is divided into cells; those in which some conjunct surely holds nowhere are left out, the others
-are divided again, until they are small or too many (branch and bound). At a point, headings between the same borders of
-what must and must not be faced are equally good: one of each such interval is sampled.
+First a grid around what the location refers to is sampled, in its frame. If that fails, the whole map is searched by
+branch and bound: cells in which some conjunct surely holds nowhere are dropped, the others are subdivided, until they
+are small or too many. Headings at a point are divided into intervals by the limits of what must and must not be faced;
+all headings of an interval are equally good, so one of each is sampled.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ from planlang.geometry import Array
 from planlang.protocols import Solution
 
 AT_ONCE = 60
-"""Places that are looked at before, and between, validating what is surely not seen."""
+"""Places tested for visibility before and between validations."""
 MOST_AREAS = 600
-"""Places that are validated."""
+"""Number of places to validate."""
 
 
 Samples = tuple[Array, Array, NDArray[np.intp]]
-"""Bases (n, 3), the room around each (n,) [m], and the number of the square of 30 cm that each is in (n,)."""
+"""Bases (n, 3), clearance of each (n,) [m], and number of the 30 cm square that contains it (n,)."""
 
 
 class FloorSearch:
-    """A search for base poses from which nothing has to be reached."""
+    """Search for base poses from which nothing has to be reached."""
 
     def __init__(self, validator: BaseValidator, demand: BaseDemand, question: Question) -> None:
         self.validator, self.scene, self.demand, self.question = validator, validator.scene, demand, question
         self.poses = BasePoses(self.scene, question)
 
     def places(self) -> Iterator[Solution]:
-        """Yield base poses: around what they are about, and when there are no more of these, anywhere."""
+        """Yield base poses: around what the location refers to, then anywhere on the map."""
         samples, log = FloorSamples(self.demand, self.scene), self.question.log
-        found, looked_at = yield from self._validated(samples.around(), MOST_AREAS)
+        is_found, looked_at = yield from self._validated(samples.around(), MOST_AREAS)
         if looked_at >= MOST_AREAS:
             return
         counts, blocking = log.counts.copy(), log.blocking.copy()
-        known = found or bool(blocking)  # what was rejected where one would look first says enough
+        known = is_found or bool(blocking)  # rejections near the reference explain a failure best
         yield from self._validated(samples.anywhere(), MOST_AREAS - looked_at, named=known)
         if known:
             log.counts, log.blocking = counts, blocking
@@ -61,9 +61,9 @@ class FloorSearch:
     def _validated(
         self, samples: Samples, most: int, *, named: bool = False
     ) -> Generator[Solution, None, tuple[bool, int]]:
-        """Yield those of the samples that will do; so many are looked at exactly.
+        """Yield the valid ones of the samples; at most ``most`` are validated.
 
-        ``named``: what takes the room is known. Returns whether there were any, and how many were looked at.
+        ``named``: the bodies in the way are known. Returns whether any was valid, and how many were validated.
         """
         validator, scene, demand, log = self.validator, self.scene, self.demand, self.question.log
         bases, room, squares = samples
@@ -85,7 +85,7 @@ class FloorSearch:
             self.poses.name_crowding()
         log.weigh(bases[good], total[good])
         order = good[np.argsort(-total[good].round(9), kind="stable")]
-        found, hidden = False, 0
+        is_found, hidden = False, 0
         rows = np.fromiter(islice(_spread(squares[order], order), most), np.intp)
         for row, unseen in zip(rows.tolist(), self._surely_unseen(bases[rows]), strict=True):
             if unseen and (hidden := hidden + 1) > MOST_CROWDED:
@@ -96,23 +96,23 @@ class FloorSearch:
             worth = float(total[row])
             if not self.poses.have_way(place[None])[0]:
                 continue
-            # there is room by the field: what is seen decides more often
-            asked = base, worth, demand, self.question
-            if not validator.sees(*asked) or not validator.stands(*asked):
+            # the field shows room, so visibility fails more often: test it first
+            arguments = base, worth, demand, self.question
+            if not validator.sees(*arguments) or not validator.stands(*arguments):
                 continue
             if (answer := validator.answer(base, worth, {}, demand, self.question)) is not None:
-                found = True
+                is_found = True
                 yield answer
-        return found, len(rows)
+        return is_found, len(rows)
 
     def _surely_unseen(self, bases: Array) -> Iterator[bool]:
-        """Yield for bases (n, 3) whether the robot itself, or the room, surely hides what has to be seen."""
+        """Yield for bases (n, 3) whether the robot itself, or the room, surely hides what has to be visible."""
         bodies, view = self.scene.bodies, self.scene.visibility.own_view()
         for first in range(0, len(bases), AT_ONCE):
             part = bases[first : first + AT_ONCE]
             unseen = np.zeros(len(part), bool)
             for name in self.validator.to_see(self.demand):
-                if view is None or not first:  # what is found at once needs no more than an exact look
+                if view is None or not first:  # the first places are validated exactly at once
                     break
                 block, solids = bodies.block(name), self.scene.collisions.solids()
                 others = solids.only(np.array([body != name for body in solids.bodies], bool))
@@ -121,7 +121,7 @@ class FloorSearch:
 
 
 def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]:
-    """Yield the order, so that of each square the best comes first, then the second best of each, and so on."""
+    """Order rows so that the best of each square comes first, then the second best, and so on."""
     rank = np.zeros(len(order), np.intp)
     seen: dict[int, int] = {}
     for index, value in enumerate(squares.tolist()):
@@ -131,37 +131,37 @@ def _spread(squares: NDArray[np.intp], order: NDArray[np.intp]) -> Iterator[int]
 
 
 TOWARDS = (0.0, 0.5, -0.5)
-"""Headings relative to facing what a place is about [rad]."""
+"""Headings relative to facing the reference [rad]."""
 AWAY = (math.pi, math.pi / 2, -math.pi / 2)
-"""The same where it must not be faced."""
+"""The same if it must not be faced."""
 COARSE = 2 * CELL
-"""Distance of neighbouring points of the grid [m]; larger cells of the map are divided however many they are."""
+"""Spacing of the grid [m]; larger cells of the map are subdivided whatever their number."""
 
 
 MOST_CELLS = 4096
-"""Cells that are looked at in one go."""
+"""Cells tested at once."""
 FIRST = 32
-"""Cells along the longer side of the map at first."""
+"""Initial number of cells along the longer side of the map."""
 FINEST = 0.02
-"""Side of a cell that is not divided [m]."""
+"""Side of cells that are not subdivided [m]."""
 HEADINGS = 8
-"""Headings that are looked at where nothing must or must not be faced."""
+"""Number of headings if nothing must or must not be faced."""
 MOST_TIGHT = 1000
-"""Bases that are looked at where there is no room to turn anywhere."""
+"""Bases tested exactly where there is no room to turn anywhere."""
 FITS = 1e-3
-"""Room that counts for a robot that fits as it is turned [m]."""
+"""Clearance assumed for a robot that fits with its heading [m]."""
 SQUARE = 0.3
-"""Side of the squares by which places are spread [m]."""
+"""Side of the squares over which places are spread [m]."""
 
 
 class FloorSamples:
-    """Base poses worth a look for a demand on the floor."""
+    """Base poses worth validating for demands on the floor."""
 
     def __init__(self, demand: BaseDemand, scene: PlanningScene) -> None:
         self.demand, self.scene, self.floor = demand, scene, scene.collisions.floor()
 
     def around(self) -> Samples:
-        """Return bases of a grid around what the location is about."""
+        """Sample bases on a grid around what the location refers to."""
         middle, yaw, radius, looked_at = self._anchor()
         half = math.ceil(radius / COARSE)
         steps = np.arange(-half, half + 1) * COARSE
@@ -179,19 +179,19 @@ class FloorSamples:
         return bases, np.tile(room, len(turns)), np.tile(squares, len(turns))
 
     def _anchor(self) -> tuple[tuple[float, float], float, float, tuple[float, float]]:
-        """Return middle, heading and radius [m] of where to look, and the point to face, of what says most."""
-        found: list[tuple[float, tuple[float, float], float, Block]] = []
+        """Centre, heading and radius [m] of the search, and the point to face, from the most specific demand."""
+        anchors: list[tuple[float, tuple[float, float], float, Block]] = []
         for name in self.demand.seen:
             block = self.scene.bodies.block(name)
-            found.append((min(self.scene.visibility.camera_range()[1], 2.6), (block.x, block.y), block.yaw, block))
+            anchors.append((min(self.scene.visibility.camera_range()[1], 2.6), (block.x, block.y), block.yaw, block))
         for term in self.demand.areas:
             if isinstance(term, (Clear, Facing)) or term.negated or math.isinf(term.most):
                 continue
             x, y, yaw, radius = term.anchor()
-            found.append((radius, (x, y), yaw, term.block))
+            anchors.append((radius, (x, y), yaw, term.block))
         facing = next((term.block for term in self.demand.areas if isinstance(term, Facing) and not term.negated), None)
-        if found:
-            radius, middle, yaw, block = min(found, key=lambda item: item[0])
+        if anchors:
+            radius, middle, yaw, block = min(anchors, key=lambda item: item[0])
             facing = facing or block
             return middle, yaw, radius, (facing.x, facing.y)
         x_min, y_min, x_max, y_max = self.floor.bounds
@@ -201,7 +201,7 @@ class FloorSamples:
         return middle, 0.0, min(radius, 10.0), middle if named is None else (named.x, named.y)
 
     def anywhere(self) -> Samples:
-        """Return bases on the whole map at which all demands on the floor hold."""
+        """Sample bases on the whole map at which all demands on the floor hold."""
         points = self._points()
         headings = self._headings(points)
         bases = np.column_stack([np.repeat(points, headings.shape[1], axis=0), headings.ravel()])
@@ -218,7 +218,7 @@ class FloorSamples:
         return bases, room, cells[:, 0] * (1 << 31) + cells[:, 1]
 
     def _points(self) -> Array:
-        """Return places (n, 2) of which each is the middle of a cell in which the demand may hold."""
+        """Find the centres (n, 2) of cells in which the demands may hold."""
         x_min, y_min, x_max, y_max = self.floor.bounds
         side = max(x_max - x_min, y_max - y_min, FINEST) / FIRST
         counts = [max(1, math.ceil(length / side)) for length in (x_max - x_min, y_max - y_min)]
@@ -237,15 +237,15 @@ class FloorSamples:
             points = np.asarray(points[:, None] + quarters).reshape(-1, 2)
 
     def _may_hold(self, points: Array, within: float) -> NDArray[np.bool_]:
-        """Return whether the demand may hold ``within`` [m] of points (n, 2), as far as distances say (n,)."""
+        """Check whether the demands may hold ``within`` [m] of points (n, 2), judging by distances (n,)."""
         good = np.ones(len(points), bool)
         for term in self.demand.areas:
             if not isinstance(term, Facing):
                 good[good] = term.nearly(points[good], within)
         for name in self.demand.seen:
             block = self.scene.bodies.block(name)
-            away = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
-            good &= away <= self.scene.visibility.camera_range()[1] + within
+            distances = np.hypot(points[:, 0] - block.x, points[:, 1] - block.y)
+            good &= distances <= self.scene.visibility.camera_range()[1] + within
         faced = [term for term in self.demand.areas if isinstance(term, Facing) and not term.negated]
         for one, other in itertools.combinations(faced, 2):
             apart = np.abs(np.angle(np.exp(1j * (one.bearing(points) - other.bearing(points)))))
@@ -254,9 +254,9 @@ class FloorSamples:
         return good
 
     def _headings(self, points: Array) -> Array:
-        """Return headings (n, m) at points (n, 2), those towards what a place is about first.
+        """Sample headings (n, m) at points (n, 2), those towards the reference first.
 
-        They are the middles between the borders of what is faced; some more directions are borders as well.
+        They are the centres of the intervals between limits of what is faced; some more directions are limits as well.
         """
         facing = [term for term in self.demand.areas if isinstance(term, Facing)]
         blocks = [*(term.block for term in facing), *(self.scene.bodies.block(name) for name in self.demand.seen)]
@@ -274,20 +274,20 @@ class FloorSamples:
 
 
 def _swing(term: Facing, points: Array, within: float) -> Array:
-    """Return how much bearings change at most within so many metres of points (n, 2), (n,) [rad]."""
-    away = np.hypot(points[:, 0] - term.block.x, points[:, 1] - term.block.y)
-    return np.where(away > within, np.arcsin(np.minimum(within / np.maximum(away, 1e-9), 1.0)), math.pi)
+    """Greatest change of bearings within a distance [m] of points (n, 2), (n,) [rad]."""
+    distances = np.hypot(points[:, 0] - term.block.x, points[:, 1] - term.block.y)
+    return np.where(distances > within, np.arcsin(np.minimum(within / np.maximum(distances, 1e-9), 1.0)), math.pi)
 
 
 BEST, WIDTH = 1.2, 0.8
-"""Distance from which things are seen best, and over which that fades [m]."""
+"""Distance from which things are seen best, and width of its decline [m]."""
 
 
 def sight_score(bases: Array, block: Block, limits: tuple[float, float]) -> Array:
-    """Return how likely a block is seen from bases (n, 3), (n,) in [0, 1]: by distance, and more if it is ahead."""
+    """Estimate how likely a block is visible from bases (n, 3), (n,) in [0, 1]: by distance, and higher if ahead."""
     dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
-    away = np.hypot(dx, dy)
+    distances = np.hypot(dx, dy)
     miss = np.abs(np.arctan2(np.sin(bases[:, 2] - np.arctan2(dy, dx)), np.cos(bases[:, 2] - np.arctan2(dy, dx))))
     near, far = limits
-    likely = np.exp(-(((away - BEST) / WIDTH) ** 2)) * np.exp(-((miss / 1.5) ** 2))
-    return np.where((away < far) & (away > min(near, 0.2)), likely, 0.0)
+    likely = np.exp(-(((distances - BEST) / WIDTH) ** 2)) * np.exp(-((miss / 1.5) ** 2))
+    return np.where((distances < far) & (distances > min(near, 0.2)), likely, 0.0)

@@ -1,7 +1,7 @@
-"""Grasp candidates: tip poses, for what a relation asks of a hand, that do not depend on where the base stands.
+"""Grasp candidates: tip poses for the task of a hand, independent of where the base stands.
 
-A candidate is a short series of tip poses of one rotation; all candidates of a reach are kept in arrays, so that
-reachability maps can be inverted for many at once. The *key* pose of a series is the one that the maps are asked about.
+A candidate is a short series of tip poses with one rotation. All candidates of a reach are kept in arrays, so that
+reachability maps can be inverted for many at once. Maps are queried with the *key* pose of a series.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from planlang.geometry.matrices import product, rotated
 from planlang.records import dataclass
 
 APPROACH = 0.08
-"""Distance of the pre-grasp back along the approach direction [m] (rules of `in_front_of`)."""
+"""Distance of the pre-grasp pose from the grasp along the approach direction [m] (rules of `in_front_of`)."""
 LIFT = 0.05
-"""Height by which the hand lifts what it has grasped, before it goes back [m]."""
+"""Height by which the hand lifts a thing before it retreats [m]."""
 LIFTS = (LIFT, 0.08, 0.03)
-"""The same for a thing that is in the hand already."""
+"""The same for a thing that is already in the hand."""
 HEADINGS = 16
-"""Directions from which a hand may come, at first; for grasps twice as many when these lead to nothing, then again."""
+"""Number of approach headings at first; for grasps it is doubled, twice, if these lead to nothing."""
 FOREARM = 0.07
-"""Height over a surface at which there is room for a level forearm [m]."""
+"""Height above a surface that leaves room for a level forearm [m]."""
 OVER_EDGE = 0.4
-"""Weight of a level grasp lower than that, which is possible only at the edge of a surface."""
+"""Weight of a level grasp below that, possible only at the edge of a surface."""
 OFF = 0.003
-"""Distance of a palm from what is gripped: around meshes the engine keeps a margin of its own [m]."""
+"""Distance of the palm from the gripped thing [m]: PyBullet adds a margin to meshes."""
 GRIPPED = 0.01
 """Least height of a thing above the grip point [m]."""
 ROOMS = (0.0, 0.02)
-"""Distances of a hand on a handle from the rest of a thing [m]."""
+"""Distances of a hand on a handle from the rest of the thing [m]."""
 UP = np.array([0.0, 0.0, 1.0])
 FARTHER_BACK = 0.008
-"""Distance by which a thing may be gripped nearer to the ends of the fingers [m]."""
+"""Distance by which a grip may move towards the fingertips [m]."""
 AWRY, TIGHTER = 0.9, 0.8
-"""Weights of grasps elsewhere than in the middle, and with hardly room for the fingers, beside others."""
+"""Weights of off-centre grasps, and of grasps with little room for the fingers."""
 OBLIQUE = 0.4
-"""Weight of a grasp across the edges of a box, beside one across its faces."""
+"""Weight of a grasp across the edges of a box, relative to one across its faces."""
 
 CLASSES: tuple[GraspClass, ...] = tuple(GraspClass)
 Indices = NDArray[np.intp]
@@ -56,51 +56,51 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class HandPoses:
-    """One grasp candidate: tip poses (k, 4, 4) in order, a label for people, which body the hand may touch."""
+    """One grasp candidate: tip poses (k, 4, 4) in order, a label for people, and the body that the hand may touch."""
 
     label: str
     poses: Array
     touches: str | None = None
     fingers: Fingers = ()
-    """Positions of the fingers meanwhile, if not as they are."""
+    """Positions of the fingers meanwhile, if they change."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GraspCandidates(Columns):
-    """n candidates; ``key`` is the number of the key pose in each series."""
+    """n candidates; ``key`` is the index of the key pose in each series."""
 
     text: str
-    """The description of the poses, for labels."""
+    """Description of the poses, for labels."""
     points: Array
     """Tip position at the key pose in the map, (n, 3)."""
     rotations: Array
-    """The rotations of the tip in the map, (n, 3, 3)."""
+    """Rotations of the tip in the map, (n, 3, 3)."""
     offsets: Array
-    """The offsets from the key pose to each pose of the series, in the map, (n, k, 3)."""
+    """Offsets from the key pose to each pose of the series, in the map, (n, k, 3)."""
     key: int
     grasps: Indices
     """Class of each candidate, an index into CLASSES, (n,)."""
     headings: Array
-    """Headings of the approach axis, or for the class "top" of what is ahead of the closing axis [rad], (n,)."""
+    """Headings of the approach axis; for the class "top", of the direction ahead of the closing axis [rad], (n,)."""
     rolls: Indices
     """1 or -1, (n,)."""
     weights: Array
-    """The weights, higher for more natural ones, in (0, 1], (n,)."""
+    """Weights in (0, 1], higher for more natural ones, (n,)."""
     touches: str | None = None
     fingers: Fingers = ()
     spans: Array | None = None
-    """Width of what is grasped between the fingers, and its extent behind the grip point [m], (n, 2)."""
+    """Width of the thing between the fingers, and its extent behind the grip point [m], (n, 2)."""
 
     heights: tuple[float, ...] = ()
-    """Distances by which what is grasped can be gripped higher or lower from the side as well [m]."""
+    """Offsets by which the thing can also be gripped higher or lower from the side [m]."""
     step: float = 0.0
-    """Angle between headings, if any in between would do as well [rad]."""
+    """Angle between headings if those in between are possible, too [rad]."""
 
     def __len__(self) -> int:
         return len(self.points)
 
     def poses(self, index: ArrayLike) -> Array:
-        """Return tip poses (m, k, 4, 4) of candidates (m,)."""
+        """Compute tip poses (m, k, 4, 4) of candidates (m,)."""
         chosen = np.asarray(index, np.intp)
         poses = np.zeros((len(chosen), self.offsets.shape[1], 4, 4))
         poses[..., :3, :3] = self.rotations[chosen][:, None]
@@ -109,34 +109,34 @@ class GraspCandidates(Columns):
         return poses
 
     def plan(self, index: int) -> HandPoses:
-        """Return one candidate by itself."""
+        """Extract one candidate."""
         grasp = CLASSES[int(self.grasps[index])].value
         label = f"{self.text}, {grasp}, heading {math.remainder(float(self.headings[index]), 2 * math.pi):.2f}"
         return HandPoses(label, self.poses([index])[0], self.touches, self.fingers)
 
     def best(self, most: int) -> GraspCandidates:
-        """Return the most natural ones, in that order."""
+        """Select the most natural ones, in that order."""
         return self.chosen(np.argsort(-self.weights.round(6), kind="stable")[:most])
 
     def variants(self, openings: Openings) -> list[GraspCandidates]:
-        """Return them, and what may do where a hand is in something: gripped elsewhere, then with less room as well."""
+        """List these and their variants for tight places: other grip points, then narrower openings as well."""
         if self.spans is None or not openings.fingers or not len(self):
             return [self]
         tight = openings.fingers[int(openings.around(self.spans, TIGHT).max())]
         narrow = [] if tight == self.fingers else [replace(self, fingers=tight, weights=TIGHTER * self.weights)]
-        return [moved for one in (self, *narrow) for moved in (one, *one._turned(), *one._elsewhere())]
+        return [variant for one in (self, *narrow) for variant in (one, *one._turned(), *one._elsewhere())]
 
     def _turned(self) -> list[GraspCandidates]:
-        """Return them with directions in between, for what can be gripped from any."""
-        found = []
+        """List variants with headings in between, for what can be gripped from any."""
+        variants = []
         for angle in (self.step / 3, -self.step / 3) if self.step else ():
             turn = upright(np.array([angle]))[0]
-            ways = product(turn, self.rotations), self.offsets @ turn.T, self.headings + angle
-            found.append(replace(self, rotations=ways[0], offsets=ways[1], headings=ways[2]))
-        return found
+            turned = product(turn, self.rotations), self.offsets @ turn.T, self.headings + angle
+            variants.append(replace(self, rotations=turned[0], offsets=turned[1], headings=turned[2]))
+        return variants
 
     def _elsewhere(self) -> list[GraspCandidates]:
-        """Return them gripped nearer to the ends of the fingers, and higher or lower; not those from above."""
+        """List variants with the grip nearer to the fingertips, and higher or lower; not from above."""
         back, side = self.offsets[:, 0] - self.offsets[:, self.key], CLASSES.index(GraspClass.SIDE)
         moves = [np.outer(self.grasps == side, UP) * height for height in self.heights]
         if moves:
@@ -144,7 +144,7 @@ class GraspCandidates(Columns):
         return [replace(self, points=self.points + move, weights=AWRY * self.weights) for move in moves]
 
     def by_opening(self, openings: Openings) -> list[GraspCandidates]:
-        """Return those that grasp with the fingers no wider open than what is between them asks for, the best first."""
+        """Split by the finger opening that the thing requires, the best candidate's first."""
         if self.spans is None or not openings.fingers or not len(self):
             return [self] if len(self) else []
         numbers = openings.around(self.spans)
@@ -153,14 +153,14 @@ class GraspCandidates(Columns):
 
 
 class Hand(NamedTuple):
-    """An arm with its grasp candidates, and the quick check of its postures."""
+    """Arm with its grasp candidates, and the collision check of its postures."""
 
     arm: ArmModel
     candidates: GraspCandidates
     check: QuickCheck
 
 
-@lru_cache(maxsize=8)  # arms of one kind have the same
+@lru_cache(maxsize=8)  # arms of one kind have the same candidates
 def grasping(
     name: str,
     block: Block,
@@ -170,10 +170,10 @@ def grasping(
     headings: int,
     palm: tuple[tuple[float, ...], ...] = (),
 ) -> GraspCandidates:
-    """Return candidates for pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body.
+    """Generate pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body.
 
-    They grip the middle, or as much higher as the ``palm``, corners in the tip's frame, has to be to stay off the body;
-    where that is over its top, as much nearer to the hand: long boxes are taken at their end.
+    They grip the middle, or higher if the ``palm``, given by corners in the tip's frame, would touch the body; where
+    that is above its top, nearer to the hand instead: long boxes are gripped at their end.
     """
     grasps, yaws, rolls, weights, spans = [], [], [], [], []
     level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE
@@ -184,11 +184,11 @@ def grasping(
             across = 2 * block.support(yaw + math.pi / 2)
             if across > max_opening:
                 continue
-            flatly, steep = math.cos(grasp.pitch), math.sin(grasp.pitch)
-            # what is round is widest in its middle
-            ahead = 0.0 if block.round else flatly * block.support(yaw)
-            behind = ahead + steep * (block.high - block.low) / 2
-            # across two faces the fingers lie flat
+            cosine, sine = math.cos(grasp.pitch), math.sin(grasp.pitch)
+            # a round body is widest in its middle
+            forward_extent = 0.0 if block.round else cosine * block.support(yaw)
+            behind = forward_extent + sine * (block.high - block.low) / 2
+            # the fingers lie flat on two opposite faces
             flat = block.round or abs(math.sin(2 * turn)) < 1e-6
             for roll in grasp.rolls:
                 grasps.append(CLASSES.index(grasp))
@@ -196,32 +196,32 @@ def grasping(
                 rolls.append(roll)
                 weights.append((level if grasp is GraspClass.SIDE else 0.8) * (1.0 if flat else OBLIQUE))
                 spans.append((across, behind))
-    count, ways = len(yaws), directions(grasps, yaws)
-    points, offsets = np.tile(block.centre, (count, 1)), grasp_series(ways)
-    found = oriented(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name)
+    count, approaches = len(yaws), directions(grasps, yaws)
+    points, offsets = np.tile(block.centre, (count, 1)), grasp_series(approaches)
+    candidates = oriented(f"grasp {name}", points, offsets, 1, grasps, yaws, rolls, weights, frame, touches=name)
     ends = (block.high - block.centre[2]) / 2, (block.low - block.centre[2]) / 2
-    found = replace(found, spans=np.array(spans).reshape(-1, 2), heights=ends)
-    found = replace(found, step=2 * math.pi / headings if block.round else 0.0)
+    candidates = replace(candidates, spans=np.array(spans).reshape(-1, 2), heights=ends)
+    candidates = replace(candidates, step=2 * math.pi / headings if block.round else 0.0)
     if not count or not palm:
-        return found
-    moves, grips = _clear_of(block, found, ways, np.array(palm))
-    spans = found.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
-    return replace(found, points=found.points + moves, spans=spans).chosen(np.flatnonzero(grips))
+        return candidates
+    moves, grips = _clear_of(block, candidates, approaches, np.array(palm))
+    spans = candidates.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
+    return replace(candidates, points=candidates.points + moves, spans=spans).chosen(np.flatnonzero(grips))
 
 
-def grasp_series(ways: Array, lift: float = LIFT) -> Array:
-    """Return offsets (n, 4, 3) of pre-grasp, grasp, ``lift`` [m] and retreat for approach directions (n, 3)."""
-    still = np.zeros_like(ways)
-    return np.stack([-APPROACH * ways, still, still + lift * UP, _raised_and_back(ways, lift)], axis=1)
+def grasp_series(approaches: Array, lift: float = LIFT) -> Array:
+    """Compute offsets (n, 4, 3) of pre-grasp, grasp, ``lift`` [m] and retreat for approach directions (n, 3)."""
+    still = np.zeros_like(approaches)
+    return np.stack([-APPROACH * approaches, still, still + lift * UP, _raised_and_back(approaches, lift)], axis=1)
 
 
 def lifted(candidates: GraspCandidates, lift: float) -> GraspCandidates:
-    """Return grasps that lift a thing by some height [m], as there is no more room above it."""
+    """Limit the lift of grasps to a height [m], for a thing with little room above."""
     return replace(candidates, offsets=grasp_series(-candidates.offsets[:, 0] / APPROACH, lift))
 
 
 def taken_out(candidates: GraspCandidates, way: Array) -> GraspCandidates:
-    """Return grasps after which a thing goes a way (k, 3) [m] out of what it stands in before it is lifted further."""
+    """Insert a path (k, 3) [m] of a thing out of what contains it, between grasp and lift."""
     ways = np.broadcast_to(way, (len(candidates), *way.shape))
     first, grasp, lift, back = candidates.offsets.swapaxes(0, 1)
     lift, back = lift + way[-1], back + way[-1] * [1.0, 1.0, 0.0]
@@ -233,10 +233,10 @@ def taken_out(candidates: GraspCandidates, way: Array) -> GraspCandidates:
 def _clear_of(
     block: Block, candidates: GraspCandidates, directions: Array, palm: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Return by how much hands move to keep their palms (m, 3) off a block, (n, 3) [m], and which still grip it, (n,).
+    """Compute offsets (n, 3) [m] that keep palms (m, 3) off a block, and which hands still grip it, (n,).
 
-    The palm is behind the block, above it, or beyond a plane across the approach directions (n, 3). Where it would be
-    over the top, a level hand goes back instead, but not from what is round: there the fingers would slip off.
+    The palm is behind the block, above it, or beyond a plane across the approach direction (n, 3). If it would be over
+    the top, a level hand moves back instead, except from a round block, off which the fingers would slip.
     """
     corners = palm @ candidates.rotations.transpose(0, 2, 1)
     back = -directions * [1.0, 1.0, 0.0]
@@ -257,10 +257,10 @@ def _clear_of(
 
 
 def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Array) -> GraspCandidates:
-    """Return candidates at a handle, moved away from its body until hands are off that, and still on the handle.
+    """Move candidates at a handle away from its body until the hands are clear of it and still on the handle.
 
-    ``corners`` (m, 3) of the hand are in the tip's frame. It is beyond a plane that touches the body: above it, or
-    upright, towards the handle or along a side; once by a hair, once with room for fingers that go forward to close.
+    ``corners`` (m, 3) of the hand are in the tip's frame. The separating plane touches the body: above it, or vertical,
+    towards the handle or along a side. Once with no clearance, once with room for fingers that advance as they close.
     """
     hands = corners @ candidates.rotations.transpose(0, 2, 1) + candidates.points[:, None]
     outwards = math.atan2(handle.y - block.y, handle.x - block.x)
@@ -268,22 +268,22 @@ def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Ar
     normals = np.array([UP, *([math.cos(side), math.sin(side), 0.0] for side in sides)])
     reaches = [block.high - block.centre[2], *map(block.support, sides)]
     gaps = ((hands - block.centre) @ normals.T).min(axis=1) - reaches
-    found = []
+    tables = []
     for room in ROOMS:
         missing = np.maximum(room - gaps, 0.0)
         shifts = missing.min(axis=1)[:, None] * normals[missing.argmin(axis=1)]
         on = np.ones(len(candidates), bool)
         for inwards, extent in ((-UP, (handle.high - handle.low) / 2), (-normals[1], handle.support(outwards))):
             on &= ((hands + shifts[:, None] - handle.centre) @ inwards).max(axis=1) >= GRIPPED - extent
-        found.append(replace(candidates, points=candidates.points + shifts).chosen(np.flatnonzero(on)))
-    return GraspCandidates.joined(found)
+        tables.append(replace(candidates, points=candidates.points + shifts).chosen(np.flatnonzero(on)))
+    return GraspCandidates.joined(tables)
 
 
 def retreating(name: str, grasp: Array, frame: HandFrame, way: Array, room: float) -> GraspCandidates:
-    """Return candidates that go back with what is held: along the approach, raised so that it clears its support.
+    """Generate candidates that retreat with a held thing along the approach, raised so that it clears its support.
 
-    ``grasp`` (4, 4) is the tip pose at which the object was grasped, ``way`` (k, 3) [m] that on which it goes out of
-    what it stands in before, ``room`` [m] what there is above it.
+    ``grasp`` (4, 4) is the tip pose at which the thing was grasped, ``way`` (k, 3) [m] its path out of what contains
+    it, ``room`` [m] the headroom.
     """
     kind, heading, roll = classified(grasp[:3, :3], frame)
     approach = rotated(grasp[:3, :3], np.asarray(frame.approach))
@@ -307,9 +307,9 @@ def retreating(name: str, grasp: Array, frame: HandFrame, way: Array, room: floa
 
 
 def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
-    """Return offsets (n, 3) back along approach directions (n, 3) with what is grasped, raised by ``rise`` [m].
+    """Compute offsets (n, 3) back along approach directions (n, 3) with the thing raised by ``rise`` [m].
 
-    What going back along a tilted approach raises counts.
+    The height gained by retreating along a tilted approach counts towards it.
     """
     back: Array = -APPROACH * approaches
     back[:, 2] = np.maximum(back[:, 2], rise)
@@ -317,7 +317,7 @@ def _raised_and_back(approaches: Array, rise: Array | float) -> Array:
 
 
 def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
-    """Return the nearest class of a tip rotation (3, 3): its index in CLASSES, the heading [rad] and the roll."""
+    """Classify a tip rotation (3, 3): index in CLASSES, heading [rad] and roll of the nearest class."""
     approach = rotated(rotation, np.asarray(frame.approach))
     closing = rotated(rotation, np.asarray(frame.closing))
     pitch = math.asin(float(np.clip(-approach[2], -1.0, 1.0)))
@@ -330,7 +330,7 @@ def classified(rotation: Array, frame: HandFrame) -> tuple[int, float, int]:
 
 
 def upright(angles: Array) -> Array:
-    """Return rotations (m, 3, 3) about the vertical by angles (m,) [rad]."""
+    """Rotations (m, 3, 3) about the vertical by angles (m,) [rad]."""
     turns = np.zeros((len(angles), 3, 3))
     turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
     turns[:, 1, 0] = np.sin(angles)
@@ -340,7 +340,7 @@ def upright(angles: Array) -> Array:
 
 
 def directions(grasps: list[int], yaws: list[float]) -> Array:
-    """Return approach directions (n, 3)."""
+    """Approach directions (n, 3) of grasp classes and headings."""
     pitch = np.array([CLASSES[grasp].pitch for grasp in grasps])
     yaw = np.array(yaws, float)
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1).reshape(-1, 3)
@@ -359,7 +359,7 @@ def oriented(
     *,
     touches: str | None = None,
 ) -> GraspCandidates:
-    """Return candidates whose hands are turned as classes of grasps, headings and rolls (1 or -1) say."""
+    """Create candidates with the hand rotations of grasp classes, headings and rolls (1 or -1)."""
     kinds, heading, roll = np.array(grasps, np.intp), np.array(yaws, float), np.array(rolls, np.intp)
     rotations = np.zeros((len(kinds), 3, 3))
     for index, grasp in enumerate(CLASSES):

@@ -1,6 +1,6 @@
-"""Grasps from above of what is low: by the rim of a dish, across what lies flat, by a fold of what is soft.
+"""Grasps from above of low things: by the rim of a dish, across flat things, by a fold of soft ones.
 
-How deep the fingers go depends on the hand: their tips stay off what the thing stands on, or off a dish's floor.
+How deep the fingers go depends on the hand: their tips stay above the support, or above a dish's floor.
 """
 
 from __future__ import annotations
@@ -29,51 +29,51 @@ from sim.bodies import SEGMENTS
 FROM_ABOVE = (GraspClass.TOP, GraspClass.TILTED)
 """Classes of such grasps: a tilted hand reaches farther over a table."""
 LOW = 0.08
-"""Height up to which things are taken like this from above [m]; higher ones are gripped in the middle."""
+"""Height up to which things are also grasped like this [m]; higher ones are gripped in the middle."""
 FLAT = 0.04
-"""Height up to which things are taken from above alone [m]: from the side the hand would be in their support."""
+"""Height up to which things are grasped only from above [m]: from the side the hand would hit their support."""
 CLEARANCES = {GraspClass.TOP: (0.004, 0.012), GraspClass.TILTED: (-0.008, -0.002, 0.004)}
 """Distances of the hand from what is below it [m]: tips of tilted fingers are often round, and higher when open."""
 OFF_FLOOR = 0.002
-"""Least distance of a finger from the floor of a dish whose rim it closes on [m]."""
+"""Least distance of a finger from the floor of a dish when it closes on the rim [m]."""
 LONG = 3.0
-"""The length in widths of a thing that is gripped elsewhere than in the middle, too."""
+"""Ratio of length to width above which a thing is also gripped off its middle."""
 DEEPEST = 0.025
-"""Depth to which fingers go beside a rim [m]."""
+"""Depth to which fingers reach beside a rim [m]."""
 ALONG_RIM = (0.0, 0.5, -0.5)
-"""Places along a straight rim, from its middle, as shares of its half length."""
+"""Places along a straight rim, from its middle, as shares of half its length."""
 SHALLOW = 0.9
-"""Weight of a grip that is higher than it could be."""
+"""Weight of a grip that is higher than necessary."""
 SMALL = 0.001
-"""Distance by which fingers may advance without need to take a thing higher [m]."""
+"""Advance of closing fingers below which no higher grip is needed [m]."""
 LEAST = 0.005
-"""Least depth to which fingers go beside what they grip [m]."""
+"""Smallest depth of the fingers beside what they grip [m]."""
 
 
 def is_flat(block: Block) -> bool:
-    """Return True for what is taken from above alone: plates, cloth, and what lies flat."""
+    """Check whether a thing is grasped only from above: plates, cloth, and flat things."""
     return block.soft or block.high - block.low <= FLAT
 
 
 def is_low(block: Block) -> bool:
-    """Return True for what is taken from above, deep beside it, rather than in its middle."""
+    """Check whether a thing is grasped from above with the fingers deep beside it, rather than in its middle."""
     return is_flat(block) or block.high - block.low <= LOW
 
 
 def is_dish(block: Block) -> bool:
-    """Return True for what is taken from above even if nothing else asks for that: flat things and low vessels."""
+    """Check whether a thing is grasped from above by default: flat things and low vessels."""
     return is_flat(block) or (block.wall > 0 and is_low(block))
 
 
 def by_its_rim(block: Block, max_opening: float) -> bool:
-    """Return True for a hollow thing that a hand takes by its rim: a dish, or a vessel too wide for the fingers [m]."""
+    """Check whether a hollow thing is grasped by its rim: a dish, or a vessel too wide for the fingers [m]."""
     return block.wall > 0 and (is_low(block) or 2 * min(block.half_x, block.half_y) > max_opening)
 
 
 def grips(block: Block) -> Array:
-    """Return the places (n, 3) of the map at which a thing is gripped: points of its rim or of a cloth, or its middle.
+    """Grip points (n, 3) of a thing in the map: on its rim, on a cloth, or in its middle.
 
-    They are at its top, but for the middle of a vessel.
+    They are at its top, except for the middle of a vessel.
     """
     edges = [(x, y, block.high) for x, y, _ in _places(block, 1)]
     return np.array(edges if block.wall == 0 or is_flat(block) else [*edges, block.centre])
@@ -90,15 +90,15 @@ def from_above(
     below: tuple[float, ...],
     advance: float = 0.0,
 ) -> GraspCandidates:
-    """Return candidates from above for something low: pre-grasp, grasp, lift and retreat.
+    """Generate pre-grasp, grasp, lift and retreat from above for a low thing.
 
-    ``classes`` are among :data:`FROM_ABOVE`; ``below``: how far the hand is below the grip point in each [m], and how
-    far its fingers ``advance`` as they close.
+    ``classes`` are among :data:`FROM_ABOVE`; ``below`` is how far the hand extends below the grip point in each of
+    these [m], ``advance`` how far its fingers advance as they close.
     """
     parts = []
     for one in classes:
         lower = below[FROM_ABOVE.index(one)]
-        # fingers at a rim are seldom as low as what the thing stands on
+        # fingers at a rim are rarely as low as the support
         raised = (0.0, advance * math.sin(one.pitch)) if advance > SMALL and not block.wall else (0.0,)
         parts += [_of_class(name, block, frame, max_opening, one, headings, lower, rise) for rise in raised]
     return GraspCandidates.joined(parts)
@@ -114,9 +114,9 @@ def _of_class(
     below: float,
     rise: float,
 ) -> GraspCandidates:
-    """Return those of one class, ``rise`` [m] higher, as the fingers come down by that when they close."""
+    """Generate the grasps of one class, ``rise`` [m] higher, since the fingers come down when they close."""
     floor = block.low + block.wall
-    # what is held tilted can be put deeper on a table; where fingers do not have to be higher they grip deeper
+    # a tilted grip allows placing farther into a table; without the need to rise the fingers grip deeper
     natural = (0.7 if grasp is GraspClass.TOP else 0.8) * (SHALLOW if rise else 1.0)
     rows = []
     for x, y, yaw in _places(block, headings):
@@ -130,7 +130,7 @@ def _of_class(
     table = np.array(rows).reshape(-1, 8)
     count = len(table)
     kinds, rolls = [CLASSES.index(grasp)] * count, table[:, 5].astype(int).tolist()
-    found = oriented(
+    candidates = oriented(
         f"grasp {name}",
         table[:, :3],
         grasp_series(directions(kinds, table[:, 3].tolist())),
@@ -142,11 +142,11 @@ def _of_class(
         frame,
         touches=name,
     )
-    return replace(found, spans=table[:, 6:])
+    return replace(candidates, spans=table[:, 6:])
 
 
 def _places(block: Block, headings: int) -> Iterator[tuple[float, float, float]]:
-    """Yield where a thing is gripped (x, y) and headings, across which the fingers close."""
+    """Yield grip points (x, y) and headings; the fingers close across the heading."""
     if block.wall > 0:
         yield from _rim(block)
         return
@@ -161,7 +161,7 @@ def _places(block: Block, headings: int) -> Iterator[tuple[float, float, float]]
 
 
 def _rim(block: Block) -> Iterator[tuple[float, float, float]]:
-    """Yield places in the middle of a wall, with headings along it, both ways."""
+    """Yield points in the middle of a wall, with headings along it, both ways."""
     if block.round:
         radius = max(block.half_x, block.half_y) * math.cos(math.pi / SEGMENTS) - block.wall / 2
         turns = [number * 2 * math.pi / SEGMENTS for number in range(SEGMENTS)]
@@ -181,12 +181,12 @@ def _rim(block: Block) -> Iterator[tuple[float, float, float]]:
 
 
 def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[float]:
-    """Return heights of the fingers' tips: over what is soft, else as deep as may be beside a wall or a thing."""
+    """List heights of the fingertips: above soft things, else as deep as possible beside a wall or a thing."""
     if block.soft:
         return [block.high + clearance for clearance in clearances]
-    if block.wall:  # a finger that is on the floor of a dish does not close on its rim
+    if block.wall:  # a finger that touches the floor of a dish cannot close on its rim
         over = (OFF_FLOOR, *(clearance for clearance in clearances if clearance > OFF_FLOOR))
         heights = [max(floor + clearance, block.high - DEEPEST) for clearance in over]
-    else:  # beside what lies flat, what is too deep is met exactly
+    else:  # for flat things, exact checks reject what is too deep
         heights = [floor + clearance for clearance in clearances]
     return [height for height in dict.fromkeys(heights) if max(height, floor) <= block.high - LEAST]

@@ -1,7 +1,4 @@
-"""Predicates of hands and things at locations: candidates that meet conjuncts about a hand, and poses of things.
-
-Things are on and in things and before people.
-"""
+"""Predicates of hands and things at locations: candidates that meet conjuncts about a hand, and poses of things."""
 
 from __future__ import annotations
 
@@ -66,25 +63,25 @@ from planlang.geometry.matrices import inverse, product, rigid, rotated
 from planlang.relations import HEIGHTS, RELATIONS, Sense
 
 AT_CENTRE = 0.01
-"""Largest distance of a grip point from the centre, or from the line from there up [m]."""
+"""Largest distance of a grip point from the centre, or from the vertical through it [m]."""
 OTHER_GRIP = math.radians(30.0)
-"""Angle by which a hand comes more or less steeply to a thing than in a grip that could not be used, at least [rad]."""
+"""Smallest difference in steepness from a grip that could not be used [rad]."""
 FINGERS = 0.05
-"""Length of fingers beyond the grip point, at most [m]."""
+"""Greatest length of fingers beyond the grip point [m]."""
 AT_POSE = 0.02
-"""Largest distance of the hand from its pose before a thing [m]."""
+"""Largest distance of the hand from its pre-grasp pose [m]."""
 OVER = 0.02
-"""Height over a thing to which something else on its grip points makes these useless [m]."""
+"""Height above a thing within which another body blocks grip points on it [m]."""
 LEVEL = 0.2
-"""Largest lean of a level hand, or of an upright thing in it [rad]."""
+"""Largest tilt of a level hand, or of an upright thing in it [rad]."""
 
 Mask = NDArray[np.bool_]
 Spots = tuple[Array, Array, Array]
-"""Places with yaws (n, 4) of a thing's box centre, scores (n,), and the room above the thing there (n,) [m]."""
+"""Places with yaws (n, 4) of a thing's box centre, scores (n,), and headroom of the thing there (n,) [m]."""
 
 
 def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:
-    """Return whether an arm's hand is at a location now; raises LocationMeaningless for what means nothing."""
+    """Check whether an arm's hand is at a location now; raises LocationMeaningless for a meaningless one."""
     terms = hand_terms(location, scene, viewer)
     tip = scene.arms.tip(arm)
     points, rotations = tip[None, :3, 3], tip[None, :3, :3]
@@ -94,7 +91,7 @@ def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: 
 
 
 def satisfied(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
-    """Return for which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
+    """Check for which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
     return np.asarray(_holds(term, points, rotations, arm, scene) != term.negated)
 
 
@@ -138,31 +135,33 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
 
 
 def _is_at_handle(points: Array, body: str, scene: PlanningScene, raised: float = 0.0) -> Mask:
-    """Return which grip points (n, 3) are at one of a body's handles, or raised over it by so much [m]."""
+    """Check which grip points (n, 3) are at one of a body's handles, or up to ``raised`` [m] above."""
     _, *handles = scene.bodies.grips(body)
-    away = [[one.away(point) for one in handles] for point in points]
-    return np.array([min(some, default=math.inf) <= FINGERS + raised for some in away], bool)
+    distances = [[one.away(point) for one in handles] for point in points]
+    return np.array([min(row, default=math.inf) <= FINGERS + raised for row in distances], bool)
 
 
 def _is_at(points: Array, block: Block) -> Mask:
-    """Return which grip points (n, 3) are where a block is gripped: in the middle, or over or below it.
+    """Check which grip points (n, 3) are where a block is gripped: in the middle, or above or below it.
 
-    That is as high as it reaches, and half as low. Over what is low that is as far as fingers reach down.
+    Up to its top, down to half its lower part; above a low block as far as fingers reach down.
     """
-    away = points[:, 2] - block.centre[2]
+    height = points[:, 2] - block.centre[2]
     highest = block.high - block.centre[2] + (FINGERS if is_low(block) or block.wall > 0 else 0.0)
     lowest = (block.low - block.centre[2]) / 2
-    return np.asarray(np.hypot(_beside(points, block), away - np.clip(away, lowest, highest)) <= AT_CENTRE)
+    return np.asarray(np.hypot(_beside(points, block), height - np.clip(height, lowest, highest)) <= AT_CENTRE)
 
 
 def _beside(points: Array, block: Block) -> Array:
-    """Return how far points (n, 3) are, horizontally, from the nearest place where a block is gripped (n,) [m]."""
-    aways = points[:, None, :2] - (grips(block) if is_low(block) or block.wall > 0 else block.centre[None])[None, :, :2]
-    return np.asarray(np.linalg.norm(aways, axis=2).min(axis=1))
+    """Horizontal distances of points (n, 3) from the nearest grip point of a block (n,) [m]."""
+    offsets = (
+        points[:, None, :2] - (grips(block) if is_low(block) or block.wall > 0 else block.centre[None])[None, :, :2]
+    )
+    return np.asarray(np.linalg.norm(offsets, axis=2).min(axis=1))
 
 
 def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
-    """Return whether the hand is level, or what it holds upright."""
+    """Check whether the hand is level, or the held thing upright."""
     if held is not None:
         return np.asarray(rotated(rotations, held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
     axes = [rotated(rotations, np.asarray(axis)) for axis in (arm.frame.approach, arm.frame.closing)]
@@ -170,34 +169,31 @@ def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
 
 
 class Stage(IntEnum):
-    """The share of a hand's candidates that is looked at; each stage has those of the ones before."""
+    """Share of a hand's candidates to consider; each stage includes the ones before."""
 
     NATURAL = 0
     ALL = 1
     CLOSEST = 2
-    """With twice as many directions of a grasp: between things that stand close a few degrees matter."""
+    """Twice as many headings: between closely spaced things a few degrees matter."""
 
 
 NATURAL = (GraspClass.SIDE,)
-"""Classes of grasps that are tried first."""
+"""Grasp classes that are tried first."""
 MOST_SPOTS = (24, 48, 96)
-"""Places on a surface that a hand is asked to put something on, at each stage."""
+"""Number of places on a surface to put something, at each stage."""
 GOOD = (0.7, 0.35, 0.0)
-"""Share of the best place's score from which others are looked at, at each stage: poor ones when these lead nowhere."""
+"""Smallest score of a place, as a share of the best, at each stage: poor ones come last."""
 SPREAD = (0.3, 0.08)
-"""Distances of these places from each other, as long as there is room [m]: the best ones alone are in one spot.
+"""Distances of these places from each other, if possible [m]: the best ones alone are close together.
 
-Half of them are far apart, as the middle of what is large may be out of reach."""
+Half of them are far apart, since the middle of a large surface may be out of reach."""
 
 
 def candidates_of(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
 ) -> list[GraspCandidates]:
-    """Return candidates to satisfy a reach with an arm, one table for each opening of the hand.
-
-    Where there are none the reason is counted.
-    """
-    tables = [table for table in _made(reach, arm, scene, rejections, stage) if len(table)]
+    """Generate candidates for a reach with an arm, one table per opening of the hand; count why there are none."""
+    tables = [table for table in _generated(reach, arm, scene, rejections, stage) if len(table)]
     kept = [
         _not_refused(_among(table, reach, arm, scene, rejections), reach, arm, scene, rejections) for table in tables
     ]
@@ -207,9 +203,9 @@ def candidates_of(
 def _among(
     candidates: GraspCandidates, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections
 ) -> GraspCandidates:
-    """Return those of some candidates for which the reach's other conjuncts hold."""
+    """Select the candidates for which the reach's other conjuncts hold."""
     step = candidates.key if not reach.before else 0 if reach.kind is ReachKind.GRASP else -1
-    # what is put down is where the other conjuncts want it already
+    # for PLACE the spots already satisfy the other conjuncts
     for term in (term for term in reach.also if reach.kind is not ReachKind.PLACE or not RELATIONS[term.name].thing):
         kept = satisfied(term, candidates.points + candidates.offsets[:, step], candidates.rotations, arm, scene)
         if not kept.all():
@@ -222,7 +218,7 @@ def _among(
 def _not_refused(
     candidates: GraspCandidates, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections
 ) -> GraspCandidates:
-    """Return the grasps of a thing that differ from those with which it could not be used."""
+    """Drop grasps of a thing that resemble those with which it could not be used."""
     refused = scene.belief.refused.get(reach.body, ()) if reach.kind is ReachKind.GRASP else ()
     if not refused or not len(candidates):
         return candidates
@@ -231,14 +227,14 @@ def _not_refused(
     approach, kept = np.array(arm.frame.approach), np.ones(len(candidates), bool)
     lean = np.arccos(np.clip(offsets[:, :3, 2] @ approach, -1.0, 1.0))
     for grip in refused:
-        # on which side the hand is, and how it is rolled, differs with the base: how steeply it comes is another grip
+        # side and roll of the hand depend on the base pose; only its steepness makes another grip
         other = math.acos(float(np.clip(grip.matrix()[:3, 2] @ approach, -1.0, 1.0)))
         kept &= np.abs(lean - other) > OTHER_GRIP
     rejections.add("a grip that could not be used", int((~kept).sum()))
     return candidates.chosen(kept)
 
 
-def _made(
+def _generated(
     reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
 ) -> list[GraspCandidates]:
     held, fine = scene.arms.held(arm.name), stage > Stage.NATURAL
@@ -261,10 +257,10 @@ def _made(
         case ReachKind.OFFER:
             return [_of_class(delivering(reach, arm, held, scene, rejections, stage), reach, rejections)]
     if held is None:
-        rejections.add("nothing in the hand to put down")
+        rejections.add("the hand holds nothing to put down")
         return []
     if held.name == reach.body:
-        rejections.add("nothing rests on itself")
+        rejections.add("nothing can rest on itself")
         return []
     return [delivering(reach, arm, held, scene, rejections, stage)]
 
@@ -278,9 +274,9 @@ def delivering(
     stage: Stage,
     spots: Spots | None = None,
 ) -> GraspCandidates:
-    """Return candidates to offer something to a person, or to put it down, as an arm holds it or would hold it.
+    """Generate candidates to offer a thing to a person, or to put it down, as an arm holds it or would hold it.
 
-    ``spots``: those of :func:`spots_of`, where they are known.
+    ``spots`` are those of :func:`spots_of`, if known.
     """
     fine = stage > Stage.NATURAL
     if reach.kind is ReachKind.OFFER:
@@ -292,9 +288,9 @@ def delivering(
 
 
 def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> Spots:
-    """Return where a thing may be put down and the scores, some of the best: the same however it is held.
+    """Find where a thing may be put down, some of the best: independent of how it is held.
 
-    They are the same wherever the base is, too: where it can reach one of them is asked next.
+    They do not depend on the base pose either; whether it reaches them is tested next.
     """
     demand, oblique = put_demand(reach, name, scene), stage is Stage.CLOSEST
     spots, scores = Placement(name, demand, scene, near=False, oblique=oblique).spots(rejections)
@@ -305,7 +301,7 @@ def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejectio
 
 
 def _spread(spots: Array, most: int) -> list[int]:
-    """Return the best of spots (n, 4), best first: some far apart from each other, some less so, some in between."""
+    """Select the best of spots (n, 4), best first: some far apart from each other, some closer, then any."""
     chosen: list[int] = []
     for number, spread in enumerate(SPREAD, 1):
         free = np.ones(len(spots), bool)
@@ -324,12 +320,12 @@ def _grasps(
     block, *handles = scene.bodies.grips(reach.body)
     tables = _around(block, reach, arm, scene, rejections, stage)
     for handle in handles:
-        # below a handle there is room for the tips of the fingers
+        # there is room for the fingertips below a handle
         for one in (handle, replace(handle, low=handle.low - DEEPEST)) if is_flat(handle) else (handle,):
-            found = _around(one, reach, arm, scene, rejections, stage)
-            tables += [beside(table, block, handle, arm.hand_corners) for table in found]
+            handle_tables = _around(one, reach, arm, scene, rejections, stage)
+            tables += [beside(table, block, handle, arm.hand_corners) for table in handle_tables]
     if not any(map(len, tables)) and reach.grasp is not None and all(map(is_flat, (block, *handles))):
-        rejections.add("too low for a grasp but from above")
+        rejections.add("too low for a grasp except from above")
     elif not any(map(len, tables)) and not rejections.counts["under something else"]:
         _count_no_grip(reach, (block, *handles), arm, rejections)
     way = way_out(reach.body, scene) if any(map(len, tables)) else ONWARDS
@@ -343,14 +339,14 @@ def _grasps(
 
 
 def _room_above(name: str, scene: PlanningScene) -> float:
-    """Return by how much a thing can be raised where it is, or was grasped [m]."""
+    """Headroom of a thing where it is, or was grasped [m]."""
     block = scene.bodies.block(name)
     boxes, _ = scene.collisions.boxes_but((name,))
     return float(headroom(block, np.array([[*block.centre, block.yaw]]), boxes)[0])
 
 
 def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejections: Rejections) -> None:
-    """Count why a hand has no grasp of a body anywhere, with the sizes of both."""
+    """Count why a hand cannot grasp a body at all, with the sizes of both."""
     if arm.max_opening <= 0:
         rejections.add("no gripper")
         return
@@ -370,7 +366,7 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
 
 
 def narrowest(grip: Block) -> float:
-    """Return the least width that fingers have to open to around a part of a thing [m]."""
+    """Smallest finger opening with which to grip a part of a thing [m]."""
     if grip.soft:
         return 0.0
     return grip.wall or 2 * (max if grip.round else min)(grip.half_x, grip.half_y)
@@ -379,8 +375,8 @@ def narrowest(grip: Block) -> float:
 def _around(
     block: Block, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections, stage: Stage
 ) -> list[GraspCandidates]:
-    """Return grasps of a body, or of a handle of it, by its shape."""
-    # where a level hand has no room over a surface, things are put down deep on it only from above
+    """Generate grasps of a body, or of one of its handles, according to its shape."""
+    # if a level hand has no room above the surface, only grasps from above can put the thing far into it
     natural = NATURAL if block.centre[2] - block.low >= FOREARM else CLASSES
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else natural
     headings = HEADINGS * 2**stage
@@ -389,7 +385,7 @@ def _around(
     above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     for one in _gripped_from_above(block, arm) if above else ():
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
-        # fingers below a handle do not come down to what the thing stands on
+        # fingers below a handle do not come near the support
         advance = arm.openings.advance(narrowest(one)) if block == scene.bodies.block(reach.body) else 0.0
         low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance)
         boxes, _ = scene.collisions.boxes_but((reach.body,))
@@ -401,11 +397,11 @@ def _around(
 
 
 def _gripped_from_above(block: Block, arm: ArmModel) -> list[Block]:
-    """Return what fingers from above close on: the rim of a vessel, which is also gripped around if it is low."""
+    """List what fingers close on from above: a vessel's rim; low vessels are also gripped around."""
     if block.wall == 0:
         return [block] if is_low(block) else []
-    around = [replace(block, wall=0.0)] if is_low(block) and not is_flat(block) else []
-    return [block, *around] if by_its_rim(block, arm.max_opening) else around
+    without_rim = [replace(block, wall=0.0)] if is_low(block) and not is_flat(block) else []
+    return [block, *without_rim] if by_its_rim(block, arm.max_opening) else without_rim
 
 
 def _of_class(candidates: GraspCandidates, reach: Reach, rejections: Rejections) -> GraspCandidates:

@@ -1,6 +1,6 @@
-"""Joint values for grasp candidates: inverse kinematics for many bases at once, and exact checks of one.
+"""Joint values for grasp candidates: inverse kinematics for many bases at once, and exact checks of single ones.
 
-Spheres rule out what would surely collide before anything is checked exactly in the planning scene.
+Collision spheres rule out most before anything is checked exactly in the planning scene.
 """
 
 from __future__ import annotations
@@ -29,25 +29,23 @@ from planlang.protocols import Contact
 from planlang.records import dataclass
 
 FARTHEST = 1.2
-"""Largest move of a joint between neighbouring poses of a candidate [rad, m]."""
+"""Largest move of a joint between consecutive poses of a candidate [rad, m]."""
 BETWEEN = 1
-"""Places on the straight line from one pose of a candidate to the next at which the hand is looked at."""
+"""Intermediate hand poses tested on the straight line between consecutive poses of a candidate."""
 ON_LATTICE, OFF_LATTICE = 0.004, 0.039
-"""Extra penetration from which the arm's spheres count as in collision, for postures of a map that have the height
-of the target, or not [m].
-"""
+"""Extra penetration of spheres that counts as collision, for map postures at the height of the target, or not [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """Joint values (m, k, d) of m candidates from m bases, and why others than those with None are impossible."""
+    """Joint values (m, k, d) of m candidates from m bases; the reason is None for possible ones."""
 
     joints: Array
     reasons: list[Reason | None]
 
 
 def base_matrices(bases: Array) -> Array:
-    """Return poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
+    """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
     return rigid(upright(bases[:, 2]), np.column_stack([bases[:, :2], np.zeros(len(bases))]))
 
 
@@ -61,70 +59,70 @@ def unblocked(
     varied: bool = True,
     hits: HandHits | None = None,
 ) -> list[Hand]:
-    """Return candidates in which the hand itself, wherever the base stands, is inside nothing; others are counted.
+    """Select the candidates in which the hand itself is collision-free, wherever the base stands; count the others.
 
-    It goes straight from pose to pose, so that what is in between counts as well. Where it is inside something,
-    variants of the grasp are tried, if it may be ``varied``. ``hits``: what is known of other arms, ``near`` the same.
+    The hand moves straight from pose to pose, so poses in between are tested as well. If it collides, variants of the
+    grasp are tried if ``varied``. ``hits`` shares results between arms with equal ``near``.
     """
     hits = hits or HandHits()
-    found: list[Hand] = []
+    hands: list[Hand] = []
     for table in tables:
-        left, reasons = np.arange(len(table)), dict[int, str | None]()
+        blocked, reasons = np.arange(len(table)), dict[int, str | None]()
         free: dict[Fingers, list[GraspCandidates]] = {}
         for variant in table.variants(arm.openings) if varied else (table,):
             check = scene.collisions.arm_check(arm, variant.touches, variant.fingers, near)
-            tried = variant.chosen(left)
+            remaining = variant.chosen(blocked)
             if variant is table:
-                reasons = dict(zip(left.tolist(), _stopped(tried, check, hits), strict=True))
+                reasons = dict(zip(blocked.tolist(), _hand_collisions(remaining, check, hits), strict=True))
                 good = np.array([body is None for body in reasons.values()], bool)
             else:
-                good = _is_free(tried, check, hits)
-            free.setdefault(variant.fingers, []).append(tried.chosen(good))
-            left = left[~good]
-            if not len(left):
+                good = _is_free(remaining, check, hits)
+            free.setdefault(variant.fingers, []).append(remaining.chosen(good))
+            blocked = blocked[~good]
+            if not len(blocked):
                 break
-        rejections.count(_in_the_way(reasons[row] for row in left.tolist()))
-        rejections.show_hands(COLLISION, table.points[left])
+        rejections.count(_in_the_way(reasons[row] for row in blocked.tolist()))
+        rejections.show_hands(COLLISION, table.points[blocked])
         for fingers, parts in free.items():
             check = scene.collisions.arm_check(arm, table.touches, fingers, near)
             if len(joined := GraspCandidates.joined(parts)):
-                found.append(Hand(arm, joined, check))
-    return found
+                hands.append(Hand(arm, joined, check))
+    return hands
 
 
 class HandHits:
-    """What hands are inside of with their tips at some poses: looked at once for all arms with the same hand."""
+    """Collisions of hands with their tips at given poses, shared by all arms with the same hand."""
 
     def __init__(self) -> None:
         self._known: dict[QuickCheck, dict[bytes, str | None]] = {}
 
     def __call__(self, check: QuickCheck, tips: Array) -> list[str | None]:
-        """Return what the hand of a check is inside of with the tip at poses (..., 4, 4), None where nothing."""
+        """Find what the hand of a check collides with at tip poses (..., 4, 4), or None."""
         if check not in self._known:
             same = (known for other, known in self._known.items() if other.has_same_hand(check))
             self._known[check] = next(same, {})
         return once(self._known[check], tips.reshape(-1, 16), lambda new: check.hand_hit(new.reshape(-1, 4, 4)))
 
 
-def _stopped(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> list[str | None]:
-    """Return for each candidate what its hand is inside of, None if it is inside nothing."""
+def _hand_collisions(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> list[str | None]:
+    """Find for each candidate what its hand collides with, or None."""
     poses = _with_between(candidates.poses(np.arange(len(candidates))))
-    return _met(hits(check, poses), len(candidates))
+    return _hits(hits(check, poses), len(candidates))
 
 
 def _is_free(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> NDArray[np.bool_]:
-    """Return in which candidates the hand is inside nothing (n,); first where it takes hold, where it mostly is."""
+    """Check in which candidates the hand is collision-free (n,); first at the key pose, where it mostly collides."""
     key = candidates.poses(np.arange(len(candidates)))[:, candidates.key]
     free = np.array([body is None for body in hits(check, key)], bool)
-    free[free] = [body is None for body in _stopped(candidates.chosen(free), check, hits)]
+    free[free] = [body is None for body in _hand_collisions(candidates.chosen(free), check, hits)]
     return free
 
 
 def _with_between(poses: Array) -> Array:
-    """Return series of poses (n, k, 4, 4) of one rotation, then those :data:`BETWEEN` each and the next."""
+    """Append the intermediate poses to series of poses (n, k, 4, 4) of one rotation."""
     shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
-    moved_to_room = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
-    return np.concatenate([poses, *moved_to_room], axis=1)
+    interpolated = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
+    return np.concatenate([poses, *interpolated], axis=1)
 
 
 def solve(
@@ -137,50 +135,50 @@ def solve(
     *,
     slack: float | None = None,
 ) -> Solved:
-    """Return joint values of candidates (m,) from bases (m, 3), begun at seeds (m, s, d); spheres rule out collisions.
+    """Solve candidates (m,) from bases (m, 3), with seeds (m, s, d), and rule out collisions by spheres.
 
-    With ``slack`` the first seeds are within so many metres of solutions: where they are so much deeper in something
-    than solutions may be, nothing is solved.
+    With ``slack``, the first seeds are within that distance [m] of solutions: if they penetrate something by that much
+    more than solutions may, the candidate is not solved.
     """
     count, steps = len(index), candidates.offsets.shape[1]
     joints = np.zeros((count, steps, seeds.shape[2]))
     reasons: list[Reason | None] = [None] * count
 
-    def left(rows: NDArray[np.intp], found: Iterable[Reason | None]) -> NDArray[np.intp]:
-        """Return the rows for which there is no reason."""
-        for row, reason in zip(rows.tolist(), found, strict=True):
+    def without_reason(rows: NDArray[np.intp], verdicts: Iterable[Reason | None]) -> NDArray[np.intp]:
+        """Record reasons for rows, and return the rows without any."""
+        for row, reason in zip(rows.tolist(), verdicts, strict=True):
             reasons[row] = reason
         return rows[[reasons[row] is None for row in rows.tolist()]]
 
     targets = product(inverse(base_matrices(bases))[:, None], candidates.poses(index))
     alive = np.arange(count)
     if slack is not None:
-        alive = left(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
+        alive = without_reason(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
     q, solved = arm.solver.solve(targets[alive, candidates.key], seeds[alive])
     joints[alive, candidates.key] = q
-    alive = left(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
+    alive = without_reason(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
     others = [step for step in range(steps) if step != candidates.key]
     if others and len(alive):
         goals = targets[alive][:, others].reshape(-1, 4, 4)
         starts = np.repeat(joints[alive, candidates.key], len(others), axis=0)
-        found, good = arm.solver.solve(goals, starts[:, None])
-        good &= np.abs(found - starts).max(axis=1) <= FARTHEST
-        joints[alive[:, None], others] = found.reshape(len(alive), len(others), -1)
+        other_joints, good = arm.solver.solve(goals, starts[:, None])
+        good &= np.abs(other_joints - starts).max(axis=1) <= FARTHEST
+        joints[alive[:, None], others] = other_joints.reshape(len(alive), len(others), -1)
         whole = good.reshape(len(alive), len(others)).all(axis=1)
-        alive = left(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
+        alive = without_reason(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
     postures = joints[alive][:, [candidates.key, *others]]
-    left(alive, _in_the_way(_blocked(postures, bases[alive], check)))
+    without_reason(alive, _in_the_way(_blocked(postures, bases[alive], check)))
     return Solved(joints, reasons)
 
 
 def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
-    """Return for each base (n, 3) what a sphere of the arm is inside of, by so much more, at some of q (n, s, d)."""
+    """Find what the arm's spheres hit from each base (n, 3), ``deeper`` [m] than usual, at any of q (n, s, d)."""
     count, steps, size = q.shape
-    return _met(check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count)
+    return _hits(check.hit(np.repeat(base_matrices(bases), steps, axis=0), q.reshape(-1, size), deeper=deeper), count)
 
 
-def _met(bodies: Sequence[str | None], count: int) -> list[str | None]:
-    """Return for each of ``count`` places the first body that is met in one of its postures, None where none is."""
+def _hits(bodies: Sequence[str | None], count: int) -> list[str | None]:
+    """Find for each of ``count`` places the first body hit in any of its postures, or None."""
     steps = len(bodies) // max(count, 1)
     return [next(filter(None, bodies[k * steps : (k + 1) * steps]), None) for k in range(count)]
 
@@ -190,12 +188,12 @@ def _in_the_way(bodies: Iterable[str | None]) -> list[Reason | None]:
 
 
 CHUNK = 48
-"""Candidates whose inverse kinematics is solved in one call."""
+"""Candidates per call of inverse kinematics."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandSolution:
-    """A hand plan with collision-free joint values (k, d) for each of its poses."""
+    """Grasp candidate with collision-free joint values (k, d) for each of its poses."""
 
     reach: Reach
     arm: ArmModel
@@ -203,7 +201,7 @@ class HandSolution:
     joints: Array
 
     def is_among(self, candidates: GraspCandidates) -> bool:
-        """Return True if its poses are the poses of one of some candidates."""
+        """Check whether its poses are those of one of some candidates."""
         return any(map(self._is_one_of, candidates.variants(self.arm.openings)))
 
     def _is_one_of(self, candidates: GraspCandidates) -> bool:
@@ -215,9 +213,9 @@ class HandSolution:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """A solution looked at exactly in the planning scene, with the base at a pose.
+    """Exact check of a solution in the planning scene, with the base at a pose.
 
-    ``check``, of the arm: where it is sure that nothing is hit nothing is looked at.
+    Postures that ``check``, of the arm, proves free are not checked again.
     """
 
     solution: HandSolution
@@ -226,11 +224,11 @@ class Trial:
     check: QuickCheck | None = None
 
     def stopped(self) -> Reason | None:
-        """Return why the arm cannot do what the solution says; None if it can."""
+        """Explain why the arm cannot perform the solution; None if it can."""
         return _in_collision(self.touched(self.solution.joints)) or self.stopped_on_the_way()
 
     def stopped_on_the_way(self) -> Reason | None:
-        """Return why the arm cannot go from pose to pose, or the fingers cannot close on a thing; None if they can."""
+        """Explain why the arm cannot move from pose to pose, or the fingers cannot grip; None if they can."""
         if (slips := self._slips()) is not None:
             return slips
         line = self._straight()
@@ -239,24 +237,24 @@ class Trial:
         return _in_collision(self.touched(line) or self._stops_closing() or self._stops_opening())
 
     def hand_is_stopped(self) -> bool:
-        """Return whether the hand itself is in something on the way, or when it closes: wherever the base stands."""
+        """Check whether the hand itself collides on its path, or when it closes: then from any base."""
         if self._hand_meets(self.solution.joints) or self._stops_closing() is not None or self._slips() is not None:
             return True
         line = self._straight()
         return line is not None and self._hand_meets(line)
 
     def _hand_meets(self, rows: Array) -> bool:
-        """Return whether the hand itself is in something at some joint values (m, d)."""
+        """Check whether the hand itself collides at some joint values (m, d)."""
         hand, bodies = self.solution.arm.hand_links, self.scene.bodies.names()
         met = (contact for contacts in self._contacts(rows) for contact in contacts)
         return any(one.part in hand and one.body in bodies for one in met)
 
     def touched(self, rows: Array) -> str | None:
-        """Return the body that is in the way at some joint values (m, d); None if all are free."""
+        """Find the body that the robot collides with at some joint values (m, d); None if all are free."""
         return next(map(first_body, self._contacts(rows)), None)
 
     def _contacts(self, rows: Array) -> Iterator[Sequence[Contact]]:
-        """Yield the contacts at joint values (m, d), where there are some."""
+        """Yield the contacts at joint values (m, d), where there are any."""
         plan, arm = self.solution.plan, self.solution.arm
         if self.check is not None:
             placed = base_matrices(np.array([self.base]))
@@ -266,38 +264,38 @@ class Trial:
                 yield contacts
 
     def _stops_closing(self) -> str | None:
-        """Return what keeps the fingers from closing on what is grasped."""
+        """Find what keeps the fingers from closing on the thing."""
         one = self.solution
         if one.reach.kind is not ReachKind.GRASP:
             return None
         return self.scene.collisions.stops_closing(self.base, one.arm, one.joints[1], one.reach.body, one.plan.fingers)
 
     def _stops_opening(self) -> str | None:
-        """Return what keeps the fingers from opening around what is put down, or then from drawing back from it."""
+        """Find what keeps the fingers from opening around a thing put down, or the hand from retreating from it."""
         one = self.solution
         held = self.scene.arms.held(one.arm.name) if one.reach.kind is ReachKind.PLACE else None
         if held is None:
             return None
         fingers = one.arm.openings.beyond(self.scene.world.configuration().joints)
-        found = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:])
-        return next((contact.body for some in found for contact in some if contact.part != held.name), None)
+        each = (self.scene.collisions.contacts(self.base, one.arm, q, held.name, fingers) for q in one.joints[1:])
+        return next((contact.body for contacts in each for contact in contacts if contact.part != held.name), None)
 
     def _slips(self) -> Reason | None:
-        """Return why the fingers would have no hold of what they close on; None if they have."""
+        """Explain why the closing fingers would not grip the thing; None if they would."""
         one = self.solution
         if one.reach.kind is not ReachKind.GRASP:
             return None
         collisions, q, fingers = self.scene.collisions, one.joints[1], one.plan.fingers
         if collisions.contacts(self.base, one.arm, q, fingers=fingers):
-            return NO_HOLD  # an open finger would be in what it is to close on
+            return NO_HOLD  # an open finger would penetrate the thing
         block, *handles = self.scene.bodies.grips(one.reach.body)
         if not handles and not is_low(block) and block.wall == 0:
-            return None  # it is as wide as the fingers were opened for
+            return None  # the opening was chosen for its width
         held = collisions.closed_on(self.base, one.arm, q, one.reach.body, fingers)
         return NO_HOLD if held is None else None
 
     def _straight(self) -> Array | None:
-        """Return joint values (n, d) with the tip on the lines from pose to pose, as it will move; None if it cannot.
+        """Compute joint values (n, d) with the tip on the lines from pose to pose; None if impossible.
 
         Without those at the first pose, where the lines begin.
         """
@@ -329,10 +327,10 @@ def from_base(
     seed: Array | None = None,
     generous: bool = False,
 ) -> Iterator[HandSolution]:
-    """Yield collision-free solutions from one base, lazily, best first; other candidates are counted, each once.
+    """Yield collision-free solutions from one base, lazily, best first; the others are counted, each once.
 
-    Postures of the maps are the seeds; if ``generous``, candidates beyond them are tried from the arm's own
-    postures at last. ``seed`` (d,) is tried before: with it, solutions near it are preferred.
+    Map postures serve as seeds; if ``generous``, candidates outside the maps are tried last, from the arm's own seeds.
+    ``seed`` (d,) is tried first, so that solutions near it are preferred.
     """
     for _, candidates, check in unblocked(arm, tables, scene, rejections):
         yield from _from_base(
@@ -341,15 +339,15 @@ def from_base(
 
 
 def _passes(
-    there: Array, arm: ArmModel, candidates: GraspCandidates, inverse: InverseMaps, seed: Array | None, generous: bool
+    base: Array, arm: ArmModel, candidates: GraspCandidates, inverse: InverseMaps, seed: Array | None, generous: bool
 ) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return candidates (k,) with postures to begin from (k, n, joints), in the order in which they are tried."""
-    placed = base_matrices(there[None])[0]
-    index, scores, seeds = _looked_up(candidates, there, arm, inverse)
+    """List passes of candidates (k,) with seeds (k, n, joints), in the order in which they are tried."""
+    placed = base_matrices(base[None])[0]
+    index, scores, seeds = _looked_up(candidates, base, arm, inverse)
     order = np.argsort(-(scores * candidates.weights[index]).round(6), kind="stable")
     index, seeds = index[order], seeds[order]
     _, first = np.unique(index, return_index=True)
-    first = np.sort(first)  # of each candidate the best posture, then the others
+    first = np.sort(first)  # the best posture of each candidate, then the others
     later = np.setdiff1d(np.arange(len(index)), first, assume_unique=True)
     passes = [(index[rows], seeds[rows][:, None]) for rows in (first, later) if len(rows)]
     if seed is not None and passes:
@@ -377,16 +375,16 @@ def _from_base(
     seed: Array | None,
     generous: bool,
 ) -> Iterator[HandSolution]:
-    there = np.array(base)
-    passes = _passes(there, arm, candidates, inverse, seed, generous)
+    base_row = np.array(base)
+    passes = _passes(base_row, arm, candidates, inverse, seed, generous)
     tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
     rejections.add(OUT_OF_REACH.text, len(candidates) - len(np.unique(tried)))
     done, counted = set[int](), set[int]()
-    for chosen, begun in passes:
+    for chosen, seeds in passes:
         for part in blocks(len(chosen), CHUNK):
             rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
             mine = chosen[rows]
-            solved = solve(candidates, mine, np.repeat(there[None], len(mine), 0), arm, begun[rows], check)
+            solved = solve(candidates, mine, np.repeat(base_row[None], len(mine), 0), arm, seeds[rows], check)
             for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
                 if number in done:
                     continue
@@ -405,7 +403,7 @@ def _from_base(
 def _looked_up(
     candidates: GraspCandidates, base: Array, arm: ArmModel, inverse: InverseMaps
 ) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return the candidates that the maps have a posture for from one base, by torso position: index, score, seed."""
+    """Look up candidates with map postures from one base, by torso position: index, score, seed."""
     c, s = math.cos(base[2]), math.sin(base[2])
     local = candidates.points - np.array([base[0], base[1], 0.0])
     local = np.stack([c * local[:, 0] + s * local[:, 1], c * local[:, 1] - s * local[:, 0], local[:, 2]], axis=1)
@@ -430,7 +428,7 @@ def _looked_up(
 def within_reach(
     candidates: GraspCandidates, index: NDArray[np.intp], placed: Array, arm: ArmModel
 ) -> NDArray[np.bool_]:
-    """Return whether key poses are no farther from a base at ``placed`` (4, 4) than the arm is long: a quick test."""
+    """Check quickly whether key poses are within the arm's length from a base at ``placed`` (4, 4)."""
     points = rotated(placed[:3, :3].T, candidates.points[index] - placed[:3, 3])
     shoulders = np.repeat(((arm.shoulder_low + arm.shoulder_high) / 2)[None], len(points), 0)
     shoulders[:, 2] = np.clip(points[:, 2], arm.shoulder_low[2], arm.shoulder_high[2])

@@ -1,7 +1,7 @@
-"""Grips that serve what is done with a thing later: it is offered to somebody, or put down somewhere.
+"""Grips that suit what follows: a thing is offered to somebody, or put down somewhere.
 
-A grip serves a use if the hand, with the thing in it, can be where the use needs it for some pose of the base: the
-reachability map has such a height, and the hand itself is inside nothing.
+A grip suits a use if the hand, with the thing in it, can be where the use needs it from some base pose: the
+reachability map covers the height, and the hand itself is collision-free.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ from planlang.geometry.matrices import inverse, product, rigid
 from planlang.kernel import still_computing
 
 UNSERVED = "no grip for what follows"
-"""Reason to reject a grasp after which the hand could not do what the thing is taken for."""
+"""Reason to reject grasps that rule out what the thing is taken for."""
 ALIKE = 3
-"""Decimals to which two grips are the same [m, 1]."""
+"""Decimals to which grips are compared [m, 1]."""
 
 
 class Grip(NamedTuple):
-    """The hold of a hand on a thing."""
+    """Grip of a hand on a thing."""
 
     arm: str
     kind: tuple[int, int]
     """Index into CLASSES, and roll."""
     offset: tuple[float, ...]
-    """Where the thing is in the tip's frame, and how it is turned if that matters [m, 1]."""
+    """Position of the thing in the tip's frame, and its orientation if that matters [m, 1]."""
 
 
 class LaterUses:
-    """Chooses grasps by what is done with the thing later; results are kept until the belief changes."""
+    """Selects grasps by what is done with the thing later; results are cached until the belief changes."""
 
     def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
         self._scene, self._maps = scene, maps
@@ -48,7 +48,7 @@ class LaterUses:
         self._spots: Latest[dict[tuple[Reach, str], Spots]] = Latest()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
-        """Return the candidates of a reach; of a grasp only those that serve all later uses."""
+        """Generate the candidates of a reach; of a grasp only those that suit all later uses."""
         tables = candidates_of(reach, arm, self._scene, log, stage)
         if not reach.then:
             return tables
@@ -57,26 +57,26 @@ class LaterUses:
         return [table for table in kept if len(table)]
 
     def _serving(self, table: GraspCandidates, reach: Reach, arm: ArmModel) -> NDArray[np.bool_]:
-        """Return which grasps of a table serve all later uses, (n,)."""
+        """Check which grasps of a table suit all later uses, (n,)."""
         scene, known = self._scene, self._known.of(self._scene.revision(), dict)
         body, thing = scene.world.scene.body(reach.body), scene.bodies.pose(reach.body).matrix()
         offsets = product(inverse(rigid(table.rotations, table.points)), thing)
-        served = np.ones(len(table), bool)
+        suits = np.ones(len(table), bool)
         for use in reach.then:
-            # offered to a person, or round, the thing may be turned about the vertical as one likes
+            # a thing that is offered, or round, may have any yaw
             turns = use.kind is ReachKind.OFFER or scene.bodies.is_round(reach.body)
             for row, offset in enumerate(offsets):
-                told = offset[:3, 3] if turns else offset[:3].ravel()
+                essential = offset[:3, 3] if turns else offset[:3].ravel()
                 kind = int(table.grasps[row]), int(table.rolls[row])
-                grip = Grip(arm.name, kind, tuple((told.round(ALIKE) + 0.0).tolist()))
+                grip = Grip(arm.name, kind, tuple((essential.round(ALIKE) + 0.0).tolist()))
                 if (use, grip) not in known:
                     held = Held(reach.body, Pose.from_matrix(offset), scene.world.size(reach.body), body.largest_tilt)
-                    known[use, grip] = self._serves(use, arm, held)
-                served[row] &= known[use, grip]
-        return served
+                    known[use, grip] = self._suits(use, arm, held)
+                suits[row] &= known[use, grip]
+        return suits
 
-    def _serves(self, use: Reach, arm: ArmModel, held: Held) -> bool:
-        """Return True if an arm that holds a thing like this can do what a use asks for, as far as this tells."""
+    def _suits(self, use: Reach, arm: ArmModel, held: Held) -> bool:
+        """Check whether an arm that holds a thing like this can perform a use, as far as known."""
         still_computing()
         if use.arms is not None and arm.name not in use.arms:
             return False
@@ -89,14 +89,14 @@ class LaterUses:
         if not len(table):
             return False
         tips = table.poses(np.arange(len(table)))[:, : table.key + 1]
-        # a door that is shut now is opened before
+        # a door that is closed now will have been opened
         door = self._scene.bodies.door_of(use.body) if use.inside else None
         hits = self._scene.collisions.arm_check(arm, held.name, ()).hand_hit(tips.reshape(-1, 4, 4))
         free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
         return bool(free.all(axis=1).any())
 
     def _spots_of(self, use: Reach, name: str) -> Spots | None:
-        """Return where a use may put a thing down, worked out once for all grips; None if it is offered."""
+        """Find where a use may put a thing down, once for all grips; None if it is offered."""
         if use.kind is ReachKind.OFFER:
             return None
         known = self._spots.of(self._scene.revision(), dict)
@@ -105,5 +105,5 @@ class LaterUses:
         return known[use, name]
 
     def _reaches(self, arm: ArmModel, grasp: int, roll: int, height: float) -> bool:
-        """Return True if an arm reaches a height [m] somewhere with its hand like this."""
+        """Check whether an arm reaches a height [m] anywhere with this grasp class and roll."""
         return len(self._maps(arm, CLASSES[grasp]).rows(height, roll, 0.0, 1).row) > 0

@@ -1,8 +1,8 @@
-"""Places where something is likely to be, and the order in which they are looked at: by likelihood over travel time.
+"""Places where something is likely to be, in the order of likelihood over travel time.
 
-Likelihoods are those of UsualPlace individuals (``ontologies/searching.omn``, or of the map); where the robot believes
-that such a thing is, it is likeliest. Each place comes with the base pose from where most of it is seen. The inside of
-furniture behind a closed door, or of a closed drawer, is a place of its own, which has to be opened first.
+Likelihoods come from UsualPlace individuals (``ontologies/searching.omn``, or the map); where the robot believes such a
+thing to be is likeliest. Each place comes with the base pose that shows most of it. The inside of furniture behind a
+closed door, or of a closed drawer, is a separate place, which has to be opened first.
 """
 
 from __future__ import annotations
@@ -30,46 +30,46 @@ from planlang.units import stated_number
 from sim.joints import JointKind
 
 BELIEVED = 1.0
-"""Likelihood of the place where such a thing is believed to be: what is usual is less likely."""
+"""Likelihood of the place where such a thing is believed to be: above any usual place."""
 LOOKING = 1.0
-"""Time for which the robot looks at a place, whatever the way to it takes [s]."""
+"""Time to look at a place, besides travel [s]."""
 AROUND = 2.5
-"""Distance from a place up to which base poses are compared [m]: small things are seen from there."""
+"""Distance from a place within which base poses are compared [m]: small things are visible from there."""
 SPACING = 0.25
-"""Distance of the base poses that are compared [m]."""
+"""Spacing of these base poses [m]."""
 MOST = 60
-"""Base poses that are compared for one place, the nearest to the robot."""
+"""Base poses compared per place, the nearest to the robot."""
 LEAST = 0.1
-"""Points of a place that another view of it has to show anew, as a share of those that were seen."""
+"""Points of a place that another view has to add, as a share of those already seen."""
 ENOUGH = 0.9
-"""Share of the best view that is good enough: of such base poses the nearest to the robot is taken."""
+"""Share of the best view that suffices: of such base poses the nearest to the robot is chosen."""
 ABOVE = 0.06
-"""Height over a top at which things stand there are looked for [m]."""
+"""Height above a surface at which to look for things on it [m]."""
 APART = 0.3
-"""Distance of heights inside of a place at which is looked for things [m]: shelves are that far apart."""
+"""Spacing of heights at which to look inside a place [m]: typical for shelves."""
 TOO_HIGH = 1.9
 """Height of a top above which nothing is looked for [m]."""
 OPENING = 40.0
-"""Time that it takes to open a door or drawer and to close it again, roughly [s]."""
+"""Approximate time to open and close a door or drawer [s]."""
 NOTHING = np.zeros((0, 3))
-"""No points of a place that is closed are seen."""
+"""No points: those of a closed place are invisible."""
 UNKNOWN = "HumanScaleObject"
-"""What things count as whose class the vocabulary does not have."""
+"""Class assumed for things whose class is not in the vocabulary."""
 
 
 @dataclass(frozen=True, slots=True)
 class LikelyPlace:
-    """A place to look at: a body, how likely the thing is there, from where to look, and at what."""
+    """Place to look at: a body, the likelihood of the thing there, the base pose, and what is visible from it."""
 
     name: str
     likelihood: float
     base: BasePose
     points: Array
-    """Points (n, 3) of the map that are seen from there."""
+    """Points (n, 3) of the map that are visible from there."""
     seconds: float
-    """Travel time, with the time to open and close it if it is closed [s]."""
+    """Travel time, plus the time to open and close it if it is closed [s]."""
     is_shut: bool = False
-    """True for a closed door or drawer that has to be opened first; then ``base`` is where the robot is."""
+    """True for a closed door or drawer, to be opened first; then ``base`` is the robot's present pose."""
 
     @property
     def worth(self) -> float:
@@ -79,21 +79,21 @@ class LikelyPlace:
 
 @dataclass(slots=True)
 class Search:
-    """The thing that is looked for, the place within which it is, and the places that were gone to, last one last."""
+    """Search for a thing, perhaps within a place, and the places visited so far, in order."""
 
     what: Object
     within: Object | None = None
     size: Size | None = None
-    """Size of the thing [m], if it is known."""
+    """Size of the thing [m], if known."""
     visited: dict[str, BasePose] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
-    """Places that could not be looked at, and why."""
+    """Places that could not be searched, and why."""
     left_open: list[str] = field(default_factory=list)
     """Doors and drawers that could not be closed again."""
 
 
 class UsualPlaces:
-    """Places where things usually are, as ontologies say."""
+    """Usual places of things, as ontologies state them."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._ontology = ontology
@@ -101,7 +101,7 @@ class UsualPlaces:
     @cached_property
     def _table(self) -> Mapping[tuple[str, str], float]:
         """(thing, place), classes or individuals -> likelihood."""
-        found: dict[tuple[str, str], float] = {}
+        likelihoods: dict[tuple[str, str], float] = {}
         for one in self._ontology.individuals(expand("UsualPlace")):
             things, places, values = (
                 self._ontology.values(one, expand(name)) for name in ("ofThing", "usuallyAt", "likelihood")
@@ -110,14 +110,14 @@ class UsualPlaces:
             for thing in things:
                 for place in places:
                     if isinstance(thing, str) and isinstance(place, str) and numbers:
-                        found[thing, place] = numbers[0]
-        return found
+                        likelihoods[thing, place] = numbers[0]
+        return likelihoods
 
     def likelihood(self, thing: Sequence[str], place: Sequence[str]) -> float:
-        """Return how likely a thing is at a place; each is an IRI, if it is an individual, and its classes.
+        """Likelihood of a thing at a place; each is given by its IRI, if it is an individual, and its classes.
 
-        A thing that no UsualPlace covers, such as one of a class that only the map knows, is likely where any small
-        thing is.
+        A thing without any UsualPlace, such as one of a class that only the map knows, is likely where any small thing
+        is.
         """
         things, places = self._levels(thing), self._levels(place)
         if not any(one in self._things for one in things):
@@ -129,12 +129,12 @@ class UsualPlaces:
         return frozenset(thing for thing, _ in self._table)
 
     def is_usual(self, place: Sequence[str]) -> bool:
-        """Return whether things are usual at a place, by its classes."""
+        """Check whether things are usual at a place, by its classes."""
         levels = self._levels(place)
         return any(at in levels and value > 0 for (_, at), value in self._table.items())
 
     def things_at(self, place: str) -> tuple[str, ...]:
-        """Return the classes (IRIs) of things that are usual at places of a class (an IRI)."""
+        """Classes (IRIs) of things that are usual at places of a class (an IRI)."""
         levels = self._levels((place,))
         return tuple(dict.fromkeys(thing for thing, at in self._table if at in levels))
 
@@ -150,28 +150,28 @@ def _number(value: object) -> float:
 
 
 class Searches:
-    """The searches of a run, by the name that the plan gives to the next place, or by what is looked for."""
+    """Searches of a run, by the plan's name for the next place, or by what is searched for."""
 
     def __init__(self, scene: PlanningScene, seconds: Callable[[BasePose], float | None]) -> None:
-        """``seconds`` gives the time to drive to a base pose, None if there is no way."""
+        """Prepare; ``seconds`` estimates the time to drive to a base pose, None without a path."""
         self.scene, self._seconds = scene, seconds
         self.views, self._poses = Views(scene), BasePoses(scene)
         self._usual = UsualPlaces(scene.belief.map.ontology)
         self.begun: dict[str, Search] = {}
 
     def begin(self, name: str, what: Object, within: Object | None = None) -> Search:
-        """Begin a search: ``name`` means its next place from now on, at each use another one."""
+        """Begin a search: from now on each use of ``name`` means the next place."""
         self.begun[name] = Search(what, within, self._size(what))
         return self.begun[name]
 
     def of(self, what: Object) -> Search | None:
-        """Return the last search for something, None if there is none."""
+        """Last search for something, if any."""
         return next((one for one in reversed(self.begun.values()) if one.what == what), None)
 
     def next(self, search: Search, *, opens: bool = False) -> LikelyPlace:
-        """Return the place with the highest likelihood over travel time that was not gone to; it counts as gone to.
+        """Select the unvisited place with the highest likelihood over travel time, and mark it as visited.
 
-        With ``opens`` closed doors and drawers count as places, too. Raises ObjectNowhereToBeFound when there is none.
+        With ``opens``, closed doors and drawers are places, too. Raises ObjectNowhereToBeFound if there is none left.
         """
         place = self._best(search, opens)
         if place is None:
@@ -180,16 +180,16 @@ class Searches:
         return place
 
     def view(self, search: Search, name: str, unseen: Array, screens: Array = NO_SCREENS) -> LikelyPlace | None:
-        """Return a place with the base pose from where most of its points (n, 3) that are still unseen are seen.
+        """Find the base pose that shows most of a place's unseen points (n, 3).
 
-        ``screens`` (k, 3) hide what is behind them. None if hardly any of the points is seen from anywhere.
+        ``screens`` (k, 3) hide what is behind them. None if hardly any of the points are visible from anywhere.
         """
         place = self._place(search, name, 0.0, self._poses.all_over(SPACING), unseen, screens) if len(unseen) else None
         seen = len(self.points_of(name)) - len(unseen)
         return place if place is not None and len(place.points) >= LEAST * seen else None
 
     def inside(self, name: str) -> Block:
-        """Return the room that things are looked for in: in a drawer, behind a door, else a body with what is on it."""
+        """Space in which to look for things: in a drawer, behind a door, else a body with what is on it."""
         joint, world = self.scene.belief.joints.get(name), self.scene.world
         if joint is None or joint.holder is None or joint.kind is JointKind.PRISMATIC:
             return self.scene.bodies.block(name)
@@ -198,15 +198,15 @@ class Searches:
         return Block.of(furniture.pose @ Pose(room.centre), room.size)
 
     def _report(self, search: Search) -> str:
-        """Return where a search has looked and where it could not."""
-        looked = ", ".join(self._called(name) for name in search.visited if name not in search.failed)
-        said = f"{search.what} is at none of the places where it is likely; looked at: {looked or 'none'}"
+        """Describe where a search has looked and where it could not."""
+        searched = ", ".join(self._called(name) for name in search.visited if name not in search.failed)
+        report = f"{search.what} was not found in any likely place; looked at: {searched or 'none'}"
         for name, problem in search.failed.items():
-            said += f"; not {self._called(name)} ({problem})"
-        return said + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
+            report += f"; not {self._called(name)} ({problem})"
+        return report + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
 
     def _called(self, name: str) -> str:
-        """Return what of a place is looked at, in words."""
+        """Describe which part of a place is searched."""
         joints = self.scene.belief.joints
         if (joint := joints.get(name)) is not None:
             return f"in {name}" if joint.kind is JointKind.PRISMATIC else f"behind {name}"
@@ -214,36 +214,37 @@ class Searches:
         return f"the outside of {name}" if closes else name
 
     def typical_things(self, place: str | None) -> tuple[str, ...]:
-        """Return the classes (IRIs) of things that are usual in a place of a class; in any room without one."""
+        """Classes (IRIs) of things that are usual in a place of a class; in any room without one."""
         return self._usual.things_at(expand(place or "RoomInAConstruction"))
 
     def _size(self, what: Object) -> Size | None:
-        """Return the size of the smallest thing that a designator may mean, None if that is not known."""
+        """Size of the smallest thing that a designator may mean, if known."""
         belief = self.scene.belief
-        meant = [
+        matching = [
             one
             for one in belief.map.objects
             if one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type))
         ]
-        return min((one.size for one in meant if one.size is not None), key=lambda size: math.prod(size), default=None)
+        sizes = (one.size for one in matching if one.size is not None)
+        return min(sizes, key=lambda size: math.prod(size), default=None)
 
-    # Which place
+    # Selection of the place
 
     def _best(self, search: Search, opens: bool) -> LikelyPlace | None:
-        """Return the best place; travel takes at least as long as the straight way, so that few are worked out."""
+        """Select the best place; a lower bound of the travel time limits how many are evaluated."""
         base, limits = self.scene.base(), self.scene.robot.base
         bounds = []
         for name, likelihood in self._candidates(search, opens).items():
-            away = self.scene.bodies.block(name).distance(np.array([base[:2]]))[0]
-            least = max(0.0, float(away) - AROUND) / limits.speed + (OPENING if self._is_shut(name) else 0.0)
-            bounds.append((likelihood / (least + LOOKING), name, likelihood, least))
+            distance = self.scene.bodies.block(name).distance(np.array([base[:2]]))[0]
+            shortest = max(0.0, float(distance) - AROUND) / limits.speed + (OPENING if self._is_shut(name) else 0.0)
+            bounds.append((likelihood / (shortest + LOOKING), name, likelihood, shortest))
         best: LikelyPlace | None = None
         floor = self._poses.all_over(SPACING) if bounds else np.zeros((0, 2))
-        for bound, name, likelihood, least in sorted(bounds, key=lambda one: -one[0]):
+        for bound, name, likelihood, shortest in sorted(bounds, key=lambda one: -one[0]):
             if best is not None and bound <= best.worth:
                 break
             if self._is_shut(name):
-                place: LikelyPlace | None = LikelyPlace(name, likelihood, base, NOTHING, least, is_shut=True)
+                place: LikelyPlace | None = LikelyPlace(name, likelihood, base, NOTHING, shortest, is_shut=True)
             else:
                 place = self._place(search, name, likelihood, floor, self.points_of(name))
             if place is not None and (best is None or place.worth > best.worth):
@@ -251,17 +252,17 @@ class Searches:
         return best
 
     def _is_shut(self, name: str) -> bool:
-        """Return True for a door or drawer that is closed, so that nothing in it is seen."""
+        """Check whether a place is a closed door or drawer, which hides its contents."""
         belief = self.scene.belief
         return name in belief.joints and not belief.is_left_open(name)
 
     def _candidates(self, search: Search, opens: bool) -> dict[str, float]:
-        """Return the places that were not gone to, with their likelihoods."""
+        """Collect unvisited places with their likelihoods."""
         scene, belief = self.scene, self.scene.belief
         types = [expand(search.what.type)]
         things = [one for one in belief.things if search.what.iri is not None and one.iri == search.what.iri]
         thing = [*(iri for one in things for iri in (one.iri, *one.types)), *types]
-        found: dict[str, float] = {}
+        candidates: dict[str, float] = {}
         for place in belief.map.objects:
             if place.name not in scene.world.names() or place.size is None or place.name in search.visited:
                 continue
@@ -271,15 +272,15 @@ class Searches:
                 continue
             likelihood = max(self._usual.likelihood(thing, one) for one in self._kinds(place))
             if likelihood > 0 and self._is_within(place.name, search.within):
-                found[place.name] = likelihood
+                candidates[place.name] = likelihood
         for name in [one for one in belief.of_class(search.what) if one not in belief.held]:
             support = scene.bodies.closed_before(name) or scene.world.support(name)
-            if support in found and not belief.looked_in_vain(name):
-                found[support] = BELIEVED
-        return found
+            if support in candidates and not belief.looked_in_vain(name):
+                candidates[support] = BELIEVED
+        return candidates
 
     def _opens_a_room(self, leaf: str, opens: bool) -> bool:
-        """Return True for the door or drawer of furniture, not of a room, that is open or may be opened."""
+        """Check for a door or drawer of furniture, not of a room, that is open or may be opened."""
         belief = self.scene.belief
         joint = belief.joints[leaf]
         if joint.is_knob or joint.holder is None or self.scene.bodies.is_room(joint.holder):
@@ -287,7 +288,7 @@ class Searches:
         return belief.is_left_open(leaf) or (opens and joint.handle is not None)
 
     def _kinds(self, place: MapObject) -> Iterator[tuple[str, ...]]:
-        """Yield IRI and classes of a place; of a door or drawer, also those of the furniture that it is a part of."""
+        """Yield IRI and classes of a place; of a door or drawer, also those of its furniture."""
         yield (place.iri, *place.types)
         belief = self.scene.belief
         joint = belief.joints.get(place.name)
@@ -296,17 +297,17 @@ class Searches:
             yield (holder.iri, *holder.types)
 
     def _is_within(self, name: str, place: Object | None) -> bool:
-        """Return whether a body is a place, a part of it, or stands on or in it."""
+        """Check whether a body is a place, is a part of it, or stands on or in it."""
         if place is None:
             return True
-        wanted = self.scene.bodies.bind(place)
-        if self.scene.bodies.is_room(wanted):
+        target = self.scene.bodies.bind(place)
+        if self.scene.bodies.is_room(target):
             block = self.scene.bodies.block(name)
-            return bool(self.scene.bodies.block(wanted).distance(np.array([[block.x, block.y]]))[0] <= 0)
+            return bool(self.scene.bodies.block(target).distance(np.array([[block.x, block.y]]))[0] <= 0)
         seen: dict[str, None] = {}
         at: str = name
         while at in self.scene.world.names() and at not in seen:
-            if at == wanted:
+            if at == target:
                 return True
             seen[at] = None
             thing = self.scene.belief.map.find(at)
@@ -314,7 +315,7 @@ class Searches:
             at = (holder.name if holder is not None else self.scene.world.support(at)) or ""
         return False
 
-    # From where
+    # Selection of the base pose
 
     def _place(
         self,
@@ -325,7 +326,7 @@ class Searches:
         points: Array,
         screens: Array = NO_SCREENS,
     ) -> LikelyPlace | None:
-        """Return a place with the base pose to see points (n, 3) of it from; None without, or if no way leads there."""
+        """Find the base pose from which to see points (n, 3) of a place; None if there is none that can be reached."""
         block, here = self.inside(name), self.scene.base()
         spots = floor[block.distance(floor) <= AROUND]
         spots = spots[np.argsort(np.hypot(*(spots - here[:2]).T).round(6), kind="stable")][:MOST]
@@ -333,7 +334,7 @@ class Searches:
         bases = np.vstack([[here], np.column_stack([spots, headings])])
         shown = self.views.seen(bases, points, search.size, screens)
         counts = shown.sum(axis=1)
-        while counts.any():  # where the base does not get to the best poses, of those that are left
+        while counts.any():  # if the best poses are unreachable, the best of the rest
             for row in np.flatnonzero(counts >= ENOUGH * counts.max()).tolist():
                 x, y, yaw = bases[row].tolist()
                 counts[row] = 0
@@ -345,17 +346,17 @@ class Searches:
         return None
 
     def points(self, search: Search, name: str, base: BasePose) -> Array:
-        """Return the points (n, 3) of a place that are seen from a base pose, and at which the thing would be."""
+        """Points (n, 3) of a place that are visible from a base pose and where the thing could be."""
         points = self.points_of(name)
         return np.asarray(points[self.views.seen(np.array([base]), points, search.size)[0]])
 
     def points_of(self, name: str) -> Array:
-        """Return the points (n, 3) of a place where small things may be."""
+        """Points (n, 3) of a place where small things may be."""
         return points_of(self.inside(name), over=name not in self.scene.belief.joints)
 
 
 def points_of(block: Block, *, over: bool = True) -> Array:
-    """Return points (n, 3) where small things at a place may be: over its top, if any, and inside if it is hollow."""
+    """Sample points (n, 3) of a place where small things may be: above its top, if low enough, and inside."""
     across = block.grid(0.15, 0.06)
     heights = np.arange(block.low + ABOVE, block.high - ABOVE, APART).tolist()
     heights += [block.high + ABOVE] if over and block.high < TOO_HIGH else []

@@ -1,4 +1,4 @@
-"""What is found out about base poses and poses of hands, once for all that are the same."""
+"""Results about base poses and hand poses, computed once for equal ones."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ T = TypeVar("T")
 
 
 def as_keys(rows: Array) -> list[bytes]:
-    """Return rows (n, k) as values that can be looked up."""
+    """Convert rows (n, k) to hashable values."""
     keys: list[bytes] = np.ascontiguousarray(rows).view(f"V{rows.itemsize * rows.shape[1]}").ravel().tolist()
     return keys
 
 
 def once(known: dict[bytes, T], rows: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
-    """Return what is ``known`` of rows (n, k); of those of which nothing is known it is found."""
+    """Look up results about rows (n, k); ``find`` computes those that are not ``known``."""
     keys = as_keys(rows)
     new = {key: number for number, key in enumerate(keys) if key not in known}
     known.update(zip(new, find(rows[list(new.values())]), strict=True))
@@ -28,11 +28,11 @@ def once(known: dict[bytes, T], rows: Array, find: Callable[[Array], Sequence[T]
 
 
 Numbered = tuple[Array, NDArray[np.intp]]
-"""Different rows (u, k), and which of these each row of a table is (n,)."""
+"""Distinct rows (u, k), and the index of each table row among them (n,)."""
 
 
 def numbered(rows: Array) -> Numbered:
-    """Return the different ones of rows (n, k): equal ones come together in the order of a sum that few others have."""
+    """Find the distinct ones of rows (n, k), sorted by a weighted sum that rarely coincides for different rows."""
     order = np.argsort(rows @ np.sqrt(np.arange(2.0, rows.shape[1] + 2.0)))
     new = np.append(True, (np.diff(rows[order], axis=0) != 0.0).any(axis=1))[: len(rows)]
     number = np.empty(len(rows), np.intp)
@@ -40,15 +40,15 @@ def numbered(rows: Array) -> Numbered:
     return rows[order[new]], number
 
 
-class LookedAt(Generic[T]):
-    """What is found out about rows (n, k) of a table, bit by bit; ``known`` before, and of more from then on."""
+class CachedRows(Generic[T]):
+    """Results about the rows (n, k) of a table, computed on demand and kept in ``known``."""
 
     def __init__(self, rows: Numbered, known: dict[bytes, T], find: Callable[[Array], Sequence[T]]) -> None:
         self._rows, self._number, self._known, self._find = *rows, known, find
         self._done, self._found = np.zeros(len(self._rows), bool), np.empty(len(self._rows), object)
 
     def __call__(self, index: NDArray[np.intp]) -> list[T]:
-        """Return what is found about some of the rows, by numbers (m,)."""
+        """Get the results for some rows, by index (m,)."""
         number = self._number[index]
         new = np.unique(number[~self._done[number]])
         if len(new):

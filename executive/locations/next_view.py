@@ -1,4 +1,4 @@
-"""The next best view of a room that is explored: from where most of what is still unseen is seen, and soon."""
+"""Next best view of a room being explored: the pose that shows most unseen space for the time it takes."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from planlang.geometry import Array
 from planlang.records import dataclass
 
 LOOKING = 8.0
-"""Time that the views from one place take, roughly [s]."""
+"""Approximate time of the views from one place [s]."""
 SPACING = 0.4
-"""Distance of places that are compared [m]."""
+"""Spacing of candidate places [m]."""
 MOST_POINTS = 500
-"""Cells beside seen space by which places are compared, at most."""
+"""Largest number of frontier cells with which places are compared."""
 LEAST = 0.002
-"""The least share of the cells with a surface that a view has to show anew: less is not worth the way."""
+"""Smallest gain of a view, as a share of the surface cells: less is not worth the drive."""
 ROOM = 0.05
-"""Room that the robot keeps to what it has seen [m]."""
+"""Clearance that the robot keeps from what it has seen [m]."""
 HEADINGS = 24
-"""Headings that are compared."""
+"""Number of headings to compare."""
 INSIDE = 0.8
-"""Share of the lower half angle of a picture within which points count as shown."""
+"""Share of a picture's smaller half angle within which points count as visible."""
 PAUSE = 0.5
-"""Turn of the head that takes as long as a picture beside the way to it [rad]."""
+"""Head turn that takes as long as a picture [rad]."""
 TRIES = 2
 """Pictures that may fail to show a cell before it counts as hidden."""
 MOST_DIRECTIONS = 48
-"""Directions of the camera that are compared, about."""
+"""Approximate number of camera directions to compare."""
 RAYS = 5
-"""Rays along each side of a picture by which directions are compared."""
+"""Rays along each side of a picture with which directions are compared."""
 NEAR = 0.9
-"""Distance from which places are looked at from near [m]."""
+"""Distance from which places are inspected closely [m]."""
 PATIENCE = 2
-"""Pictures in a row that show hardly anything new, after which the robot goes on."""
+"""Consecutive pictures with hardly any gain after which the robot moves on."""
 MOST_GAZES = 16
-"""Pictures that are taken from one place at most."""
+"""Largest number of pictures from one place."""
 
 
 @dataclass(frozen=True, slots=True)
 class Neck:
-    """The directions in which the camera can be turned: pan to both sides, tilt from lowest to highest [rad]."""
+    """Directions of the camera: pan to both sides, tilt from lowest to highest [rad]."""
 
     pan: float
     low: float
@@ -59,26 +59,26 @@ class Neck:
 
 
 class Exploration:
-    """The explored part of a room, and where to go on. ``names`` are what the plan calls the next view, or the end."""
+    """Explored part of a room, and the next view. ``names`` are the plan's names for the next view, or for the end."""
 
     def __init__(self, scene: PlanningScene, names: Sequence[str] = ()) -> None:
         self.scene, self.names = scene, tuple(names)
         self.goal: BasePose | None = None
-        """The place that the robot goes to next; None before it has looked around, and when nothing is new."""
+        """Next base pose; None before the robot has looked around, and when nothing new is left."""
         self.finished = False
         if scene.space is None:
             scene.space = ExploredSpace(scene.world.scene.bounds)
         self.space: ExploredSpace = scene.space
         self.origin = scene.base()
-        """Pose of the base at the beginning."""
+        """Initial base pose."""
         self.close: list[str] = []
-        """Places at which the robot has looked from near, the last one last, or could not."""
+        """Places inspected closely, in order, or attempted."""
         self._usual, self._views = UsualPlaces(scene.belief.map.ontology), Views(scene)
         self._poses = BasePoses(scene)
 
     @cached_property
     def neck(self) -> Neck:
-        """The limits of the neck, with what of a picture may lie beyond them."""
+        """Limits of the neck, plus the part of a picture beyond them."""
         camera, gaze = self.scene.robot.camera, self.scene.visibility.gaze
         if camera is None or gaze is None:
             return Neck(0.0, 0.0, 0.0)
@@ -94,48 +94,48 @@ class Exploration:
 
     @property
     def cone(self) -> float:
-        """Angle from the middle of a picture within which points count as shown [rad]."""
+        """Angle from the centre of a picture within which points count as visible [rad]."""
         camera = self.scene.robot.camera
         return 0.0 if camera is None else INSIDE * math.atan(math.tan(camera.fov / 2) * camera.height / camera.width)
 
     @property
     def eye(self) -> Array:
-        """Return the place of the camera, (3,)."""
+        """Position of the camera, (3,)."""
         camera = self.scene.robot.camera
         return np.array((0.0, 0.0, 0.0) if camera is None else self.scene.world.link_pose(camera.link).position)
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Height of the robot in its posture, and the radius of its base with room around it [m]."""
+        """Height of the robot in its posture, and the radius of its base with clearance [m]."""
         return max(high for _, high, _ in self.scene.collisions.silhouette()), self.scene.robot.base.radius + ROOM
 
-    # Here
+    # Views from the present place
 
     def gazes(self) -> Iterator[Array]:
-        """Yield points (3,) to look at from here until nothing new is to be seen; pictures are learnt in between.
+        """Yield points (3,) to look at from here until nothing new is visible; pictures are processed in between.
 
-        What a picture should have shown, and did not, is not looked at again from here, and from few other places.
+        Cells that a picture should have shown but did not are not tried again from here, and from few other places.
         """
         self.space.free_disc(self.scene.base(), self.extent[1] + 2 * CELL)
         yield from self._close_gazes()
         ahead = np.array([math.cos(self.scene.base()[2]), math.sin(self.scene.base()[2]), 0.0])
-        left, poor = self._visible(self.space.frontier(TRIES)), 0
+        unseen, poor_views = self._visible(self.space.frontier(TRIES)), 0
         for _ in range(MOST_GAZES):
-            if len(left) < max(4.0, self._least() / 4) or poor == PATIENCE:
+            if len(unseen) < max(4.0, self._least() / 4) or poor_views == PATIENCE:
                 break
             eye, before = self.eye, self._surfaces()
-            point = self._best_gaze(eye, left, ahead)
+            point = self._best_gaze(eye, unseen, ahead)
             ahead = (point - eye) / np.linalg.norm(point - eye)
             yield point
-            shown = left[self._directions(eye, left) @ ahead >= math.cos(self.cone)]
+            shown = unseen[self._directions(eye, unseen) @ ahead >= math.cos(self.cone)]
             self.space.give_up(shown)
-            poor = poor + 1 if self._surfaces() - before < self._least() / 2 else 0
-            left = self._visible(self.space.frontier(TRIES))
-            left = left[~self.space.among(left, shown)]
-        self.space.give_up(left)
+            poor_views = poor_views + 1 if self._surfaces() - before < self._least() / 2 else 0
+            unseen = self._visible(self.space.frontier(TRIES))
+            unseen = unseen[~self.space.among(unseen, shown)]
+        self.space.give_up(unseen)
 
     def _visible(self, points: Array) -> Array:
-        """Return those of points (n, 3) that can be looked at from here."""
+        """Select the points (n, 3) that can be looked at from here."""
         return np.asarray(points[self._seen(self.eye[None], np.array([self.scene.base()]), points)[0]])
 
     def _directions(self, eye: Array, points: Array) -> Array:
@@ -143,9 +143,9 @@ class Exploration:
         return np.asarray(arrows / np.maximum(np.linalg.norm(arrows, axis=1), 1e-9)[:, None])
 
     def _best_gaze(self, eye: Array, points: Array, ahead: Array) -> Array:
-        """Return the point (3,) in a picture of which most is unknown, the less the head turns to it the better."""
-        some = points[:: max(1, len(points) // MOST_DIRECTIONS)]
-        arrows = self._directions(eye, some)
+        """Select the point (3,) whose picture shows most unknown space, with a preference for small head turns."""
+        candidates = points[:: max(1, len(points) // MOST_DIRECTIONS)]
+        arrows = self._directions(eye, candidates)
         across = np.cross(arrows, [0.0, 0.0, 1.0])
         across /= np.maximum(np.linalg.norm(across, axis=1), 1e-9)[:, None]
         camera = self.scene.robot.camera
@@ -155,7 +155,7 @@ class Exploration:
         rays = arrows[:, None] + sides[:, None] * across[:, None] + heights[:, None] * np.cross(across, arrows)[:, None]
         gain = self.space.unknown(eye, rays, 0.0 if camera is None else camera.far).sum(axis=1)
         turn = np.arccos(np.clip(arrows @ ahead, -1.0, 1.0))
-        return np.asarray(some[int(np.argmax(((1 + gain) / (PAUSE + turn)).round(9)))])
+        return np.asarray(candidates[int(np.argmax(((1 + gain) / (PAUSE + turn)).round(9)))])
 
     def _surfaces(self) -> int:
         return int((self.space.cells == SURFACE).sum())
@@ -163,15 +163,15 @@ class Exploration:
     def _least(self) -> float:
         return LEAST * self._surfaces()
 
-    # Elsewhere
+    # Views from other places
 
     def plan(self) -> None:
-        """Choose the next view; when nothing new is to be seen, look at each place of things from near, then end."""
+        """Select the next view; if nothing new is left, inspect usual places of things closely, then finish."""
         self.goal = self._next() or self._next_to_a_place()
         self.finished = self.goal is None
 
     def missed(self) -> None:
-        """Choose another view than the last one, to which the robot could not drive."""
+        """Replace a view to which the robot could not drive."""
         if self.goal is not None:
             eye, points = np.array([[*self.goal[:2], self.eye[2]]]), self.space.frontier(TRIES)
             for _ in range(TRIES):
@@ -179,7 +179,7 @@ class Exploration:
         self.plan()
 
     def _next_to_a_place(self) -> BasePose | None:
-        """Return from where most of a place where things usually are is seen from near; None if all were looked at.
+        """Find the pose for a close inspection of the next usual place of things; None after the last.
 
         Small things have too few pixels to be recognised from afar.
         """
@@ -198,9 +198,9 @@ class Exploration:
         return None
 
     def _unvisited(self, places: Array, seconds: Array) -> list[str]:
-        """Return places where things usually are at which was not looked from near, the nearest first."""
+        """List usual places of things not inspected closely yet, the nearest first."""
         bodies = self.scene.bodies
-        away: dict[str, float] = {}
+        seconds_to: dict[str, float] = {}
         for thing in self.scene.belief.map.objects:
             name = thing.name
             if name in self.close or name not in self.scene.belief.names() or name not in self.scene.world.names():
@@ -209,11 +209,11 @@ class Exploration:
                 continue
             if self._usual.is_usual((thing.iri, *thing.types)):
                 gaps = bodies.block(name).distance(places)
-                away[name] = float((gaps / self.scene.robot.base.speed + seconds).min(initial=math.inf))
-        return sorted(away, key=lambda name: away[name])
+                seconds_to[name] = float((gaps / self.scene.robot.base.speed + seconds).min(initial=math.inf))
+        return sorted(seconds_to, key=lambda name: seconds_to[name])
 
     def _close_gazes(self) -> Iterator[Array]:
-        """Yield points (3,) of the place that the robot has come near to."""
+        """Yield points (3,) of the place that the robot has approached."""
         if self.goal is not None and self.close and self.close[-1] in self.scene.belief.names():
             base, points = self.scene.base(), points_of(self.scene.bodies.block(self.close[-1]))
             yield from self._views.gazes(base, points[self._views.seen(np.array([base]), points)[0]])
@@ -221,16 +221,16 @@ class Exploration:
     def _next(self) -> BasePose | None:
         points = self.space.frontier(TRIES)
         stride = max(1, len(points) // MOST_POINTS)
-        some = points[::stride]
+        sample = points[::stride]
         places, seconds = self._places()
-        if not len(some) or not len(places):
+        if not len(sample) or not len(places):
             return None
         eyes = np.column_stack([places, np.full(len(places), self.eye[2])])
-        shown = self._seen(eyes, None, some)
+        shown = self._seen(eyes, None, sample)
         order = np.argsort(-(shown.sum(axis=1) / (seconds + LOOKING)).round(9), kind="stable")
         best: tuple[float, BasePose] | None = None
         for row in order.tolist():
-            gain, yaw = self._heading(eyes[row], some[shown[row]])
+            gain, yaw = self._heading(eyes[row], sample[shown[row]])
             worth = gain * stride / (seconds[row] + LOOKING)
             if best is not None and shown[row].sum() * stride / (seconds[row] + LOOKING) <= best[0]:
                 break
@@ -241,17 +241,17 @@ class Exploration:
         return None if best is None else best[1]
 
     def _heading(self, eye: Array, points: Array) -> tuple[int, float]:
-        """Return how many points (n, 3) the neck can turn to with the best heading of the base, and that [rad]."""
+        """Find the base heading with which the neck can turn to most points (n, 3): their number, and it [rad]."""
         azimuth = np.arctan2(points[:, 1] - eye[1], points[:, 0] - eye[0])
         yaws = np.linspace(-math.pi, math.pi, HEADINGS, endpoint=False)
-        away = np.abs(np.remainder(azimuth[None] - yaws[:, None] + math.pi, 2 * math.pi) - math.pi)
-        counts = (away <= self.neck.pan).sum(axis=1)
-        middle = np.where(away <= self.neck.pan, away, 0.0).sum(axis=1)
+        angles = np.abs(np.remainder(azimuth[None] - yaws[:, None] + math.pi, 2 * math.pi) - math.pi)
+        counts = (angles <= self.neck.pan).sum(axis=1)
+        middle = np.where(angles <= self.neck.pan, angles, 0.0).sum(axis=1)
         best = int(np.lexsort((middle, -counts))[0])
         return int(counts[best]), float(yaws[best])
 
     def _places(self) -> tuple[Array, Array]:
-        """Return places (n, 2) of the base that seen floor leads to, and the times to drive there (n,) [s]."""
+        """List places (n, 2) of the base connected by seen floor, and the times to drive there (n,) [s]."""
         free, base = self.space.standable(*self.extent), self.scene.base()
         start = self.space.index(np.array([[*base[:2], 0.0]]))[0][0]
         seconds = _distances(free, (int(start[0]), int(start[1]))) * CELL / self.scene.robot.base.speed
@@ -261,11 +261,11 @@ class Exploration:
         cells = np.argwhere(chosen & np.isfinite(seconds))
         places = self.space.centres(np.column_stack([cells, np.zeros(len(cells), int)]))[:, :2]
         room = self.scene.collisions.floor().at(places) > 0.0
-        here = np.array([base[:2]])  # it may turn, at least
+        here = np.array([base[:2]])  # turning on the spot is always possible
         return np.vstack([here, places[room]]), np.concatenate([[0.0], seconds[tuple(cells.T)][room]])
 
     def _seen(self, eyes: Array, bases: Array | None, points: Array) -> NDArray[np.bool_]:
-        """Return which points (m, 3) are to be seen from eyes (n, 3), through seen space alone, (n, m).
+        """Check which points (m, 3) are visible from eyes (n, 3), through seen space only, (n, m).
 
         With ``bases`` (n, 3) the base keeps its heading; else it may turn.
         """
@@ -274,9 +274,9 @@ class Exploration:
         if camera is None or not len(points):
             return shown
         arrows = points[None] - eyes[:, None]
-        away = np.linalg.norm(arrows, axis=2)
+        distances = np.linalg.norm(arrows, axis=2)
         tilt = np.arctan2(arrows[..., 2], np.hypot(arrows[..., 0], arrows[..., 1]))
-        fits = (away <= camera.far) & (tilt >= self.neck.low) & (tilt <= self.neck.high)
+        fits = (distances <= camera.far) & (tilt >= self.neck.low) & (tilt <= self.neck.high)
         if bases is not None:
             turn = np.arctan2(arrows[..., 1], arrows[..., 0]) - bases[:, 2:]
             fits &= np.abs(np.remainder(turn + math.pi, 2 * math.pi) - math.pi) <= self.neck.pan
@@ -286,19 +286,19 @@ class Exploration:
 
 
 def _distances(free: NDArray[np.bool_], start: tuple[int, int]) -> Array:
-    """Return lengths of ways over free cells (nx, ny) from one of them, in cells; inf where none leads."""
-    found = np.full(free.shape, np.inf)
-    found[start] = 0.0
+    """Compute path lengths over free cells (nx, ny) from one of them, in cells; inf if unreachable (Dijkstra)."""
+    lengths = np.full(free.shape, np.inf)
+    lengths[start] = 0.0
     queue = [(0.0, *start)]
     while queue:
         away, i, j = heappop(queue)
-        if away > found[i, j]:
+        if away > lengths[i, j]:
             continue
         for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
             k, n = i + di, j + dj
             if 0 <= k < free.shape[0] and 0 <= n < free.shape[1] and free[k, n]:
-                there = away + math.hypot(di, dj)
-                if there < found[k, n]:
-                    found[k, n] = there
-                    heappush(queue, (there, k, n))
-    return found
+                length = away + math.hypot(di, dj)
+                if length < lengths[k, n]:
+                    lengths[k, n] = length
+                    heappush(queue, (length, k, n))
+    return lengths

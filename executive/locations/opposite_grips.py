@@ -1,4 +1,4 @@
-"""Grips of a thing that two hands take: by opposite sides of its rim, or by handles that are opposite."""
+"""Grips of a thing held by two hands: on opposite sides of its rim, or by opposite handles."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from planlang.geometry import Array
 from planlang.records import dataclass
 
 OPPOSITE = 0.25
-"""Distance of the middle between two grips from that of the thing, in shares of their distance, at most."""
+"""Greatest offset of the midpoint between two grips from the thing's centre, as a share of their distance."""
 LEAST = 0.1
-"""Distance of two grips, at least [m]: there is room for two hands."""
+"""Smallest distance of two grips, with room for both hands [m]."""
 SAME_PLACE = 0.02
-"""Grips of one direction nearer than this differ in their depth alone [m]."""
+"""Distance below which grips of one direction differ in depth only [m]."""
 AT_PLACE, MOST_AT_PLACE = 0.05, 8
-"""Grips of each hand nearer to each other than this [m], and how many of these are looked at, the most natural ones."""
+"""Distance below which grips of one hand share a place [m], and the number kept per place, most natural first."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grips:
-    """Grips of one hand: before the thing, at it, above it, and back, (c, 4, 4, 4) in the map."""
+    """Grips of one hand: poses (c, 4, 4, 4) in the map before the thing, at it, above it, and back."""
 
     arm: ArmModel
     plans: tuple[HandPoses, ...]
@@ -36,15 +36,15 @@ class Grips:
 
 
 def grips_of(name: str, arm: ArmModel, scene: PlanningScene, log: Rejections) -> Grips:
-    """Return the grips of a thing by one hand in which the hand is in nothing; others are counted."""
-    found: list[tuple[float, HandPoses]] = []
+    """Generate the collision-free grips of a thing by one hand; the others are counted."""
+    weighted: list[tuple[float, HandPoses]] = []
     for hand in unblocked(arm, candidates_of(Reach(ReachKind.GRASP, name), arm, scene, log, Stage.ALL), scene, log):
         table = hand.candidates
-        found += [(float(table.weights[k]), table.plan(k)) for k in range(len(table))]
+        weighted += [(float(table.weights[k]), table.plan(k)) for k in range(len(table))]
     kept: list[tuple[float, HandPoses]] = []
-    for weight, plan in sorted(found, key=lambda one: -round(one[0], 6)):
-        there = [other for _, other in kept if _apart(plan, other) < AT_PLACE]
-        if len(there) < MOST_AT_PLACE and not any(_alike(plan, other) for other in there):
+    for weight, plan in sorted(weighted, key=lambda one: -round(one[0], 6)):
+        neighbours = [other for _, other in kept if _apart(plan, other) < AT_PLACE]
+        if len(neighbours) < MOST_AT_PLACE and not any(_alike(plan, other) for other in neighbours):
             kept.append((weight, plan))
     poses = np.array([plan.poses for _, plan in kept]).reshape(-1, 4, 4, 4)
     return Grips(arm, tuple(plan for _, plan in kept), poses, np.array([weight for weight, _ in kept]))
@@ -60,7 +60,7 @@ def _alike(one: HandPoses, other: HandPoses) -> bool:
 
 
 def opposite(first: Grips, second: Grips, centre: Array) -> NDArray[np.bool_]:
-    """Return which grips of two hands, (c, d), are opposite of each other about the middle (3,) of a thing."""
+    """Check which grips of two hands, (c, d), are opposite about the centre (3,) of a thing."""
     one, other = first.poses[:, None, 1, :2, 3], second.poses[None, :, 1, :2, 3]
     apart = np.linalg.norm(one - other, axis=2)
     aside = np.linalg.norm((one + other) / 2 - centre[:2], axis=2)

@@ -1,6 +1,6 @@
-"""Poses of things at locations: on and in other things and before people, upright, with free room around.
+"""Poses of things at locations: upright, on or in other things, or in front of people, with clearance.
 
-A round thing may be turned as it likes; any other one stands along the edges of what it is on, or else aslant.
+A round thing may have any yaw; others are aligned with the edges of their support, or else at 45 degrees to them.
 """
 
 from __future__ import annotations
@@ -22,70 +22,70 @@ from planlang.geometry import Array, Pose
 from planlang.records import dataclass
 
 SPACING = 0.04
-"""Distance of neighbouring places on a surface [m]."""
+"""Spacing of places on a surface [m]."""
 COARSE_SPACING, FINE_SPACING = 0.02, 0.005
-"""The same where relations to other things leave only a part of the surface [m], to find that and within it."""
+"""The same if relations to other things restrict the surface [m]: to find the allowed part, and within it."""
 MOST_PLACES = 4000
-"""Places on one surface: on a large one they are farther apart."""
+"""Largest number of places on one surface; large surfaces get a wider spacing."""
 FREE = 0.005
-"""Distance that an object keeps from others [m]."""
+"""Clearance of an object from others [m]."""
 RESTING = 0.02
-"""Largest distance of an object's lowest point from the surface that it rests on [m]."""
+"""Largest distance of an object's lowest point from the surface that supports it [m]."""
 ABOVE_SURFACE = 0.002
-"""Height above the surface at which an object is put [m]."""
+"""Height above the surface at which an object is released [m]."""
 FLAT = 0.001
-"""Height above the surface up to which something may lie under an object [m]: no more than rounding."""
+"""Height above the surface up to which bodies below an object are ignored [m], for rounding."""
 EDGE, EDGE_BESIDE = 0.03, 0.15
-"""Distance from the edge of a surface from which a place is as good as can be [m]; where more may come, too."""
+"""Distance from the edge of a surface beyond which a place gets no better [m]; larger if more things may follow."""
 SMALL = 0.6
-"""Distance from the middle of a surface up to which a place is the better the nearer it is [m]."""
+"""Distance from the centre of a surface up to which closer places are better [m]."""
 CENTRED = 0.4
-"""Share of its worth that a place loses up to there, or as far from the middle as a thing fits on what is small."""
+"""Share of its score that a place loses up to that distance, or up to the farthest place on a small surface."""
 NATURAL = 2
-"""Power of the score of an area: well in front of a chair is far better than still so."""
+"""Power of the score of an area: well in front of a chair is far better than just in front."""
 HAIR = 1e-6
-"""Length that rounding may add [m]."""
+"""Rounding tolerance of lengths [m]."""
 TRAVEL = 4.0
-"""Distance of the base over which a place loses most of its worth [m]."""
+"""Distance of the base over which a place loses most of its score [m]."""
 ROOMY, ROOMY_BESIDE = 0.1, 0.01
-"""More room around an object than this is not better [m]; beside something less, as more may come there."""
+"""Clearance beyond which a place gets no better [m]; smaller beside something, where more things may follow."""
 ACROSS = 0.5
-"""Weight of a long thing that points at what it is beside: things lie along each other."""
+"""Weight of a long thing that points at what it is beside, as things lie parallel to each other."""
 MOST_CELLS = 24
-"""Circles in a row that cover the outline of a long object."""
+"""Largest number of circles in a row that cover the outline of a long object."""
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """An object, and where a location asks it to be."""
+    """An object, and the location required for it."""
 
     name: str
     demand: ThingDemand
     scene: PlanningScene
     near: bool = True
-    """True if places near to where the base is now are better."""
+    """True if places near the base's present pose are better."""
     oblique: bool = False
-    """True if what is not round may also stand at 45 degrees to the edges of what it is on."""
+    """True if things that are not round may also stand at 45 degrees to the edges of their support."""
 
     def spots(self, log: Rejections) -> tuple[Array, Array]:
-        """Return places and yaws (n, 4) of the object's box centre, upright, and scores (n,), best first.
+        """Find places and yaws (n, 4) of the object's box centre, upright, and scores (n,), best first.
 
-        Reasons of others are counted.
+        Rejected ones are counted.
         """
-        found = [self._free(upright, log) for upright in self._turned()]
-        yaws = [np.full((len(places), 1), one.yaw) for one, (places, _) in zip(self._turned(), found, strict=True)]
-        spots = np.hstack([np.concatenate([places for places, _ in found]), np.concatenate(yaws)])
-        scores = np.concatenate([scores for _, scores in found])
+        by_heading = [self._free(upright, log) for upright in self._turned()]
+        yaws = [np.full((len(places), 1), one.yaw) for one, (places, _) in zip(self._turned(), by_heading, strict=True)]
+        spots = np.hstack([np.concatenate([places for places, _ in by_heading]), np.concatenate(yaws)])
+        scores = np.concatenate([scores for _, scores in by_heading])
         order = np.argsort(-scores.round(9), kind="stable")
         return spots[order], scores[order]
 
     def poses(self, log: Rejections) -> Iterator[Pose]:
-        """Yield poses of the object's box centre, upright, best first; reasons of others are counted."""
+        """Yield poses of the object's box centre, upright, best first; rejected ones are counted."""
         for x, y, z, yaw in self.spots(log)[0].tolist():
             yield Pose.planar(x, y, yaw, z)
 
     def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
-        """Return places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
+        """Find places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
         demand, bodies = self.demand, self.scene.bodies
         before = log.counts.total()
         centres = self._centres(upright, log)
@@ -93,18 +93,18 @@ class Placement:
             log.add("too small for the object")
         areas = _areas(demand, upright)
         for area in areas:
-            wanted = area.score(centres[:, :2]) > 0
-            log.refuse(_unmet(area), centres[~wanted])
-            centres = centres[wanted]
+            in_area = area.score(centres[:, :2]) > 0
+            log.refuse(_unmet(area), centres[~in_area])
+            centres = centres[in_area]
         for person, inside in demand.people:
             zone = bodies.zone(person)
             keep = np.array([zone.contains(centre) == inside for centre in centres], bool)
             log.refuse(f"{'not ' if inside else ''}in reach of {person}", centres[~keep])
             centres = centres[keep]
         for body, inside in demand.neither:
-            there = self._rests(upright, centres, body, inside=inside)
-            log.refuse(f"{'in' if inside else 'on'} {body}", centres[there])
-            centres = centres[~there]
+            rests = self._rests(upright, centres, body, inside=inside)
+            log.refuse(f"{'in' if inside else 'on'} {body}", centres[rests])
+            centres = centres[~rests]
         if not len(centres):
             return centres, np.zeros(0)
         room = self._room(upright, centres)
@@ -114,11 +114,11 @@ class Placement:
             log.blocking[body] += 1
         roomy, border = (ROOMY_BESIDE, EDGE_BESIDE) if any(area.directions for area in areas) else (ROOMY, EDGE)
         score = np.clip(room, 0.0, roomy) / roomy
-        if where := demand.on or demand.inside:  # rather not at the very edge
+        if where := demand.on or demand.inside:  # prefer places away from the edge
             outer = bodies.block(where)
             spare = -_overhang(upright, centres[:, :2], outer)
             score = score * (0.1 + 0.9 * np.clip(spare, 0.0, border) / border)
-            if not areas and not self.near:  # rather in the middle of what is small
+            if not areas and not self.near:  # prefer the centre of small surfaces
                 aside = np.hypot(centres[:, 0] - outer.x, centres[:, 1] - outer.y)
                 score = score * (1.0 - CENTRED * np.clip(aside / np.clip(aside.max(), HAIR, SMALL), 0.0, 1.0))
         for area in areas:
@@ -130,7 +130,7 @@ class Placement:
         return centres[~crowded], score[~crowded]
 
     def holds(self, pose: Pose) -> bool:
-        """Return whether the object, at a pose, is where it is asked to be."""
+        """Check whether the object would be at the required location with a pose."""
         demand, block = self.demand, self._block(pose)
         resting = [
             (demand.on, False, True),
@@ -153,16 +153,16 @@ class Placement:
         return Block.of(pose, self._size, cylinder=self.scene.bodies.is_round(self.name))
 
     def _turned(self) -> tuple[Block, ...]:
-        """Return the object at the origin, in each of the headings that it may have."""
+        """Create the object at the origin, in each of its allowed headings."""
         where = self.demand.on or self.demand.inside
         yaw = 0.0 if where is None else self.scene.bodies.block(where).yaw
         one = self._block(Pose.planar(0.0, 0.0, yaw))
-        alike = abs(one.half_x - one.half_y) < HAIR
-        others = () if one.round or where is None else (1, 2, 3) if self.oblique else () if alike else (2,)
+        is_square = abs(one.half_x - one.half_y) < HAIR
+        others = () if one.round or where is None else (1, 2, 3) if self.oblique else () if is_square else (2,)
         return (one, *(self._block(Pose.planar(0.0, 0.0, yaw + turn * math.pi / 4)) for turn in others))
 
     def _rests(self, block: Block, centres: Array, body: str, *, inside: bool) -> NDArray[np.bool_]:
-        """Return whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, as a whole (m,)."""
+        """Check whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, completely (m,)."""
         outer, top = self.scene.bodies.block(body), self.scene.bodies.rests_at(body)
         half = (block.high - block.low) / 2
         low, high = centres[:, 2] - half, centres[:, 2] + half
@@ -175,7 +175,7 @@ class Placement:
         return np.asarray(level & (_overhang(block, centres[:, :2], outer) <= HAIR))
 
     def _centres(self, upright: Block, log: Rejections) -> Array:
-        """Return places (m, 3) for the object's centre; those that areas refuse are counted."""
+        """Sample places (m, 3) for the object's centre; those that areas reject are counted."""
         demand, bodies = self.demand, self.scene.bodies
         where, height = demand.on or demand.inside, upright.high - upright.low
         if where is None:
@@ -192,11 +192,11 @@ class Placement:
         return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor, log)
 
     def _rooms(self, where: str) -> list[Block]:
-        """Return the rooms inside a body: those over its floor and its shelves if it is hollow, else all of it."""
+        """List the spaces inside a body: above its floor and shelves if it is hollow, else the whole body."""
         bodies = self.scene.bodies
         pose, (x, y, z) = bodies.pose(where), bodies.size(where)
         rooms = []
-        for cavity in self.scene.world.scene.body(where).cavities:  # they may go beyond the body where it is open
+        for cavity in self.scene.world.scene.body(where).cavities:  # they may extend beyond the body where it is open
             ends = [np.array(cavity.centre) + sign * np.array(cavity.size) / 2 for sign in (-1, 1)]
             low, high = np.clip(ends, (-x / 2, -y / 2, -z / 2), (x / 2, y / 2, z / 2))
             if (high > low).all():
@@ -204,9 +204,9 @@ class Placement:
         return rooms or [bodies.block(where)]
 
     def _on_floor(self, upright: Block, block: Block, floor: float, log: Rejections) -> Array:
-        """Return places (m, 3) for the object's centre on a floor at a height, over a block's outline.
+        """Sample places (m, 3) for the object's centre on a floor at a height, over a block's outline.
 
-        Where areas leave a part of it they are closer to each other.
+        Denser if areas leave only a part of it.
         """
         demand, height = self.demand, upright.high - upright.low
         half_x = block.half_x - upright.support(block.yaw)
@@ -233,7 +233,7 @@ class Placement:
         return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + height / 2)])
 
     def _room(self, upright: Block, centres: Array) -> Array:
-        """Return free distance (m,) around the object at places (m, 3), to all but what it is on."""
+        """Compute the clearance (m,) around the object at places (m, 3), from everything but its support."""
         boxes, _ = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
         offsets, radius = _covering(upright)
         room = np.full(len(centres), np.inf)
@@ -245,44 +245,44 @@ class Placement:
         return room
 
     def _crowding(self, centres: Array) -> list[str]:
-        """Return the bodies that take the room at some of the places."""
+        """Name the bodies that occupy some of the places."""
         boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
         some = centres[:: max(1, len(centres) // 16)]
-        found: dict[str, None] = {}
+        crowding: dict[str, None] = {}
         for z in dict.fromkeys(some[:, 2].tolist()):
             places, band = some[some[:, 2] == z, :2], self._band(z, max(self._size[:2]) / 2)
             for index, body in enumerate(bodies):
-                if body not in found and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
-                    found[body] = None
-        return list(found)
+                if body not in crowding and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
+                    crowding[body] = None
+        return list(crowding)
 
     def _band(self, z: float, radius: float) -> tuple[float, float, float]:
-        """Return the room that the object takes with its centre at a height, from just over what it is on."""
+        """Band that the object occupies with its centre at a height, from just above its support."""
         half = self._size[2] / 2
         return z - half - ABOVE_SURFACE + FLAT, z + half, radius
 
 
 def _areas(demand: ThingDemand, block: Block) -> tuple[Area, ...]:
-    """Return the areas for an object turned as a block: on a side of X only its extent towards X counts."""
+    """Adapt areas to an object turned as a block: on a side of X its extent towards X counts."""
     return tuple(
         replace(area, radius=block.support(area.directions[0])) if area.directions else area for area in demand.areas
     )
 
 
 def _unmet(area: Area) -> str:
-    """Return what is said of places that an area refuses."""
+    """Reason for rejecting places outside an area."""
     return f"not {area.words}".replace("not not ", "")
 
 
 def _points_at(block: Block, area: Area) -> bool:
-    """Return whether a block is longer towards the body that it is on a side of than along that side."""
+    """Check whether a block beside a body is longer towards that body than along it."""
     if not area.directions or block.round:
         return False
     return block.support(area.directions[0]) > block.support(area.directions[0] + math.pi / 2) + HAIR
 
 
 def _covering(block: Block) -> tuple[Array, float]:
-    """Return centres (n, 2), relative to the middle of a block, and the radius of circles that cover its outline."""
+    """Cover a block's outline with circles: centres (n, 2) relative to its centre, and radius."""
     if block.round:
         return np.zeros((1, 2)), max(block.half_x, block.half_y)
     wide, long = sorted((block.half_x, block.half_y))
@@ -294,7 +294,7 @@ def _covering(block: Block) -> tuple[Array, float]:
 
 
 def _overhang(block: Block, points: Array, outer: Block) -> Array:
-    """Return how far a block's footprint, its middle at points (m, 2), is at most beyond another's outline (m,) [m]."""
+    """Compute how far a block's footprint, centred at points (m, 2), extends beyond another's outline (m,) [m]."""
     if block.round:
         edge, radius = np.zeros((1, 2)), max(block.half_x, block.half_y)
     else:

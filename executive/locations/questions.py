@@ -1,4 +1,4 @@
-"""One question for base poses: what its searches know, and decide by, beside what they report."""
+"""State of one query for base poses: what its searches have found out, besides what they report."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeHands:
-    """Grasp candidates of arms in which the hand itself is inside nothing, and how others were counted."""
+    """Grasp candidates of arms with a collision-free hand, and the counts of the others."""
 
     hands: list[Hand]
     reach: float
-    """Farthest that a base is from what it reaches, horizontally [m]."""
+    """Greatest horizontal distance of a base from what it reaches [m]."""
     near: tuple[Array, float]
-    """Middle (3,) and radius [m] of all that the robot may meet."""
+    """Centre (3,) and radius [m] of everything that the robot may touch."""
     counted: Rejections
 
 
 @dataclass(slots=True, eq=False)
 class Findings:
-    """What searches for one location have found out, for the later ones, whatever has to be seen from a base pose."""
+    """Findings of the searches for one location that later ones reuse, whatever has to be visible."""
 
     walled: bool = False
-    """True if a place was rejected because the base cannot drive there: others are asked for that first, then."""
+    """True if a place was rejected because the base cannot drive there; others are then tested for that first."""
     blind: Solution | None = None
-    """The first base pose that lacked nothing but sight of what is handled: it will do after a look from elsewhere."""
+    """First base pose that lacked only sight of the handled things: usable after a look from elsewhere."""
     untried: bool = False
-    """True if not all candidates were looked at: without sight there may be more."""
+    """True if candidates were left unexamined: there may be more without the need for sight."""
     stopped: dict[tuple[object, ...], Reason | None] = field(default_factory=dict)
-    """Grasp candidates, and why the hand itself cannot do them, wherever the base stands; None if it can."""
+    """Grasp candidates, and why the hand itself cannot perform them wherever the base stands; None if it can."""
     met: set[bytes] = field(default_factory=set)
-    """Candidates that an arm cannot do."""
+    """Candidates that an arm cannot perform."""
     rooms: dict[bytes, bool] = field(default_factory=dict)
     """Base poses, and whether there is room for the base."""
     stances: dict[bytes, str | None] = field(default_factory=dict)
-    """Base poses, and what an arm in its present posture is inside of there, None if nothing."""
+    """Base poses, and what an arm in its present posture collides with there, if anything."""
     hands: dict[int, FreeHands] = field(default_factory=dict)
     """By the stage of a search."""
     inversions: dict[tuple[int, float, int, bool], Inversion] = field(default_factory=dict)
-    """By the stage of a search, the bounds of rows, and whether ways were asked for."""
+    """By the stage of a search, the bounds of rows, and whether paths were required."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A location that is searched for: ``log`` receives what is refused, and why; ``known`` is what is found out."""
+    """A location to search for: ``log`` receives rejections, ``known`` holds findings."""
 
     log: Rejections = field(default_factory=Rejections)
     known: Findings = field(default_factory=Findings)
 
     def uncounted(self) -> Question:
-        """Return the same question with a log of what has not been counted yet."""
+        """Copy the question with an empty log, for candidates that were counted already."""
         return replace(self, log=self.log.uncounted())

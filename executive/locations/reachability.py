@@ -1,29 +1,29 @@
-"""Reachability maps: where an arm can take its tip, level, tilted or from the top, and where the base must be for it.
+"""Reachability maps: which level, tilted or top poses an arm can reach with its tip, and from which base poses.
 
 A map belongs to one arm and one :class:`GraspClass`. It is a list of rows, one for each reachable pose of a lattice of
 ``CELL`` metres and ``YAWS`` headings in the **torso frame**: the axes of the robot's base link (x ahead, z up, origin
-on the floor), lifted with the torso, so that a point at height z above the floor is at ``z - rise`` when the torso has
-risen by ``rise`` above its lowest position. Without a vertical torso the torso frame is the base link's frame.
+on the floor), lifted with the torso, so that a point at height z above the floor is at ``z - rise`` when the torso is
+``rise`` above its lowest position. Without a vertical torso the torso frame is the base link's frame.
 
-The pose of a row: the tip is at ``CELL * (x, y, z)``; the approach axis of the hand heads for ``yaw * 2 pi / YAWS`` and
-points down by the pitch of the class; its closing axis is horizontal, to the left of the heading for ``roll`` 1 and to
-the right for -1. A row has a score in (0, 1] and a posture near joint values that take the tip there: rows of a few
-neighbouring cells and headings share one, and ``seeds`` solves for those of a row.
+In the pose of a row the tip is at ``CELL * (x, y, z)``; the approach axis of the hand has the heading ``yaw * 2 pi /
+YAWS`` and points down by the pitch of the class; its closing axis is horizontal, to the left of the heading for
+``roll`` 1 and to the right for -1. A row has a score in (0, 1] and a posture close to joint values for the pose: rows
+of a few neighbouring cells and headings share one, and ``seeds`` solves for exact values.
 
 A target pose with approach heading h at a point p of the map is reached by row r from the base
 
     yaw_base = h - yaw_r,    (x_base, y_base) = p_xy - Rz(yaw_base) (x_r, y_r),    rise = p_z - z_r
 
-(Zacharias et al., Capturing robot workspace structure, IROS 2007; inverted as by Vahrenkamp et al., Robot placement
-based on reachability inversion, ICRA 2013; here in ``base_candidates``). ``heights`` gives the torso positions at
-which a height is in the lattice, ``seeds`` the joint values of rows, ``find`` the rows of given poses.
+(Zacharias et al., Capturing robot workspace structure, IROS 2007; inverted as in Vahrenkamp et al., Robot placement
+based on reachability inversion, ICRA 2013; here in ``base_candidates``). ``heights`` lists the torso positions at which
+a height is in the lattice, ``seeds`` gives the joint values of rows, ``find`` the rows of given poses.
 
     found = reachability_map(arm, GraspClass.SIDE)         # from the files of the robot, the cache, or built
     for torso in found.heights(point[2]):
         rows = found.find(points, headings, rolls, torso)  # -1 where there is none
         q = found.seeds(rows[rows >= 0], torso)            # (m, d) in the order of the arm's joints, torso included
 
-An arm of fewer than six joints reaches almost no pose of the lattice exactly: its rows are sampled (:func:`sampled`),
+An arm with fewer than six joints reaches almost no pose of the lattice exactly: its rows are sampled (:func:`sampled`),
 near lattice poses but not at them.
 """
 
@@ -45,19 +45,19 @@ from planlang.records import dataclass
 CELL = 0.05
 """Side of a cell of the lattice [m]."""
 YAWS = 24
-"""Headings of the lattice."""
+"""Number of headings of the lattice."""
 
 Index = NDArray[np.intp]
 ROW = np.dtype(
     [("z", "<i2"), ("roll", "i1"), ("yaw", "i1"), ("x", "<i2"), ("y", "<i2"), ("score", "<f4"), ("posture", "<i4")]
 )
-"""A row: lattice indices, roll, score, and which of the postures is near it."""
+"""Row: lattice indices, roll, score, and the index of a nearby posture."""
 Rows = NDArray[Any]
-"""Rows of a map, shape (n,), of the type :data:`ROW`, ordered by z, roll, yaw, x, y."""
+"""Rows of a map, shape (n,), of type :data:`ROW`, sorted by z, roll, yaw, x, y."""
 
 
 class GraspClass(Enum):
-    """The pitch of an approach; the value is its name."""
+    """Pitch of an approach; the value is its name."""
 
     SIDE = "side"
     TILTED = "tilted"
@@ -65,16 +65,16 @@ class GraspClass(Enum):
 
     @property
     def pitch(self) -> float:
-        """Return the angle of the approach axis below the horizon [rad]."""
+        """Angle of the approach axis below the horizon [rad]."""
         return {"side": 0.0, "tilted": math.pi / 4, "top": math.pi / 2}[self.value]
 
     @property
     def rolls(self) -> tuple[int, ...]:
-        """Rolls with rows of their own; from the top a turned hand is the same as another heading."""
+        """Rolls with separate rows; from the top, turning the hand by half a turn equals another heading."""
         return (1,) if self is GraspClass.TOP else (1, -1)
 
     def rotations(self, headings: ArrayLike, rolls: ArrayLike, frame: HandFrame) -> Array:
-        """Return tip rotations (m, 3, 3) for approach headings (m,) [rad] and rolls (m,), 1 or -1."""
+        """Tip rotations (m, 3, 3) for approach headings (m,) [rad] and rolls (m,), 1 or -1."""
         yaw, roll = np.broadcast_arrays(np.asarray(headings, float), np.asarray(rolls, float))
         c, s = np.cos(yaw), np.sin(yaw)
         down, ahead = math.sin(self.pitch), math.cos(self.pitch)
@@ -85,34 +85,34 @@ class GraspClass(Enum):
 
 
 def carried(arm: ArmModel) -> Chain:
-    """Return the chain of an arm without what lifts it, which is at its lowest."""
+    """Chain of an arm with its lift locked at the lowest position."""
     chain = arm.solver.chain
     return chain if arm.lift is None else chain.locked({arm.lift.joint: arm.lift.lowest})
 
 
 def is_bound(arm: ArmModel) -> bool:
-    """Return True if an arm, without what lifts it, has too few joints to reach poses of a lattice."""
+    """Check whether an arm without its lift has too few joints to reach arbitrary poses of a lattice."""
     return arm.solver.chain.dof - (arm.lift is not None) < 6
 
 
 @dataclass(frozen=True, eq=False)
 class ReachabilityMap:
-    """The rows of one arm and grasp class."""
+    """Rows of one arm and grasp class."""
 
     arm: ArmModel
     grasp: GraspClass
     rows: Rows
-    """In their order (:func:`row_keys`)."""
+    """Sorted by :func:`row_keys`."""
     postures: Array
-    """Joint values (p, d), the lift left out, that rows have in common."""
+    """Joint values (p, d), without the lift, that rows share."""
 
     def __len__(self) -> int:
         return len(self.rows)
 
     def heights(self, z: float) -> tuple[float, ...]:
-        """Return torso positions, lowest first, at which a height [m] above the floor is exactly that of some rows.
+        """List torso positions, lowest first, at which a height [m] above the floor is exactly that of some rows.
 
-        Without a lift (0.0,) if the nearest level has rows: targets are then up to half a cell off the lattice.
+        Without a lift, (0.0,) if the nearest level has rows: targets are then up to half a cell off the lattice.
         """
         if self.lift is None:
             return (0.0,) if len(self._level(self._nearest(z))) else ()
@@ -122,23 +122,23 @@ class ReachabilityMap:
         return tuple(float(self.lift.position(min(max(rise, 0.0), most))) for rise in rises)
 
     def seeds(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
-        """Joint values (m, d) of rows (m,), in the order of the arm's joints, with the torso at a position, or (m,)."""
+        """Compute joint values (m, d) of rows (m,), in the order of the arm's joints, at one torso position or (m,)."""
         chosen = np.asarray(rows, np.intp)
         q = self.postures[self.rows["posture"][chosen]] if is_bound(self.arm) else self._exact(chosen)
         return q if self.lift is None else np.insert(q, self.lift.column, np.asarray(torso, float), axis=1)
 
     def _exact(self, rows: Index) -> Array:
-        """Joint values (m, d) that take the tip to the poses of rows (m,), the lift left out; each is solved once."""
+        """Solve for joint values (m, d) at the poses of rows (m,), without the lift; results are cached."""
         new = np.unique(rows[~self._is_solved[rows]])
         if len(new):
             lowest, near = 0.0 if self.lift is None else self.lift.lowest, self.postures[self.rows["posture"][new]]
-            # each has converged when the map was built
+            # each converged when the map was built
             self._solved[new], _ = self._solver.solve(self.poses(new, lowest), near[:, None])
             self._is_solved[new] = True
         return self._solved[rows]
 
     def poses(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
-        """Return tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
+        """Compute tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
         chosen = self.rows[np.asarray(rows, np.intp)]
         poses = np.tile(np.eye(4), (len(chosen), 1, 1))
         poses[:, :3, :3] = self.grasp.rotations(chosen["yaw"] * (2 * math.pi / YAWS), chosen["roll"], self.arm.frame)
@@ -147,9 +147,9 @@ class ReachabilityMap:
         return poses
 
     def find(self, points: ArrayLike, headings: ArrayLike, rolls: ArrayLike, torso: ArrayLike = 0.0) -> Index:
-        """Return the row (m,) nearest to each tip point (m, 3), heading (m,) in the base link's frame; -1 without one.
+        """Find the row (m,) nearest to each tip point (m, 3) and heading (m,) in the base link's frame; -1 if none.
 
-        "Nearest" is the lattice pose whose cell the pose is in; ``rolls`` (m,) are 1 or -1, ``torso`` one or (m,).
+        "Nearest" is the lattice pose whose cell contains the pose; ``rolls`` (m,) are 1 or -1, ``torso`` one or (m,).
         """
         places = np.asarray(points, float).reshape(-1, 3).copy()
         places[:, 2] -= self._rise(torso)
@@ -168,17 +168,17 @@ class ReachabilityMap:
 
     @property
     def lift(self) -> Lift | None:
-        """Return the torso that lifts the arm straight up."""
+        """Torso that lifts the arm straight up, if any."""
         return self.arm.lift
 
     @cached_property
     def lowest_level(self) -> int:
-        """The level of the lowest rows."""
+        """Level of the lowest rows."""
         return int(self.rows["z"][0]) if len(self) else 0
 
     @cached_property
     def starts(self) -> Index:
-        """Return the first row of each level of the lattice, the lowest first, (levels + 1,)."""
+        """First row of each level of the lattice, the lowest first, (levels + 1,)."""
         levels = np.asarray(self.rows["z"], np.intp)
         return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
 
@@ -205,7 +205,7 @@ class ReachabilityMap:
         return round(z / CELL)
 
     def _level(self, level: int) -> range:
-        """Return the rows of a level."""
+        """Rows of a level."""
         number = level - self.lowest_level
         if not 0 <= number < len(self.starts) - 1:
             return range(0)
@@ -213,7 +213,7 @@ class ReachabilityMap:
 
 
 def row_keys(rows: Rows) -> NDArray[np.int64]:
-    """Return one whole number per row, by z, roll, yaw, x and y: no two rows have the same, and they grow."""
+    """Compute one integer per row from z, roll, yaw, x and y: unique, and increasing in a map."""
     return np.asarray(_keys(*(rows[name].astype(np.int64) for name in ("z", "roll", "yaw", "x", "y"))))
 
 
@@ -222,7 +222,7 @@ def _keys(z: Any, roll: Any, yaw: Any, x: Any, y: Any) -> Any:
 
 
 def rows_of(keys: NDArray[np.int64]) -> Rows:
-    """Return rows with these keys; they have no score and no posture yet."""
+    """Create rows from their keys, without scores and postures."""
     rows = np.zeros(len(keys), ROW)
     rest, y = np.divmod(keys, 1024)
     rest, x = np.divmod(rest, 1024)
@@ -233,25 +233,25 @@ def rows_of(keys: NDArray[np.int64]) -> Rows:
 
 
 POSTURES = 60_000
-"""Random postures of each roll."""
+"""Random postures per roll."""
 SAMPLED_AT_ONCE = 10_000
-"""Number of postures that are computed at once."""
+"""Postures computed at once."""
 STEPS = 12
-"""Steps by which a posture is pulled."""
+"""Newton steps of the projection of a posture."""
 DAMPING = 1e-6
 NEAR = 1e-4, 5e-4
-"""Largest distance of a pose from a height of the lattice [m], and from the wanted rotation [rad]."""
+"""Largest error of a pose from a height of the lattice [m], and from the required rotation [rad]."""
 
 
 def sampled(
     chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float, rng: np.random.Generator
 ) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Joint values (n, d), places (n, 3: x, y, heading) and levels (n,) of the tips, none below ``floor`` [m]."""
-    found = [
-        _pulled(chain, grasp, frame, roll, chain.sample(rng, SAMPLED_AT_ONCE))
+    """Sample joint values (n, d), places (n, 3: x, y, heading) and levels (n,) of the tip, none below ``floor`` [m]."""
+    parts = [
+        _projected(chain, grasp, frame, roll, chain.sample(rng, SAMPLED_AT_ONCE))
         for _ in range(POSTURES // SAMPLED_AT_ONCE)
     ]
-    q = np.concatenate([part for part in found if len(part)] or [np.zeros((0, chain.dof))])
+    q = np.concatenate([part for part in parts if len(part)] or [np.zeros((0, chain.dof))])
     places, heights = exact_places(chain, q, grasp, frame, roll)
     levels = np.rint(heights / CELL).astype(np.int64)
     kept = heights >= floor - CELL / 2
@@ -259,7 +259,7 @@ def sampled(
 
 
 def exact_places(chain: Chain, q: Array, grasp: GraspClass, frame: HandFrame, roll: Array | int) -> tuple[Array, Array]:
-    """Return tip poses for joint values (n, d): x, y [m] and heading [rad] (n, 3), and the heights (n,) [m]."""
+    """Compute tip poses for joint values (n, d): x, y [m] and heading [rad] (n, 3), and the heights (n,) [m]."""
     if not len(q):
         return np.zeros((0, 3)), np.zeros(0)
     tips = chain.fk(q)
@@ -268,7 +268,7 @@ def exact_places(chain: Chain, q: Array, grasp: GraspClass, frame: HandFrame, ro
 
 
 def cells_of(places: Array) -> NDArray[np.int64]:
-    """Return the lattice cells (n, 3: x, y, heading) that places (n, 3) are in."""
+    """Find the lattice cells (n, 3: x, y, heading) that contain places (n, 3)."""
     turns = np.rint(places[:, 2] / (2 * math.pi / YAWS)).astype(np.int64) % YAWS
     return np.column_stack([np.rint(places[:, :2] / CELL).astype(np.int64), turns])
 
@@ -281,8 +281,8 @@ def _headings(rotations: Array, grasp: GraspClass, frame: HandFrame, roll: Array
     return np.asarray(np.arctan2(approach[:, 1], approach[:, 0]))
 
 
-def _pulled(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> Array:
-    """Return the postures (n, d) that could be pulled to the class, near where they were."""
+def _projected(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> Array:
+    """Project postures (n, d) to nearby ones of the class at a lattice height; those that fail are dropped."""
     level = np.rint(chain.fk(q)[:, 2, 3] / CELL) * CELL
     for _ in range(STEPS):
         error = _error(chain, grasp, frame, roll, q, level)
@@ -296,24 +296,24 @@ def _pulled(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Arr
 
 
 def _error(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array, level: Array) -> Array:
-    """Return the errors in height [m] and in rotation about x and y [rad], (n, 3)."""
+    """Compute errors in height [m] and in rotation about x and y [rad], (n, 3)."""
     tips = chain.fk(q)
-    wanted = grasp.rotations(_headings(tips[:, :3, :3], grasp, frame, roll), roll, frame)
-    turn = wanted @ tips[:, :3, :3].transpose(0, 2, 1)
+    required = grasp.rotations(_headings(tips[:, :3, :3], grasp, frame, roll), roll, frame)
+    turn = required @ tips[:, :3, :3].transpose(0, 2, 1)
     return np.column_stack([level - tips[:, 2, 3], _log(turn)[:, :2]])
 
 
 def _level_about(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> NDArray[np.bool_]:
-    """Return True where the rotation about z is right, too: the whole rotation is that of the class."""
+    """Check whether the rotation about z is right, too: the whole rotation is that of the class."""
     tips = chain.fk(q)[:, :3, :3]
-    wanted = grasp.rotations(_headings(tips, grasp, frame, roll), roll, frame)
-    turns = wanted @ tips.transpose(0, 2, 1)
-    half = np.trace(turns, axis1=1, axis2=2) < 0  # of half a turn the logarithm is zero, too
+    required = grasp.rotations(_headings(tips, grasp, frame, roll), roll, frame)
+    turns = required @ tips.transpose(0, 2, 1)
+    half = np.trace(turns, axis1=1, axis2=2) < 0  # the logarithm of half a turn is zero, too
     return np.asarray((np.abs(_log(turns)).max(axis=1) < NEAR[1]) & ~half)
 
 
 def _log(rotations: Array) -> Array:
-    """Return rotation vectors (n, 3) of rotations (n, 3, 3); near half a turn only roughly, of half a turn zero."""
+    """Compute rotation vectors (n, 3) of rotations (n, 3, 3): rough near half a turn, and zero for half a turn."""
     cosine = np.clip((np.trace(rotations, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0)
     angle = np.arccos(cosine)
     skew = np.stack(

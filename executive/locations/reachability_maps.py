@@ -16,7 +16,8 @@ from __future__ import annotations
 import hashlib
 import math
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -45,6 +46,7 @@ from planlang.cache import Cache, sealed, unsealed
 from planlang.files import Bundled
 from planlang.geometry import Array
 from planlang.kernel import unwatched
+from planlang.progress import Report, Share, part, uncounted, unreported
 from planlang.records import dataclass
 
 SAMPLES = 20_000
@@ -70,24 +72,35 @@ From a shared one inverse kinematics goes on anyway; 1e-5 moves the tip by less 
 """
 WORTH = 0.7
 """A row shares a posture that leads to this share of its own score: with more, files grow, with less, scores fall."""
+USUALLY_SHARED = 0.7
+"""Share of the rows that usually share a posture in one round."""
 SAMPLING = (SAMPLES, RESTARTS, COARSE, FLOOR, USUAL_MANIPULABILITY, SPARE, BLOCK, SHARED, WORTH)
 
 
-def build_map(arm: ArmModel, grasp: GraspClass) -> ReachabilityMap:
-    """Return the map of an arm, built now."""
+LATTICE, COARSELY, SPREAD = 0.6, 0.3, 0.85
+"""Shares of the time: until postures are shared; of a roll's lattice until it is solved coarsely, and completely."""
+PARTS = 10
+"""Parts in which many poses are solved, so that it is known how far that is."""
+
+
+def build_map(arm: ArmModel, grasp: GraspClass, share: Share = uncounted) -> ReachabilityMap:
+    """Return the map of an arm, built now; ``share`` is given how much of that is done."""
     chain = carried(arm)
     floor = FLOOR - (0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest)))
     if is_bound(arm):
-        parts = [_sampled_rows(chain, grasp, arm.frame, roll, floor) for roll in grasp.rolls]
+        parts = []
+        for number, roll in enumerate(grasp.rolls):
+            share(number / len(grasp.rolls))
+            parts.append(_sampled_rows(chain, grasp, arm.frame, roll, floor))
     else:
-        parts = _lattice_rows(arm, chain, grasp, floor)
+        parts = _lattice_rows(arm, chain, grasp, floor, part(share, 0, LATTICE))
     rows, q = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(row_keys(rows))
     rows, q = rows[order], q[order]
     q = chain.functions.within(np.rint(q / joint_step(arm)).T * joint_step(arm)).T
     rows["posture"] = np.arange(len(rows))
     built = ReachabilityMap(arm, grasp, rows, q)
-    return built if is_bound(arm) else _shared(built)
+    return built if is_bound(arm) else _shared(built, part(share, LATTICE, 1))
 
 
 def joint_step(arm: ArmModel) -> float:
@@ -105,7 +118,7 @@ def blocks(rows: Rows, arm: ArmModel) -> NDArray[np.int64]:
     return row_keys(coarse)
 
 
-def _shared(full: ReachabilityMap) -> ReachabilityMap:
+def _shared(full: ReachabilityMap, share: Share) -> ReachabilityMap:
     """Return the same map with as few postures as the rows of a block need."""
     rows, q, chain = full.rows, full.postures, carried(full.arm)
     solver, block = InverseKinematics(chain), blocks(rows, full.arm)
@@ -117,7 +130,9 @@ def _shared(full: ReachabilityMap) -> ReachabilityMap:
         order = left[np.lexsort((left, -alone[left].round(9), block[left]))]
         _, best, group = np.unique(block[order], return_index=True, return_inverse=True)
         own = order[best[group]]
-        tried, solved = solver.solve(poses[order], q[own][:, None])
+        begun = 1 - len(left) / len(rows)
+        usual = part(share, begun, begun + USUALLY_SHARED * (1 - begun))
+        tried, solved = _in_parts(solver, poses[order], q[own][:, None], usual)
         gained = _scores(chain, tried)
         kept = (order == own) | (solved & (gained >= WORTH * alone[order]))
         owner[order[kept]], scores[order[kept]], reached[order[kept]] = own[kept], gained[kept], solved[kept]
@@ -168,7 +183,9 @@ class _Lattice:
                 yield inside, index[inside] + step * stride
 
 
-def _lattice_rows(arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float) -> list[tuple[Rows, Array]]:
+def _lattice_rows(
+    arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float, share: Share
+) -> list[tuple[Rows, Array]]:
     """Return rows and joint values of each roll."""
     solver, rng = InverseKinematics(chain), np.random.default_rng(0)
     columns = [arm.solver.chain.names.index(name) for name in chain.names]
@@ -177,9 +194,10 @@ def _lattice_rows(arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float) 
     last = np.ceil(tips.max(axis=0) / CELL).astype(np.int64)
     nx, ny, nz = (int(n) for n in np.maximum(last - first + 1, 1))
     parts = []
-    for roll in grasp.rolls:
+    for number, roll in enumerate(grasp.rolls):
+        own = part(share, number / len(grasp.rolls), (number + 1) / len(grasp.rolls))
         lattice = _Lattice(grasp, arm.frame, roll, first, (YAWS, nx, ny, nz))
-        q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng)
+        q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng, own)
         index = np.flatnonzero(solved)
         yaw, *cells = np.unravel_index(index, lattice.shape)
         rows = np.zeros(len(index), ROW)
@@ -204,7 +222,7 @@ def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, 
 
 
 def _solved(
-    lattice: _Lattice, solver: InverseKinematics, postures: Array, rng: np.random.Generator
+    lattice: _Lattice, solver: InverseKinematics, postures: Array, rng: np.random.Generator, share: Share
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return joint values (all, d) and which poses have some."""
     chain = solver.chain
@@ -215,9 +233,11 @@ def _solved(
     coarse = lattice.coarse()
     coarse = coarse[chain.may_reach(lattice.poses(coarse))]
     seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
-    tried, ok = solver.solve(lattice.poses(coarse), np.broadcast_to(seeds, (len(coarse), *seeds.shape)))
+    starts = np.broadcast_to(seeds, (len(coarse), *seeds.shape))
+    tried, ok = _in_parts(solver, lattice.poses(coarse), starts, part(share, 0, COARSELY))
     added = coarse[ok]
     q[added], solved[added], score[added] = tried[ok], True, _scores(chain, tried[ok])
+    likely = max(1, len(added) * COARSE**4)
     while len(added):
         fresh = []
         for at, other in lattice.neighbours(added):
@@ -227,9 +247,11 @@ def _solved(
             reached = goal[ok]
             q[reached], solved[reached], score[reached] = tried[ok], True, _scores(chain, tried[ok])
             fresh.append(reached)
+            share(COARSELY + (SPREAD - COARSELY) * min(1.0, np.count_nonzero(solved) / likely))
         added = np.concatenate(fresh)
     done = np.flatnonzero(solved)
-    for at, other in lattice.neighbours(done):
+    for number, (at, other) in enumerate(lattice.neighbours(done)):
+        share(SPREAD + (1 - SPREAD) * number / 8)
         better = solved[other] & (score[other] > 1.2 * score[done[at]])
         goal, source = done[at[better]], other[better]
         tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
@@ -238,6 +260,16 @@ def _solved(
         up = gained > score[goal]
         q[goal[up]], score[goal[up]] = tried[up], gained[up]
     return q, solved
+
+
+def _in_parts(solver: InverseKinematics, poses: Array, seeds: Array, share: Share) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve for many poses (m, 4, 4) from seeds (m, s, d), whose solutions do not depend on each other."""
+    found = []
+    for number, some in enumerate(np.array_split(np.arange(len(poses)), PARTS)):
+        found.append(solver.solve(poses[some], seeds[some]))
+        share((number + 1) / PARTS)
+    tried, solved = zip(*found, strict=True)
+    return np.concatenate(tried), np.concatenate(solved)
 
 
 def _scores(chain: Chain, q: Array) -> Array:
@@ -276,15 +308,11 @@ MAPS = Bundled.ROBOT.folder / "maps"
 """Folder of the bundled robots' maps; ``make maps`` writes them."""
 _CACHE = Cache("reachability", most=60)
 
-Say = Callable[[str], None]
 
-
-def reachability_map(
-    arm: ArmModel, grasp: GraspClass, robot: str = "", say: Say = lambda line: None
-) -> ReachabilityMap:
+def reachability_map(arm: ArmModel, grasp: GraspClass, robot: str = "", report: Report = unreported) -> ReachabilityMap:
     """Return the map of an arm and class: the one that came with planlang, from the user's cache, or built now.
 
-    ``say`` is told when it is built, which takes seconds, and if ``robot`` names a bundled robot, why.
+    ``report`` is given the progress of building, which takes seconds, and if ``robot`` names a bundled robot, why.
     """
     key = map_key(arm, grasp)
     content, why = _bundled_map(arm, grasp, robot, key)
@@ -292,9 +320,13 @@ def reachability_map(
     if content is None:
         content = _CACHE.load(kept)
     if content is None:
-        say(f"building the reachability map of arm {arm.name}, {grasp.value} grasps, once for this robot{why}")
+        share = partial(
+            report, f"building the reachability map of arm {arm.name}, {grasp.value} grasps, once for this robot{why}"
+        )
+        share(0.0)
         with unwatched():  # an arm with seven joints takes longer than code of a plan may
-            content = packed(build_map(arm, grasp))
+            content = packed(build_map(arm, grasp, part(share, 0, 0.999)))
+        share(1.0)
         _CACHE.keep(kept, content)
     return unpacked(content, arm, grasp)
 

@@ -1,4 +1,4 @@
-"""Reasons why candidates were rejected: counts per reason and per body in the way, and the places themselves."""
+"""Rejected candidates: counts by reason and by body in the way, and their places."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from planlang.protocols import Contact
 from planlang.records import dataclass
 
 MOST_PLACES = 200
-"""Places that are remembered for each reason, for a picture."""
+"""Number of places kept per reason, for a picture."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """The reason why a candidate was rejected, and the body that was in its way, if one was."""
+    """Reason for rejecting a candidate, and the body in its way, if any."""
 
     text: str
     body: str | None = None
@@ -36,13 +36,13 @@ NO_HOLD = Reason("no hold for the fingers")
 
 @dataclass(frozen=True, slots=True)
 class Validated:
-    """A place that was looked at: the reason for its rejection, "" if it was accepted."""
+    """Place that was validated, with the reason for its rejection, or "" if it was accepted."""
 
     base: BasePose
     score: float
     reason: str
     body: str | None = None
-    """The body that was in the way."""
+    """The body in the way."""
 
 
 @dataclass(slots=True)
@@ -50,48 +50,48 @@ class Rejections:
     """Counts of one resolution, for the failure and the trace."""
 
     explained: bool = False
-    """True if they are shown even if a place is found: then bodies that block other places are counted, too."""
+    """True if they are shown even on success: then bodies that block other places are counted as well."""
     remembers: bool = False
-    """True if places are remembered for somebody who looks on; nothing else is counted for that."""
+    """True to keep places for an observer, without counting more."""
     counts: Counter[str] = field(default_factory=Counter)
     blocking: Counter[str] = field(default_factory=Counter)
     places: list[Validated] = field(default_factory=list)
-    """Places that were looked at, in that order, if they are shown; the first of each reason."""
+    """Validated places in order, if they are shown; the first of each reason."""
     scored: list[tuple[Array, Array]] = field(default_factory=list)
-    """Candidates (m, 3) before they were looked at, and their scores (m,)."""
+    """Candidates (m, 3) before validation, and their scores (m,)."""
     hopeless: bool = False
-    """True if no base pose will do, however many are looked at: a larger search is spared."""
+    """True if no base pose can work, so that a larger search is pointless."""
     refused: list[tuple[str, Array]] = field(default_factory=list)
-    """Candidates (m, 2 or more) that were refused before they were looked at, with the reason."""
+    """Candidates (m, 2 or more) rejected before validation, with the reason."""
     hands: list[tuple[str, Array]] = field(default_factory=list)
-    """Grasp candidates (m, 3) that were refused before base poses were looked for, with the reason; "": not refused."""
+    """Grasp candidates (m, 3) rejected before the search for base poses, with the reason; "" if accepted."""
     _shown: Counter[str] = field(default_factory=Counter)
     figures: dict[str, str] = field(default_factory=dict)
-    """Reason -> a sentence with what was measured, and what would do."""
+    """Reason -> a sentence with measurements and a change that would help."""
 
     @property
     def keeps(self) -> bool:
-        """True if places are remembered."""
+        """Whether places are kept."""
         return self.explained or self.remembers
 
     def refuse(self, reason: str, candidates: Array) -> None:
-        """Count candidates (m, 2 or more) rejected for a reason, and remember where they are."""
+        """Count candidates (m, 2 or more) rejected for a reason, and keep their places."""
         if len(candidates):
             self.add(reason, len(candidates))
             self.show(reason, candidates)
 
     def show(self, reason: str, candidates: Array) -> None:
-        """Remember for a picture where candidates (m, 2 or more) are that were counted for a reason."""
+        """Keep the places of candidates (m, 2 or more) that were counted for a reason, for a picture."""
         if self.keeps and len(candidates):
             self.refused.append((reason, candidates))
 
     def show_hands(self, reason: str, candidates: Array) -> None:
-        """Remember for a picture where grasp candidates (m, 3) are; "" is the reason of those that will do."""
+        """Keep the places of grasp candidates (m, 3) for a picture; the reason of accepted ones is ""."""
         if self.keeps and len(candidates):
             self.hands.append((reason, candidates))
 
     def weigh(self, candidates: Array, scores: Array) -> None:
-        """Remember for a picture what scores (m,) candidates (m, 3) had before they were looked at."""
+        """Keep the scores (m,) of candidates (m, 3) before validation, for a picture."""
         if self.explained:
             self.scored.append((candidates, scores))
 
@@ -101,7 +101,7 @@ class Rejections:
             self.counts[reason] += number
 
     def count(self, reasons: Iterable[Reason | None]) -> None:
-        """Count candidates, one for each reason that is one."""
+        """Count the candidates with a reason."""
         for reason in reasons:
             if reason is not None:
                 self.counts[reason.text] += 1
@@ -109,7 +109,7 @@ class Rejections:
                     self.blocking[reason.body] += 1
 
     def count_at(self, reasons: Sequence[Reason | None], candidates: Array) -> None:
-        """Count candidates (m, 2 or more), one for each reason that is one, and remember where they are."""
+        """Count the candidates (m, 2 or more) with a reason, and keep their places."""
         self.count(reasons)
         if self.keeps:
             texts = np.array(["" if reason is None else reason.text for reason in reasons], object)
@@ -117,12 +117,12 @@ class Rejections:
                 self.show(text, candidates[texts == text])
 
     def crowded(self, body: str, number: int = 1) -> None:
-        """Count candidates rejected because a body leaves the robot no room to stand there."""
+        """Count candidates rejected because a body leaves the robot no room to stand."""
         self.counts[NO_ROOM] += number
         self.blocking[body] += number
 
     def include(self, other: Rejections) -> None:
-        """Add what another counted and remembered."""
+        """Add the counts and places of another."""
         self.counts.update(other.counts)
         self.blocking.update(other.blocking)
         self.figures.update(other.figures)
@@ -133,42 +133,42 @@ class Rejections:
         self.hands.extend(other.hands)
 
     def uncounted(self) -> Rejections:
-        """Return where to count candidates that have been counted already, but for those in collision."""
+        """Create a log for candidates that were counted already; only collisions carry over."""
         counts = Counter({COLLISION: self.counts[COLLISION]})
         return replace(self, counts=counts, blocking=Counter(), hopeless=False)
 
     def copy(self) -> Rejections:
-        """Return the same, to go on from twice."""
+        """Copy, to continue from twice."""
         fresh = Rejections(self.explained, self.remembers)
         fresh.include(self)
         return fresh
 
     def begin_again(self, before: Rejections) -> None:
-        """Forget what was counted since a copy was made, as it is all looked at once more; places are remembered."""
+        """Reset counts to an earlier copy, since everything is examined again; places are kept."""
         self.counts, self.blocking = Counter(before.counts), Counter(before.blocking)
 
     def remember(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
-        """Remember a place and what became of it."""
+        """Keep a place and its outcome."""
         if self.keeps and self._shown[reason] < MOST_PLACES:
             self._shown[reason] += 1
             self.places.append(Validated(base, score, reason, body))
 
     def reject(self, base: BasePose, score: float, reason: str) -> Literal[False]:
-        """Count and remember a place that is rejected for a reason."""
+        """Count and keep a place that is rejected for a reason."""
         self.add(reason)
         self.remember(base, score, reason)
         return False
 
     def ordered(self) -> Mapping[str, int]:
-        """Return the counts of reasons, most frequent first."""
+        """Counts of reasons, most frequent first."""
         return _ordered(self.counts)
 
     def ordered_blocking(self) -> Mapping[str, int]:
-        """Return the bodies in the way with their counts, most frequent first."""
+        """Counts of bodies in the way, most frequent first."""
         return _ordered(self.blocking)
 
     def failure(self, designator: object, after: int = 0) -> LocationUnresolvable:
-        """Return the failure that states all this, most frequent first; ``after`` so many places that were found."""
+        """Create the failure with these counts; ``after`` is the number of places found before."""
         counts = self.ordered()
         figures = (self.figures[reason] for reason in counts if reason in self.figures)
         return LocationUnresolvable(
@@ -181,7 +181,7 @@ class Rejections:
 
 
 def first_body(contacts: Iterable[Contact]) -> str:
-    """Return the body of the deepest contact; by name among equals."""
+    """Name the body of the deepest contact; by name among equals."""
     return min(contacts, key=lambda contact: (-contact.depth, contact.body)).body
 
 

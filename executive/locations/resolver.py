@@ -1,8 +1,8 @@
-"""Resolves locations to base poses, hand solutions and poses of things; lazily, best first, validated exactly.
+"""Resolves locations to base poses, hand solutions and poses of things: lazily, best first, validated exactly.
 
 A location is bound to the planning scene (``demands``). Base poses come from reachability maps if something has to be
-reached (``search``), else from the floor (``floor_search``), and are validated (``validation``). When a first, natural
-choice of hand poses leads to nothing, more and more of them are looked at (``BUDGETS``) before it fails.
+reached (``search``), else from the floor (``floor_search``), and are validated (``validation``). When the first,
+natural hand poses lead to nothing, more and more are considered (``BUDGETS``) before it fails.
 """
 
 from __future__ import annotations
@@ -30,60 +30,61 @@ from executive.locations.demands import (
     thing_demand,
     use_at,
 )
-from executive.locations.explanations import explain_bases
+from executive.locations.explanations import explain_bases, explain_hands
 from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
 from executive.locations.questions import Question
 from executive.locations.rejections import NOT_VISIBLE, Rejections
-from executive.locations.search import searched
+from executive.locations.search import search_bases
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
+from planlang.progress import Report, unreported
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
 
 MOST_VIEWERS = 256
-"""Locations of which is remembered from where they were looked for."""
+"""Number of locations whose viewpoint is remembered."""
 
 
 class Resolver:
     """Turns locations into base poses, hand solutions and poses of objects."""
 
-    def __init__(self, scene: PlanningScene, say: Callable[[str], None] = lambda line: None) -> None:
-        """``say`` is told of reachability maps that have to be built."""
+    def __init__(self, scene: PlanningScene, report: Report = unreported) -> None:
+        """``report`` gets the progress of reachability maps that have to be built."""
         self.scene = scene
-        self.maps = InverseMaps(scene.robot.name, say)
+        self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
         self.watchers: list[Callable[[Location, Rejections], object]] = []
-        """Given the log of each search for base poses as it begins: what is looked at is remembered in there then."""
+        """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
 
     # Base poses
 
     def bases(self, location: Location, log: Rejections | None = None) -> Iterator[Solution]:
         """Yield base poses that satisfy a location, lazily, best first; raises LocationUnresolvable at the end.
 
-        Raises MissingCapability if the robot has no arm, or no camera, for what is asked. Answers are kept until the
-        belief changes or the robot moves. ``log`` receives all that is looked at, anew.
+        Raises MissingCapability if the robot has no suitable arm or camera. Results are cached until the belief changes
+        or the robot moves. ``log`` forces a new search and receives its rejections.
         """
         self._look(location)
         if log is not None:
             return self._bases(location, Question(log))
         state = (self.scene.revision(), self.scene.posture())
-        question = location, tuple(actions_around())  # what they are about decides about grips
+        question = location, tuple(actions_around())  # enclosing actions restrict the grips
         return self._answers.of(question, state, lambda: self._bases(location, self._question(location)))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
-        """Return a look at what is out of reach where the map alone has it, as it may stand elsewhere; None without.
+        """Find a look at an unreachable thing known only from the map, since it may stand elsewhere; None without.
 
-        It is no place to reach it from, but leads to one.
+        The thing cannot be reached from there, but the look may lead to such a pose.
         """
         scene, validator = self.scene, self._validator
         wanted = validator.wanted(base_demand(location, scene, self._viewer(location)))
@@ -99,49 +100,49 @@ class Resolver:
         return None
 
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
-        """Return the solution at one given base, or None."""
+        """Validate one given base pose; None if it does not satisfy the location."""
         demand, validator = base_demand(location, self.scene, self._viewer(location)), self._validator
         handled = (name for name in validator.to_see(demand) if name not in demand.seen)
         known = tuple(name for name in handled if self.scene.belief.remembers(name))
         return validator.at(base, 1.0, replace(demand, remembered=known), validator.arms(demand), Question())
 
     def _bases(self, location: Location, question: Question) -> Iterator[Solution]:
-        """Demand, then the present base pose, then one search after another with a larger budget."""
+        """Derive demands, try the present base pose, then search with growing budgets."""
         scene, validator = self.scene, self._validator
         demand = base_demand(location, scene, self._viewer(location))
         self._check_parts(location, demand)
         for reach in validator.wanted(demand):
             validator.check_hands(self._with_uses(reach), location)
         found: list[BasePose] = []
-        served = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
-        if served != demand:
-            yield from self._found(served, self._question(location), found)
+        with_uses = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
+        if with_uses != demand:
+            yield from self._found(with_uses, self._question(location), found)
         yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
-        would_do = None if found else partial(self._would_do, location)
-        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, would_do)
+        is_feasible = None if found else partial(self._is_feasible, location)
+        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible)
         raise question.log.failure(location, after=len(found))
 
     def _question(self, location: Location) -> Question:
-        """Return a new question about a location."""
+        """Start a new question about a location."""
         log = Rejections(remembers=bool(self.watchers))
         for watcher in self.watchers:
             watcher(location, log)
         return Question(log)
 
-    def _would_do(self, location: Location, log: Rejections) -> bool:
-        """Return whether a location has a base pose, as the scene is supposed to be, without looking for it hard."""
-        validator = BaseValidator(self.scene, self.maps)  # what this one remembers is not so
+    def _is_feasible(self, location: Location, log: Rejections) -> bool:
+        """Check quickly whether a location has a base pose in the scene as currently supposed."""
+        validator = BaseValidator(self.scene, self.maps)  # a fresh one: self._validator remembers the unchanged scene
         demand = base_demand(location, self.scene, self._viewer(location))
         tried = Question()
-        with closing(searched(validator, demand, tried, [], most=EASY)) as found:
+        with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
             is_found = next(found, None) is not None
         log.include(tried.log)
         return is_found
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
-        """Return a grasp with what the plan does with the thing later; sides are seen from here from now on if so."""
+        """Add later uses of the thing to a grasp; with ``look``, fix their viewpoint at the present base pose."""
         if reach.kind is not ReachKind.GRASP:
             return reach
         goals = goals_of(reach.body, actions_around(), self.scene)
@@ -151,31 +152,31 @@ class Resolver:
         return replace(reach, then=tuple(use for use in uses if use is not None))
 
     def _found(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
-        """Yield base poses with what is looked at before, and add them to those that were ``found``."""
+        """Yield base poses, with looks to take beforehand, and add them to those already ``found``."""
         scene, wanted, before = self.scene, self._validator.wanted(demand), len(found)
         unsure = self._unsure(wanted)
-        # what is seen from here comes first: where that shows nothing new the map is right about the rest, too
+        # look from here first: if that shows nothing new, the map is trusted for the rest, too
         here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
         views = {name: self._view(name) for name in (() if here else unsure)}
-        for solution in searched(self._validator, demand, question, found):
-            left = self._unsure(wanted) if here or views else ()
-            yield self._after({name: view for name, view in (here or views).items() if name in left}, solution)
+        for solution in search_bases(self._validator, demand, question, found):
+            still_unsure = self._unsure(wanted) if here or views else ()
+            yield self._after({name: view for name, view in (here or views).items() if name in still_unsure}, solution)
         if len(found) == before and question.log.counts[NOT_VISIBLE]:
             yield from self._after_a_look(demand, question, found)
-        question.known.inversions.clear()  # else the traceback would keep them
+        question.known.inversions.clear()  # the traceback of a failure would keep them alive
 
     def _after_a_look(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
-        """Yield base poses from which what is handled is not seen, with a look at it, from elsewhere, before."""
+        """Yield base poses without sight of the handled things, with a look at these from elsewhere beforehand."""
         validator, scene = self._validator, self.scene
         blind = validator.blind(demand)
         unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
         if blind is not None and None not in views:
-            for solution in searched(validator, blind, question.uncounted(), found):
+            for solution in search_bases(validator, blind, question.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
     def _unsure(self, wanted: Sequence[Reach]) -> list[str]:
-        """Return what a thing is to be put on or beside, if it may stand elsewhere than in the map that alone tells."""
+        """List the bodies to put things on or beside that are known only from the map and may stand elsewhere."""
         belief, bodies = self.scene.belief, self.scene.bodies
         places = [reach for reach in wanted if reach.kind is ReachKind.PLACE]
         around = [name for reach in places for name in (reach.body, *(term.body for term in reach.also))]
@@ -187,73 +188,74 @@ class Resolver:
         ]
 
     def _view(self, name: str) -> BasePose | None:
-        """Return the base pose from which a thing is seen best; None if there is none, or the base cannot drive."""
+        """Find the best base pose to see a thing; None if there is none, or if the base cannot drive."""
         if self.scene.robot.base.fixed:
             return None
         places = FloorSearch(self._validator, BaseDemand(seen=(name,)), Question()).places()
         return next((view.base for view in places), None)
 
     def _after(self, views: Mapping[str, BasePose | None], solution: Solution) -> Solution:
-        """Return a solution to which the base goes after looks at things, from poses of the base."""
+        """Prepend looks at things from base poses to a solution."""
         looks: list[Action] = []
-        away = [view for view in views.values() if view is not None and view != self.scene.base()]
+        distant = [view for view in views.values() if view is not None and view != self.scene.base()]
         for name, view in views.items():
-            if view in away and view is not None:
+            if view in distant and view is not None:
                 looks.append(action("Translation-LocationChange", x=view[0], y=view[1], yaw=view[2]))
             if view is not None:
                 looks.append(action("LookingForSomething", object_acted_on=self.scene.bodies.designator(name)))
-        seen = {"looks": [list(view) for view in away]} if away else {}
+        seen = {"looks": [list(view) for view in distant]} if distant else {}
         return replace(solution, before=tuple(looks), detail={**solution.detail, **seen}) if looks else solution
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
-        """Raise MissingCapability if the robot has no part that could do what is asked, wherever it stands."""
+        """Raise MissingCapability if the robot has no part for what is required, wherever it stands."""
         scene, wanted = self.scene, self._validator.wanted(demand)
-        said, part = "", "ArmComponent"
+        problem, part = "", "ArmComponent"
         if demand.seen and not scene.visibility.sighted():
-            said, part = "the robot has no camera", "Camera"
+            problem, part = "the robot has no camera", "Camera"
         elif (wanted or demand.unreached) and not scene.arms.all:
-            said = "the robot has no arm that could reach there"
+            problem = "the robot has no arm that could reach there"
         elif any(reach.arms == () for reach in wanted):
-            said = "the robot has no arm as it is asked for"
-        if said:
-            raise MissingCapability(said, designator=str(location), missing=(part,))
+            problem = "the robot has no such arm"
+        if problem:
+            raise MissingCapability(problem, designator=str(location), missing=(part,))
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
-        """Return how arms reach from the last base pose that was found what it was found for."""
+        """Hand solutions with which the last base pose found was validated."""
         return self._validator.reached_from(base)
 
     # Hand solutions
 
     def is_grasp(self, location: Location) -> bool:
-        """Return whether a hand takes hold of something there; False for a posture and what means nothing."""
+        """Check whether a hand grasps something there; False for a posture or a meaningless location."""
         try:
             return hand_demand(location, self.scene, self._viewer(location)).kind is ReachKind.GRASP
         except DesignatorFailure:
             return False
 
     def hands(self, location: Location, arm: ArmModel, seed: Array) -> Iterator[HandSolution]:
-        """Yield hand solutions for a location from where the base stands; raises LocationUnresolvable at the end.
+        """Yield hand solutions for a location from the present base pose; raises LocationUnresolvable at the end.
 
-        Near ``seed`` (d,), the arm's joint values, if several are as good; first the one by which the base was found.
+        Among equally good ones those near ``seed`` (d,), the arm's joint values, come first; before them the one with
+        which the base pose was found.
         """
         scene = self.scene
         reach = replace(hand_demand(location, scene, self._viewer(location)), arms=None)
         self._validator.check_hands(replace(reach, arms=(arm.name,)), location)
         base = scene.base()
-        served, known = self._with_uses(reach), self._validator.known
-        # where the base was found for any grip, as none serves what follows, that one is known
-        if served != reach and (known(reach, arm, base) is None or known(served, arm, base)):
+        with_uses, known = self._with_uses(reach), self._validator.known
+        # if the base pose was found with a grip that suits no later use, that grip is the known one
+        if with_uses != reach and (known(reach, arm, base) is None or known(with_uses, arm, base)):
             with suppress(LocationUnresolvable):
-                yield from self._hands(served, arm, seed, location)
+                yield from self._hands(with_uses, arm, seed, location)
         yield from self._hands(reach, arm, seed, location)
 
     def _hands(self, reach: Reach, arm: ArmModel, seed: Array, location: Location) -> Iterator[HandSolution]:
         base, log = self.scene.base(), Rejections()
         known = self._validator.known(reach, arm, base)
         if known is not None and self._validator.still_reaches(known, reach, base):
-            yield known  # what it is about has not moved since
-        begun = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
-        # of good places for a thing a few may be in reach, and none of these may have a way for the arm
+            yield known  # nothing relevant has moved since
+        first_seed = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
+        # few of the good places for a thing may be in reach, and those may have no path for the arm
         first = Stage.ALL if reach.kind is ReachKind.PLACE else Stage.NATURAL
         last = Stage.CLOSEST if reach.kind in (ReachKind.GRASP, ReachKind.PLACE) else Stage.ALL
         for stage in tuple(Stage)[first : last + 1]:
@@ -261,12 +263,14 @@ class Resolver:
             found = False
             tables = self._validator.candidates(reach, arm, counted, stage)
             for candidate in from_base(
-                reach, base, arm, tables, self.scene, self.maps, counted, seed=begun, generous=True
+                reach, base, arm, tables, self.scene, self.maps, counted, seed=first_seed, generous=True
             ):
                 found = True
                 yield candidate
             if found:
                 break
+        else:
+            explain_hands(reach, arm, self.scene, self.maps, log)
         raise log.failure(location, after=int(found))
 
     # Poses of objects
@@ -279,16 +283,16 @@ class Resolver:
         demand = thing_demand(location, name, scene, self._viewer(location))
         if demand.on is None and demand.inside is None and not any(inside for _, inside in demand.people):
             needed = (("on", "in_"), " or ", ("in_reach_of",), " a person")
-            raise meaningless(location, location, f" does not say where {name} rests: it needs ", *needed)
-        found, placement = 0, Placement(name, demand, scene)
+            raise meaningless(location, location, f" does not state where {name} rests: it needs ", *needed)
+        number, placement = 0, Placement(name, demand, scene)
         for pose in placement.poses(log):
             if placement.holds(pose):
-                found += 1
+                number += 1
                 yield pose
-        raise log.failure(location, after=found)
+        raise log.failure(location, after=number)
 
     def best_things(self, location: Location, what: Object, most: int) -> Iterator[Pose]:
-        """Yield the first ``most`` of :meth:`things`, or fewer; raises LocationUnresolvable if there are none."""
+        """Yield at most ``most`` of :meth:`things`; raises LocationUnresolvable if there are none."""
         is_found = False
         try:
             for pose in islice(self.things(location, what), most):
@@ -298,10 +302,10 @@ class Resolver:
             if not is_found:
                 raise
 
-    # What holds now
+    # Present state
 
     def holds(self, location: Location, what: Object | None = None) -> bool:
-        """Return whether the base, the hand of a device, or an object is at a location, validated as candidates are."""
+        """Check whether the base, the hand of a device, or an object is at a location, validated as in a search."""
         scene = self.scene
         if what is None:
             state = (scene.revision(), scene.posture(), self._viewer(location), scene.belief.remembered())
@@ -318,7 +322,7 @@ class Resolver:
         return Placement(name, demand, scene).holds(scene.bodies.pose(name))
 
     def _look(self, location: Location) -> None:
-        """Fix a location's left and right as seen from the present base pose, from now on."""
+        """Fix the viewpoint of a location's left and right at the present base pose."""
         x, y, _ = self.scene.base()
         for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
             self._viewers.pop(inner, None)
@@ -327,13 +331,13 @@ class Resolver:
             del self._viewers[next(iter(self._viewers))]
 
     def _viewer(self, location: Location) -> tuple[float, float]:
-        """Return from where a location was looked for last: its left and right are seen from there."""
+        """Viewpoint of a location's left and right: where the base was when it was last searched for."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
 
 
 def _names_a_side(location: Location) -> bool:
-    """Return whether it may matter from where a location is seen."""
+    """Check whether a location may depend on the viewpoint."""
     inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
     return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
@@ -341,13 +345,13 @@ def _names_a_side(location: Location) -> bool:
 T = TypeVar("T")
 
 MOST = 32
-"""Questions whose answers are kept."""
+"""Number of questions whose answers are cached."""
 
 
-class _Kept(Generic[T]):
-    """A lazy series of answers that can be read again from its beginning, with the failure that ended it.
+class _Replayable(Generic[T]):
+    """Lazy series of answers that can be iterated again, with the failure that ended it.
 
-    Interrupted while it is being found, it is found anew: the same answers come out.
+    If the search is interrupted, the next iteration starts it again and yields the same answers.
     """
 
     def __init__(self, ask: Callable[[], Iterator[T]]) -> None:
@@ -364,7 +368,7 @@ class _Kept(Generic[T]):
             yield self._found[number]
 
     def _more(self) -> bool:
-        """Find one more; False if there are no more."""
+        """Find one more answer; False if there are none."""
         if self._end is not None:
             raise self._end.with_traceback(None)
         if self._source is None:
@@ -383,18 +387,18 @@ class _Kept(Generic[T]):
 
 
 class Answers(Generic[T]):
-    """Question -> answers, forgotten when the state in which they were found is no longer the present one."""
+    """Question -> answers, valid as long as the state in which they were found."""
 
     def __init__(self) -> None:
         self._state: object = None
-        self._kept: dict[Hashable, _Kept[T]] = {}
+        self._kept: dict[Hashable, _Replayable[T]] = {}
 
     def of(self, question: Hashable, state: object, ask: Callable[[], Iterator[T]]) -> Iterator[T]:
-        """Yield the answers to a question in a state, found by ``ask`` if they are not known."""
+        """Iterate over the answers to a question in a state; ``ask`` searches for them if they are not cached."""
         if state != self._state:
             self._state, self._kept = state, {}
         if question not in self._kept:
             while len(self._kept) >= MOST:
                 del self._kept[next(iter(self._kept))]
-            self._kept[question] = _Kept(ask)
+            self._kept[question] = _Replayable(ask)
         return iter(self._kept[question])

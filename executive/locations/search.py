@@ -1,6 +1,6 @@
-"""Base poses from which a hand can do what is asked: hands that are free, the maps turned round, then validation.
+"""Base poses from which a hand can do what is required: free hands, inverted maps, then validation.
 
-The present base pose comes first; then one search follows another with a larger budget.
+The present base pose comes first, then searches with growing budgets.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.base_poses import BasePoses
 from executive.locations.budgets import ALL, BUDGETS, SearchBudget
-from executive.locations.candidate_search import CandidateSearch, Sought, as_told
+from executive.locations.candidate_search import CandidateSearch, SearchSpec, as_reported
 from executive.locations.demands import BaseDemand, Reach, ReachKind
 from executive.locations.floor_search import FloorSearch
 from executive.locations.grasp_candidates import CLASSES, Hand
@@ -40,27 +40,27 @@ from planlang.geometry import Array
 from planlang.protocols import Solution
 
 Band = tuple[tuple[float, float], float, float]
-"""Middle, and the least and greatest distance from it of base poses [m]."""
+"""Centre, and least and greatest distance of base poses from it [m]."""
 APART = 0.05
-"""Solutions are farther apart than this [m]; to four decimals, as maps have base poses just so far apart."""
+"""Least distance between solutions [m], compared at four decimals, since map rows are exactly this far apart."""
 
 
-def searched(
+def search_bases(
     validator: BaseValidator,
     demand: BaseDemand,
     question: Question,
     found: list[BasePose],
     most: int | None = None,
 ) -> Generator[Solution]:
-    """Yield base poses, each farther than :data:`APART` from those that were ``found``, and add them to these.
+    """Yield base poses, each farther than :data:`APART` from those in ``found``, to which they are added.
 
-    ``most``: so many of the :data:`BUDGETS` are used, if not all.
+    ``most`` limits the number of :data:`BUDGETS` used.
     """
     wanted, arms, scene = validator.wanted(demand), validator.arms(demand), validator.scene
     log, known = question.log, question.known
 
-    def is_taken(base: BasePose) -> bool:
-        """Return True if a base pose near that one was found."""
+    def is_found(base: BasePose) -> bool:
+        """Check whether a base pose nearby was found before."""
         return any(round(math.dist(base[:2], other[:2]), 4) <= APART for other in found)
 
     def searches() -> Iterator[Iterable[Solution]]:
@@ -72,36 +72,36 @@ def searched(
         if demand.remembered and known.blind is not None:
             yield (known.blind,)
         elif demand.remembered and not known.untried:
-            return  # whatever else is right with a base pose was looked at before
+            return  # all other conditions were tested before
         if not wanted:
             yield FloorSearch(validator, demand, question).places()
             return
-        before, again, nothing, search = log.copy(), False, None, None
+        before, repeat, exhausted, search = log.copy(), False, None, None
         puts = any(reach.kind is ReachKind.PLACE for reach in wanted)
         for budget in BUDGETS[:most]:
-            if nothing == (budget.stage, budget.least, budget.rows):
-                continue  # the same base poses, of which more would be kept
-            if not puts and not log.counts[COLLISION]:  # nothing that a few degrees would help with
+            if exhausted == (budget.stage, budget.least, budget.rows):
+                continue  # would only keep more of the same base poses
+            if not puts and not log.counts[COLLISION]:  # more headings help against collisions only
                 budget = replace(budget, stage=min(budget.stage, Stage.ALL))
             log.begin_again(before)
-            search = ReachSearch(validator, wanted, demand, arms, budget, question, is_taken if again else None)
+            search = ReachSearch(validator, wanted, demand, arms, budget, question, is_found if repeat else None)
             yield search.places()
             if log.hopeless:
                 break
-            nothing = None if search.inverted else (budget.stage, budget.least, budget.rows)
-            again = bool(found)  # what was found is found again: it need not be validated once more
+            exhausted = None if search.inverted else (budget.stage, budget.least, budget.rows)
+            repeat = bool(found)  # the next search finds these again, and need not validate them
         if search is not None and not log.explained:
             search.poses.name_crowding()
 
     for solution in chain.from_iterable(searches()):
-        if not is_taken(solution.base):
+        if not is_found(solution.base):
             found.append(solution.base)
-            known.inversions.clear()  # large, and mostly not needed any more
+            known.inversions.clear()  # large, and rarely needed again
             yield solution
 
 
 class ReachSearch:
-    """A search for base poses from which all that is wanted can be reached."""
+    """Search for base poses from which all required reaches are possible."""
 
     def __init__(
         self,
@@ -113,13 +113,13 @@ class ReachSearch:
         question: Question,
         is_taken: Callable[[BasePose], bool] | None = None,
     ) -> None:
-        """``is_taken`` tells of which base poses nothing needs to be known any more."""
+        """Prepare; base poses for which ``is_taken`` holds need not be examined any more."""
         self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
         self.wanted, self.demand, self.arms, self.budget, self.question = wanted, demand, arms, budget, question
         self.log, self.known = question.log, question.known
-        self.sought = Sought(validator, wanted, demand, budget, question, is_taken, validator.blind(demand))
+        self.spec = SearchSpec(validator, wanted, demand, budget, question, is_taken, validator.blind(demand))
         self.poses = BasePoses(self.scene, question)
-        """With those of grasp candidates without any that has room: what takes it is named if nothing is found."""
+        """Also collects candidates without room anywhere, whose obstacles are named if nothing is found."""
         self.inverted = False
         """True once maps have given a base pose."""
 
@@ -138,29 +138,30 @@ class ReachSearch:
         if self.known.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
             log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
             return
-        found = self._inverted(hands, middle[:2], within, bands)
-        if len(found):
+        candidates = self._inverted(hands, middle[:2], within, bands)
+        if len(candidates):
             self.inverted = True
-            some, stance = False, scene.collisions.stance_check(near)
+            succeeded, stance = False, scene.collisions.stance_check(near)
             unseen = self._unseen() if budget.fine else None
-            for solution in CandidateSearch(self.sought, found, hands, middle, stance, unseen).solutions():
-                some = True
+            for solution in CandidateSearch(self.spec, candidates, hands, middle, stance, unseen).solutions():
+                succeeded = True
                 yield solution
-            if budget.then is not None and not some and self.sought.is_taken is None:
-                roomy = self.poses.rooms(numbered(as_told(found.bases)))(np.arange(len(found)))
-                crowded = found.chosen(~np.array(roomy, bool))
+            if budget.then is not None and not succeeded and self.spec.is_taken is None:
+                roomy = self.poses.rooms(numbered(as_reported(candidates.bases)))(np.arange(len(candidates)))
+                crowded = candidates.chosen(~np.array(roomy, bool))
                 floor, yaw = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body).yaw
                 moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
-                then = replace(self.sought, budget=budget.then, question=self.question.uncounted())
+                then = replace(self.spec, budget=budget.then, question=self.question.uncounted())
                 if len(moved):
                     yield from CandidateSearch(then, moved, hands, middle, stance, unseen).solutions()
 
     def _inverted(
         self, hands: Sequence[Hand], middle: Array, within: float, bands: Sequence[tuple[str, Band]]
     ) -> BaseCandidates:
-        """Return base poses by the maps within a distance of a place (2,), and count others.
+        """Find base poses by the maps within a distance of a place (2,), and count rejected ones.
 
-        Maps are inverted once for all searches that differ in how many base poses they look at, and in what is seen.
+        Maps are inverted once for all searches that differ only in the number of base poses or in what has to be
+        visible.
         """
         scene, budget, log = self.scene, self.budget, self.log
         known, key = self.known.inversions, (budget.stage, budget.least, budget.rows, self.known.walled)
@@ -175,24 +176,24 @@ class ReachSearch:
             known[key] = Inversion(room, conjuncts, show=log.show if log.keeps else None)
             known[key].invert(hands, self.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows)
         inversion = known[key]
-        # where all base poses of a candidate are kept sight chooses none of them: it is left for those that are solved
+        # if all base poses of a candidate are kept, visibility is tested later, on solved ones only
         chooses = budget.fine and budget.each < ALL
-        found, unseen = inversion.best(budget.each, budget.most, self._unseen() if chooses else None)
-        log.weigh(found.bases, found.scores)
+        candidates, unseen = inversion.best(budget.each, budget.most, self._unseen() if chooses else None)
+        log.weigh(candidates.bases, candidates.scores)
         refused = {NO_ROOM: inversion.without_room, **inversion.refused, NOT_VISIBLE: unseen}
         for reason, number in refused.items():
             log.add(reason, number)
-        if not len(found) and not any(refused.values()):
+        if not len(candidates) and not any(refused.values()):
             log.add(OUT_OF_REACH.text, sum(len(hand.candidates) for hand in hands))
             for hand in hands:
                 log.show_hands(OUT_OF_REACH.text, hand.candidates.points)
         self.poses.crowded = inversion.crowded()
         if log.explained:
             self.poses.name_crowding()
-        return found
+        return candidates
 
     def _free_hands(self) -> FreeHands:
-        """Return the grasp candidates of the first reach in which the hand itself is inside nothing; count others."""
+        """Find the grasp candidates of the first reach with a collision-free hand; count the others."""
         known, stage = self.known.hands, self.budget.stage
         if stage not in known:
             known[stage] = self._find_hands()
@@ -204,39 +205,39 @@ class ReachSearch:
         counted = Rejections(remembers=self.log.keeps)
         arms = self.validator.arms_for(first, self.arms)
         possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
-        tables = [(arm, table) for arm, found in possible for table in found]
+        tables = [(arm, table) for arm, of_arm in possible for table in of_arm]
         if not tables:
             return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)
         reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
         varied = stage is Stage.CLOSEST
         points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
         near, hits = _sphere(points, reach), HandHits()
-        each = (unblocked(arm, found, scene, counted, near, varied=varied, hits=hits) for arm, found in possible)
+        each = (unblocked(arm, of_arm, scene, counted, near, varied=varied, hits=hits) for arm, of_arm in possible)
         hands = [hand for some in each for hand in some]
         for hand in hands:
             counted.show_hands("", hand.candidates.points)
         return FreeHands(hands, reach, near, counted)
 
     def _is_hopeless(self, middle: Array, radius: float, bands: Sequence[tuple[str, Band]]) -> bool:
-        """Return whether a conjunct about the base holds nowhere within a radius [m] of a place (2,)."""
+        """Check whether a conjunct about the base holds nowhere within a radius [m] of a place (2,)."""
         areas = (term for term in self.demand.areas if not isinstance(term, Facing))
         apart = any(math.dist(middle, centre) > radius + most for _, (centre, _, most) in bands)
         return apart or not all(term.nearly(middle[None], radius)[0] for term in areas)
 
     def _unseen(self) -> Misses | None:
-        """Return a test of the bases from which the robot itself hides what has to be seen."""
+        """Create a test for bases from which the robot itself hides what has to be visible."""
         names, visibility = self.validator.to_see(self.demand), self.scene.visibility
         each = [unseen for name in names if (unseen := visibility.unseen(name)) is not None]
         return (lambda bases: np.any([unseen(bases) for unseen in each], axis=0)) if each else None
 
 
 def _within(centre: tuple[float, float], least: float, most: float, bases: Array) -> Array:
-    """Return 1 for bases (m, 3) between two distances [m] from a base pose, 0 for others."""
-    away = np.linalg.norm(bases[:, :2] - centre, axis=1)
-    return np.where((away >= least) & (away <= most), 1.0, 0.0)
+    """Weigh bases (m, 3): 1 between two distances [m] from a centre, else 0."""
+    distances = np.linalg.norm(bases[:, :2] - centre, axis=1)
+    return np.where((distances >= least) & (distances <= most), 1.0, 0.0)
 
 
 def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
-    """Return middle (3,) and radius [m] of all that a robot may meet that reaches tip positions (n, 3)."""
+    """Centre (3,) and radius [m] of everything that a robot may touch when it reaches tip positions (n, 3)."""
     every = np.concatenate(points)
     return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach

@@ -1,7 +1,7 @@
-"""Ways on which things are taken out of what is open above alone: drawers, boxes and vessels.
+"""Paths on which things are taken out of what is open only at the top: drawers, boxes and vessels.
 
-A hand lifts them over the rim. What lies at the back of a drawer is still under the furniture when the drawer is open:
-the hand draws it forward in the drawer first.
+A hand lifts them over the rim. A thing at the back of a drawer is still below the furniture when the drawer is open:
+the hand pulls it forward in the drawer first.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from executive.motion import clearance_at
 from planlang.geometry import Array
 
 ONWARDS: Array = np.zeros((0, 3))
-"""The way out of a thing that stands in the open."""
+"""Path of a thing that stands in the open: none is needed."""
 NO_WAY_OUT = "no room to take it out of what it is in"
 RAISED = 0.02
-"""Height at which a thing is drawn over the bottom of a drawer [m]."""
+"""Height above the bottom of a drawer at which a thing is pulled [m]."""
 STEP, FARTHEST = 0.02, 0.3
-"""Distances by which a thing is drawn: their difference, and the largest [m]."""
+"""Distances to try for pulling: step and limit [m]."""
 SPARE = 0.02
-"""Room between a thing that was drawn from under furniture and that furniture, where there is so much [m]."""
+"""Preferred clearance between a pulled thing and the furniture above [m]."""
 TOUCHING = 0.003
-"""Depth up to which a thing that stands against a wall counts as beside it [m]."""
+"""Penetration up to which a thing at a wall counts as beside it [m]."""
 
 
 def way_out(name: str, scene: PlanningScene) -> Array | None:
-    """Return how a thing moves, with a hand, out of what it stands in (k, 3): offsets from where it is now [m].
+    """Find the path of a thing out of what contains it (k, 3): offsets from its present position [m].
 
-    That is up over the rim, or forward in an open drawer and then up. No rows for what stands in the open, None where
-    something is above or before it.
+    Up over the rim, or forward in an open drawer and then up. No rows if it stands in the open, None if something above
+    or in front blocks it.
     """
     below = scene.bodies.below_rim(name)
     if not below:

@@ -27,18 +27,18 @@ from planlang.geometry import Array
 from planlang.protocols import Solution
 
 PLACES = 6
-"""Decimals of base poses [m, rad]: few enough that two machines agree, enough that the map's origin does not matter."""
+"""Decimals of base poses [m, rad]: few enough that machines agree, enough that the map's origin does not matter."""
 ANOTHER_PLACE = 0.4
-"""Whatever was not seen from one base pose is looked for from base poses at least this far away [m]."""
+"""Distance from a base pose from which something was not seen at which to look for it again [m]."""
 MOST_REMEMBERED = 64
-"""Base poses of which it is remembered how arms reach from them."""
+"""Base poses whose hand solutions are remembered."""
 
 
 class SelfOcclusion:
-    """The places of a thing, as seen from the robot, where the robot's own body hides it.
+    """Base poses, relative to a thing, from which the robot's own body hides it.
 
-    What hides it at some distance hides what is nearer in that direction; if ``strict``, only base poses nearly alike
-    count as hidden.
+    What hides it at some distance also hides nearer things in that direction; if ``strict``, only similar base poses
+    count.
     """
 
     def __init__(self, what: Array, *, strict: bool) -> None:
@@ -50,19 +50,19 @@ class SelfOcclusion:
         return math.hypot(x, y), math.remainder(math.atan2(y, x) - float(base[2]), 2 * math.pi)
 
     def add(self, base: Sequence[float]) -> None:
-        """Record that the robot hides it from there."""
+        """Record a base pose from which the robot hides the thing."""
         self._known.append(self._seen(base))
 
     def covers(self, base: Array) -> bool:
-        """Return whether it is probably hidden from a base pose as well."""
-        away, bearing = self._seen(base)
+        """Check whether it is probably hidden from another base pose as well."""
+        distance, bearing = self._seen(base)
         if self._strict:
-            return any(abs(away - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
-        return any(away < d + 0.03 and abs(bearing - b) < 0.25 for d, b in self._known)
+            return any(abs(distance - d) < 0.03 and abs(bearing - b) < 0.1 for d, b in self._known)
+        return any(distance < d + 0.03 and abs(bearing - b) < 0.25 for d, b in self._known)
 
 
 class BaseValidator:
-    """Validates base poses in the believed world, and remembers how arms reach from those it accepts."""
+    """Validates base poses in the believed world, and remembers the hand solutions of those it accepts."""
 
     def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
         self.scene, self.inverse = scene, inverse
@@ -70,12 +70,12 @@ class BaseValidator:
         self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
-        """Return what has to be reached from the base: not what is in the hand already."""
+        """Select the reaches required from the base: not those for things already in the hand."""
         free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.arms.is_held(r.body))
         return tuple(sorted(free, key=lambda reach: ORDER.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
-        """Return the arms one of which does all that is asked, but for what only others can: see :meth:`arms_for`."""
+        """List the arms, one of which performs all reaches, except those that only others can: see :meth:`arms_for`."""
         wanted = self.wanted(demand)
         open_choice = next((reach for reach in wanted if reach.arms is None), None)
         if open_choice is not None:
@@ -84,10 +84,10 @@ class BaseValidator:
         return [arm for arm in self.scene.arms.all if arm.name in named]
 
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
-        """Return those of some arms that may do a reach; the ones that it names, if it names any.
+        """List the arms that may perform a reach: those it names, or else the suitable ones among ``arms``.
 
-        A thing is grasped with a free hand that can carry it. All else is about what is held: the arms that hold
-        something do it, if any does and none is named.
+        Grasping takes a free hand that can carry the thing. Everything else concerns held things: if any arms hold
+        something, these do it, unless others are named.
         """
         if reach.arms is not None:
             arms = [arm for arm in self.scene.arms.all if arm.name in reach.arms]
@@ -100,18 +100,18 @@ class BaseValidator:
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
     def _leaves_a_hand(self, reach: Reach) -> bool:
-        """Return whether a hand stays free when a thing is grasped: doors are opened with it."""
+        """Check whether a hand stays free when a thing is grasped, with which to open doors."""
         free = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
         return free > self.scene.bodies.hands(reach.body)
 
     def _closed_later(self, reach: Reach) -> tuple[str, str | None]:
-        """Return in what a thing is put down later, and the door that is shut before it, None if none is."""
+        """Find where a thing will be put, and the closed door in front of it, if any."""
         inside = [use.body for use in reach.then if use.kind is ReachKind.PLACE and use.inside]
         doors = ((body, self.scene.bodies.door_of(body)) for body in inside)
         return next((one for one in doors if one[1] is not None), (reach.body, None))
 
     def check_hands(self, reach: Reach, location: Location) -> None:
-        """Raise LocationUnresolvable if a door is in the way, what is grasped too heavy, or if all hands are full."""
+        """Raise LocationUnresolvable if a door is closed, the thing is too heavy, or all hands are full."""
         door = self.scene.bodies.closed_before(reach.body) if reach.kind is ReachKind.GRASP else None
         what = reach.body
         if reach.kind is ReachKind.PLACE and reach.inside:
@@ -137,7 +137,7 @@ class BaseValidator:
         raise HandsFull(designator=str(location), what=reach.body, held=full)
 
     def check_doors(self, reaches: Sequence[Reach], location: Location, log: Rejections) -> None:
-        """Raise BehindClosedDoor if nothing inside could be reached because one more door of what it is in is shut."""
+        """Raise BehindClosedDoor if nothing inside is reachable because another door of the container is closed."""
         for reach in reaches:
             inside = reach.body if reach.kind is ReachKind.PLACE and reach.inside else None
             if reach.kind is ReachKind.GRASP:
@@ -152,7 +152,7 @@ class BaseValidator:
     def at(
         self, base: BasePose, score: float, demand: BaseDemand, arms: Sequence[ArmModel], question: Question
     ) -> Solution | None:
-        """Return the solution at ``base`` with any of the arms, or None with the reason counted."""
+        """Validate ``base`` with any of the arms; None with the reason counted."""
         wanted = self.wanted(demand)
         if any(
             math.dist(base[:2], centre) > most or math.dist(base[:2], centre) < least
@@ -185,14 +185,14 @@ class BaseValidator:
         question: Question,
         check: QuickCheck,
     ) -> Solution | str | None:
-        """Validate exactly a base pose whose first reach is solved as far as spheres tell, by a check of the arm.
+        """Validate exactly a base pose whose first reach is solved by inverse kinematics and collision spheres.
 
-        If it will not do because the arm meets something, the name of that; if the fingers have no hold, that.
+        On failure returns the body that the arm collides with, or the reason if the fingers have no grip, else None.
         """
         log = question.log
-        # the arm first, where it takes hold: it is what most often meets something
+        # the arm at the grasp first: it collides most often
         trial = Trial(solution, base, self.scene, check)
-        # few postures: a quick check of them would take longer than looking
+        # few postures: without the quick check, which would take longer than exact queries
         body = Trial(solution, base, self.scene).touched(np.roll(solution.joints, -1, axis=0))
         reason = None if body is None else Reason(COLLISION, body)
         if reason is None:
@@ -215,7 +215,7 @@ class BaseValidator:
         return self.answer(base, score, reached, demand, question)
 
     def stands(self, base: BasePose, score: float, demand: BaseDemand, question: Question) -> bool:
-        """Return whether the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
+        """Check that the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
         for term in demand.areas:
             if scored(term, np.array([base]))[0] <= 0:
                 return question.log.reject(base, score, unmet(term))
@@ -229,11 +229,11 @@ class BaseValidator:
         question: Question,
         occlusion: SelfOcclusion | None = None,
     ) -> bool:
-        """Return whether what has to be seen from the base is: what is asked for, and what is going to be handled."""
+        """Check that everything to be seen from the base is visible: what is required, and what will be handled."""
         scene, log = self.scene, question.log
         for name in demand.seen:
             if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
-                return log.reject(base, score, "looked from there in vain")
+                return log.reject(base, score, "looked from there before without success")
         for name in self.to_see(demand):
             occluder = scene.visibility.hidden(base, name)
             if occluder is not None:
@@ -250,20 +250,20 @@ class BaseValidator:
         return True
 
     def to_see(self, demand: BaseDemand) -> tuple[str, ...]:
-        """Return what has to be seen from the base: what is asked for, and what is going to be handled."""
+        """List what has to be visible from the base: what is required, and what will be handled."""
         handled = [reach.body for reach in self.wanted(demand) if reach.kind in (ReachKind.GRASP, ReachKind.OFFER)]
         handled = [name for name in handled if name not in demand.remembered and self.scene.visibility.sighted()]
         return tuple(dict.fromkeys((*demand.seen, *handled)))
 
     def blind(self, demand: BaseDemand) -> BaseDemand | None:
-        """Return a demand without sight of what is going to be handled; None if sight of nothing can be left out."""
+        """Drop sight of what will be handled from a demand; None if there is nothing to drop."""
         handled = tuple(name for name in self.to_see(demand) if name not in demand.seen)
         return replace(demand, remembered=handled) if handled else None
 
     def answer(
         self, base: BasePose, score: float, reached: dict[Reach, HandSolution], demand: BaseDemand, question: Question
     ) -> Solution | None:
-        """Return a base pose that all else accepts, unless something is in reach that must not be."""
+        """Accept a base pose, unless there is no path, or something is in reach that must not be."""
         log = question.log
         if not BasePoses(self.scene, question).is_driven_to(base, score):
             return None
@@ -287,11 +287,11 @@ class BaseValidator:
         return Solution(base, self.scene.revision(), detail)
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
-        """Return whose left and right was meant, where a location names sides."""
+        """Whose left and right was meant, if a location names sides."""
         return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
     def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
-        """Return the best candidate to satisfy a reach from a base with one of some arms."""
+        """Find the best hand solution for a reach from a base with one of some arms."""
         for arm in arms:
             for stage in (Stage.NATURAL, Stage.ALL):
                 counted = Rejections()
@@ -300,26 +300,27 @@ class BaseValidator:
                     continue
                 candidate = next(from_base(reach, base, arm, tables, self.scene, self.inverse, counted), None)
                 known = self.known(reach, arm, base) if candidate is None else None
-                if known is not None and self.still_reaches(known, reach, base):  # it can do little else from there
+                # an arm that stands there has few alternatives
+                if known is not None and self.still_reaches(known, reach, base):
                     candidate = known
                 if candidate is not None:
                     log.include(counted)
                     return candidate
-            log.include(counted)  # all candidates: the natural ones are among them
+            log.include(counted)  # those of the last stage, which include the natural ones
         return None
 
     def known(self, reach: Reach, arm: ArmModel, base: BasePose) -> HandSolution | None:
-        """Return how an arm reaches from a base pose that was accepted, whatever arms may do it; None if unknown."""
+        """Recall how an arm reaches from an accepted base pose, whatever arms the reach names; None if unknown."""
         known = self._reached.get((arm.name, rounded(base)), {})
         return next((one for other, one in reversed(known.items()) if replace(other, arms=reach.arms) == reach), None)
 
     def still_reaches(self, known: HandSolution, reach: Reach, base: BasePose) -> bool:
-        """Return whether a solution still is one of a reach from a base pose, validated exactly."""
+        """Check exactly whether a solution is still valid for a reach from a base pose."""
         tables = self.candidates(reach, known.arm, Rejections(), Stage.CLOSEST)
         return any(map(known.is_among, tables)) and Trial(known, base, self.scene).stopped() is None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
-        """Return a circle around what a reach is about, outside of which no base can satisfy it: middle, radii [m]."""
+        """Bound the base poses for a reach: centre, and least and greatest distance from it [m]."""
         scene = self.scene
         longest = max((float(np.hypot(*a.shoulder_low[:2])) + a.reach for a in self.arms_for(reach, arms)), default=0.0)
         if reach.kind is ReachKind.OFFER:
@@ -333,21 +334,21 @@ class BaseValidator:
         return (block.x, block.y), 0.0, longest + stage + 0.2
 
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
-        """Return how arms reach from the last base pose that was found what it was found for."""
+        """Hand solutions with which the last base pose found was validated."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
 
 
 def unmet(term: Area | Facing | Clear) -> str:
-    """Return what is said of base poses that a conjunct about the floor refuses."""
+    """Reason for rejecting base poses by a conjunct about the floor."""
     return f"not {term.words}".replace("not not ", "")
 
 
 def scored(term: object, bases: Array) -> Array:
-    """Return the score (n,) of a conjunct about the floor for bases (n, 3)."""
+    """Score (n,) of a conjunct about the floor for bases (n, 3)."""
     return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
 
 
 def rounded(base: BasePose) -> BasePose:
-    """Return the same for a base pose and for where the base stands after it went there."""
+    """Round a base pose, so that it equals the pose at which the base arrives."""
     x, y, yaw = base
     return round(x, 4), round(y, 4), round(math.remainder(yaw, 2 * math.pi), 4)

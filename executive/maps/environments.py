@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -20,8 +20,14 @@ def environments_with(things: Iterable[str]) -> tuple[str, ...]:
 
     Those without a room are left out: they add things to an environment that does not come with planlang.
     """
-    wanted, maps = tuple(things), {name: _map(name) for name in Bundled.ENVIRONMENT.names()}
-    return tuple(name for name, one in maps.items() if _has_room(one) and all(_has(one, thing) for thing in wanted))
+    wanted = tuple(things)
+    return environments_for(lambda one: all(_has(one, thing) for thing in wanted))
+
+
+def environments_for(fits: Callable[[SemanticMap], bool]) -> tuple[str, ...]:
+    """Return the bundled environments with a room whose map fits, sorted."""
+    maps = {name: _map(name) for name in Bundled.ENVIRONMENT.names()}
+    return tuple(name for name, one in maps.items() if _has_room(one) and fits(one))
 
 
 def default_environment(recipe: Path, things: Iterable[str], notes: list[Diagnostic]) -> str:

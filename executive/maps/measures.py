@@ -194,7 +194,7 @@ TOLERANCE = 1e-3
 FLAT = 0.1
 """Volume of a matrix's axes, relative to a cube of their mean length, that is no basis: one axis a twentieth."""
 
-POSE = 'a pose needs m00..m22 and m03, m13, m23, or translation "x y z" and quaternion "x y z w"'
+POSE = 'a pose needs m00..m22 and m03, m13, m23, or translation "x y z" and a heading or quaternion "x y z w"'
 """What is said of one that lacks something."""
 
 _ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
@@ -205,7 +205,8 @@ def read_transform(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arr
     """Return the homogeneous (4, 4) matrix that an individual states, repaired to a rigid one; lengths in metres.
 
     Understands RotationMatrix3D with m00..m23 (the last row is not needed), and ``translation "x y z"`` with
-    ``quaternion "x y z w"``. None, with a warning in ``found``, if numbers are missing or not finite.
+    ``heading`` (degrees about the z axis) or ``quaternion "x y z w"``. None, with a warning in ``found``, if numbers
+    are missing or not finite.
     """
     if stated(ontology, iri, "m00") or stated(ontology, iri, "m03"):
         return _from_entries(ontology, iri, found)
@@ -237,9 +238,16 @@ def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arra
 
 def _from_quaternion(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
     values: dict[str, tuple[float, ...]] = {"quaternion": (0.0, 0.0, 0.0, 1.0)}
+    turned = stated(ontology, iri, "heading")
+    if turned is not None and not stated(ontology, iri, "quaternion"):
+        heading = length(turned, found)
+        half = math.radians(heading or 0.0) / 2
+        values["quaternion"] = (0.0, 0.0, math.sin(half), math.cos(half))
     for name, count in (("translation", 3), ("quaternion", 4)):
         triple = stated(ontology, iri, name)
         if triple is None and name in values:
+            if turned is not None or ontology.is_a(iri, expand("EnduringThing-Localized")):
+                continue  # a thing that states its pose itself is not turned unless it says so
             found.append(note("M004", f"the pose {local_name(iri)} has no quaternion; not turned", ontology.span(iri)))
             continue
         numbers = lengths(triple, found) if triple else None

@@ -201,6 +201,9 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
         for triple in ontology.triples(None, expand(name)):
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 things[triple.subject] = None
+    for triple in ontology.triples(None, expand("translation")):
+        if isinstance(triple.subject, str) and ontology.is_a(triple.subject, expand("EnduringThing-Localized")):
+            things[triple.subject] = None
     order = {iri: rank for rank, iri in enumerate(_typed(ontology))}
     there = {iri for iri in things if iri in order and iri not in others and not _is_feature(ontology, iri)}
     maps = {iri for iri in there if ontology.is_a(iri, expand("Map"))}
@@ -304,6 +307,8 @@ class PosesOfThings:
     def _places_of(self, thing: str) -> list[str]:
         """Return the poses of a thing, the one that counts first: an earlier one stands in for one that is no pose."""
         own = [*self.ontology.iris(thing, "orientation"), *self.ontology.iris(thing, "pose")]
+        if stated(self.ontology, thing, "translation"):
+            own.append(thing)
         return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
 
     def newest(self, thing: str) -> Seen | None:

@@ -22,7 +22,9 @@ from planlang.records import dataclass
 DIGITS = 9
 """Decimal places of lengths [m] and of the entries of rotations."""
 NOWHERE = Span("")
-_POSES = (expand("orientation"), expand("pose"))
+_POSES = tuple(map(expand, ("orientation", "pose")))
+_IN_PLACE = tuple(map(expand, ("translation", "heading", "quaternion", "relativeTo")))
+"""Properties of a pose, which a thing may state itself."""
 _OF_EVENTS = tuple(map(expand, ("objectActedOn", "eventOccursAt", "startTime")))
 
 
@@ -117,7 +119,8 @@ def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Tripl
     others = {t.subject for t in statements if t.predicate == acted and t.object not in things}
     of_these = {t.subject for t in statements if t.predicate == acted and t.object in things}
     events = {t.subject for t in statements if t.predicate == at and t.subject in of_these - others}
-    kept = [t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in _POSES)]
+    own = (*_POSES, *_IN_PLACE)
+    kept = [t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in own)]
     dropped = {t.object for t in statements if t.subject in events or (t.subject in things and t.predicate in _POSES)}
     kinds = {expand("RotationMatrix3D"), expand("TimePoint")}
     there: set[Term] = {t.subject for t in statements if t.predicate == RDF.type and t.object in kinds}

@@ -1,14 +1,13 @@
-"""Motion of the robot: kinematics, paths of the arm and of the base, timing.
+"""Motion planning: kinematics, arm paths, base paths, timing.
 
-General layout: ``symbolic`` is the mathematics behind ``kinematics``.
-``bodies`` are convex pieces and the spheres in them, ``arm_bodies`` puts a robot's links and a room together, and
-``collision`` checks configurations and base poses by them and by the ``separation`` of hulls, here and for
-``executive.locations``.
-``arm_path`` searches a joint space with it, ``base_path`` (on ``clearance``) drives, ``tight_path`` (on ``drivable``)
-where that finds no way. ``trajectories`` go straight, and turn waypoints into motions. ``constrained_motion`` moves
-arms under motion constraints: ``constraint_functions`` over an ``arm_group``, ends of phases (``constrained_ends``) and
-ways to them by ``constraint_optimisation``; it is imported where it is used. Random generators are passed in;
-``errors`` lists what is raised.
+``symbolic`` is the mathematics behind ``kinematics``. ``bodies`` approximates convex shapes by spheres, ``arm_bodies``
+combines a robot's links with the bodies of a room, and ``collision`` checks configurations and base poses with both,
+and by the ``separation`` of hulls, here and for ``executive.locations``. ``arm_path`` plans in joint space;
+``base_path`` (on ``clearance``) plans for the base, and ``tight_path`` (on ``drivable``) where that finds no path.
+``trajectories`` moves the tip along straight lines and times waypoints. ``constrained_motion`` moves arms under motion
+constraints: ``constraint_functions`` over an ``arm_group``, the ends of phases (``constrained_ends``), and paths to
+them by ``constraint_optimisation``; it is imported only where it is used. Random generators are passed in; ``errors``
+lists the exceptions.
 """
 
 from executive.motion.arm_path import JointSpace, plan_path

@@ -1,8 +1,8 @@
-"""The bodies that arms must keep clear of, and that move with them: links, held objects, and the bodies of a room.
+"""Collision bodies for arm motions: links, held objects, and the bodies of a room.
 
-Everything that does not depend on the posture is worked out once for a chain (:class:`ArmShapes`), the rest once for a
-posture (:class:`ArmBodies`), and :meth:`ArmBodies.against` puts it into a :class:`Room`. The same bodies serve a search
-for ways of an arm and, as they are or held still in a posture, a search for places of the base.
+What does not depend on the posture is computed once per chain (:class:`ArmShapes`), the rest once per posture
+(:class:`ArmBodies`); :meth:`ArmBodies.against` combines it with a :class:`Room`. The same bodies serve arm path
+planning and, as they are or held still in a posture, the search for base poses.
 """
 
 from __future__ import annotations
@@ -29,44 +29,44 @@ if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import Movable
 
 GROUND_SIZE = (60.0, 60.0, 0.1)
-"""Size of the piece that stands for the floor [m]."""
+"""Size of the box that represents the floor [m]."""
 AT_ORIGIN = (0.0, 0.0, 0.0)
-"""A base pose."""
+"""Base pose at the origin."""
 
 Ignored = tuple[frozenset[str], frozenset[str]]
-"""Links, and the body that they may touch."""
+"""Hand links, and the bodies that they may touch."""
 Row = tuple[str, int, Solids, float, tuple[ConvexSolid, ...]]
-"""One of :class:`Bodies`: name, frame, pieces, slack and real shapes."""
+"""Row of :class:`Bodies`: name, frame, pieces, slack and real shapes."""
 _PLAIN = (SolidKind.BOX, SolidKind.CYLINDER, SolidKind.SPHERE)
-"""Kinds that pieces can be."""
+"""Shapes that pieces can represent exactly."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shaped:
-    """A link or a thing, which consists of convex shapes."""
+    """Link or thing that consists of convex shapes."""
 
     name: str
     shapes: Sequence[ConvexSolid]
 
     @cached_property
     def _filled(self) -> tuple[tuple[Solids, float], ...]:
-        """For each shape the spheres in it, and how far it sticks out of them [m]."""
-        found = []
+        """For each shape, the spheres inside it and how far it protrudes from them [m]."""
+        filled = []
         for shape in self.shapes:
             points = np.ascontiguousarray(shape.points, float)
             spheres = kept_spheres(points.tobytes(), shape.radius, shape.beyond)
             centres = moved(shape.pose.matrix(), spheres.balls[:, :3])
             balls = np.column_stack([centres, spheres.balls[:, 3]])
-            found.append((Solids.spheres(self.name, balls), spheres.slack))
-        return tuple(found)
+            filled.append((Solids.spheres(self.name, balls), spheres.slack))
+        return tuple(filled)
 
     def movers(self, frame: int) -> list[Row]:
-        """Return each shape as spheres that go with a frame."""
+        """Represent each shape by spheres that move with a frame."""
         filled = zip(self.shapes, self._filled, strict=True)
         return [(self.name, frame, spheres, slack, (shape,)) for shape, (spheres, slack) in filled]
 
     def obstacle(self, frame: int) -> Row:
-        """Return it as one obstacle: plain shapes as they are, the spheres in others."""
+        """Represent it as one obstacle: exact pieces if possible, else spheres."""
         if self.exact:
             plain = [Solid(self.name, shape.kind, shape.size, shape.pose, limb=False) for shape in self.shapes]
             return self.name, frame, Solids.of(plain), 0.0, ()
@@ -75,18 +75,18 @@ class Shaped:
 
     @property
     def exact(self) -> bool:
-        """Return True if its pieces as an obstacle are all of it."""
+        """Whether its pieces as an obstacle represent it exactly."""
         return all(shape.kind in _PLAIN for shape in self.shapes)
 
 
 def links_of(world: PlanningWorld) -> tuple[Shaped, ...]:
-    """Return the solid links of a world's robot, in their order."""
+    """List the solid links of a world's robot, in their order."""
     robot = world.robot
     return tuple(Shaped(name, robot.hulls(number)) for number, name in enumerate(robot.solid_names))
 
 
 def thing_in(world: PlanningWorld, name: str) -> Shaped:
-    """Return a body of a world; round pieces are as wide as their larger side, as the world makes them."""
+    """Get a body of a world; round pieces are as wide as their larger side, as in the world itself."""
     shapes = []
     for part, at in world.pieces(name):
         x, y, z = part.size
@@ -97,49 +97,49 @@ def thing_in(world: PlanningWorld, name: str) -> Shaped:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmBodies:
-    """Movers and obstacles of the robot itself, with what it holds, for one chain and one posture of the rest."""
+    """Movers and obstacles on the robot itself, held objects included, for one chain and one posture of the rest."""
 
     chain: Movable
     movers: Bodies
     own: Bodies
     watched: Pairs
-    """Pairs of movers and obstacles of the robot itself."""
+    """Pairs of movers and of obstacles on the robot itself."""
     hands: NDArray[np.bool_]
-    """Movers that are links of any hand (m,): people's arms, once they reach for something, do not mind them."""
+    """Mask of movers that are links of any hand (m,): they may touch people's arms that reach for something."""
     grounded: NDArray[np.bool_]
-    """Movers to which the floor is no obstacle (m,)."""
+    """Mask of movers that may touch the floor (m,)."""
     held: Mapping[str, frozenset[str]]
-    """Names of movers that are held objects, and what each has touched since it was grasped."""
+    """Movers that are held objects -> what each has touched since it was grasped."""
     centre: Array
-    """Middle of what can be reached, in the base frame (3,)."""
+    """Centre of the reachable space, in the base frame (3,)."""
     reach: float
-    """Radius from there that no mover ever leaves [m]."""
+    """Radius around it that no mover ever leaves [m]."""
     tip: tuple[Array, int]
-    """The tip's pose (4, 4) in the frame with which it goes, and the number of that frame."""
+    """Pose (4, 4) of the tip in the frame that carries it, and the number of that frame."""
     whole: bool
-    """True if all that moves with the chain is among the movers."""
+    """True if everything that moves with the chain is among the movers."""
 
     def against(self, base: Array, room: Room, ignored: Ignored) -> QuickCheck:
-        """Return the check against a room, from a base pose (4, 4); hand links ``ignored`` may touch bodies."""
+        """Build the check against a room, from a base pose (4, 4); ``ignored`` hand links may touch its bodies."""
         bodies = room.bodies
         own = replace(self.watched, obstacles=self.watched.obstacles + len(bodies))
         watched = self._watched(room, ignored).followed_by(own)
-        every = Bodies.joined([bodies, self.own])
-        return QuickCheck(self.chain, base, self.movers, every, watched, tip=self.tip, whole=self.whole)
+        obstacles = Bodies.joined([bodies, self.own])
+        return QuickCheck(self.chain, base, self.movers, obstacles, watched, tip=self.tip, whole=self.whole)
 
     def _watched(self, room: Room, ignored: Ignored) -> Pairs:
-        """Return the pairs of all movers and all bodies of a room but the pairs that may touch."""
-        mine, (links, touches) = self.movers.names, ignored
-        held = [k for k, name in enumerate(mine) if name in self.held]
+        """List the pairs of movers and bodies of a room that may not touch, with their allowed depths."""
+        mover_names, (links, touches) = self.movers.names, ignored
+        held = [k for k, name in enumerate(mover_names) if name in self.held]
         spared = self.hands.copy()
         spared[held] = True
         watched = ~np.outer(spared, room.limbs)
         allowed = np.zeros(watched.shape)
         for k in held:
-            touched = self.held[mine[k]]
+            touched = self.held[mover_names[k]]
             allowed[k, [body in touched for body in room.bodies.names]] = SUPPORT_DEPTH
         if touches:
-            hand = np.array([name in links for name in mine], bool)
+            hand = np.array([name in links for name in mover_names], bool)
             touched_ones = np.array([body in touches for body in room.bodies.names], bool)
             watched[np.outer(hand, touched_ones)] = False
         watched[self.grounded, -1] = False
@@ -149,15 +149,15 @@ class ArmBodies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Room:
-    """The bodies of a room as obstacles, the floor last."""
+    """Bodies of a room as obstacles, the floor last."""
 
     bodies: Bodies
     limbs: NDArray[np.bool_]
-    """Mask of the obstacles that are arms of people (o,)."""
+    """Mask of obstacles that are people's arms (o,)."""
 
     @staticmethod
     def of(solids: Solids, floor: str) -> Room:
-        """Return a room from the pieces of bodies, and the name of the floor."""
+        """Build a room from the pieces of bodies and the name of the floor."""
         each = list(zip(solids.bodies, solids.limbs.tolist(), strict=True))
         keys = list(dict.fromkeys(each))
         number = {key: k for k, key in enumerate(keys)}
@@ -176,12 +176,12 @@ class Room:
         return Room(bodies, np.array([*(limb for _, limb in keys), False], bool))
 
     def without(self, names: Sequence[str]) -> Room:
-        """Return all but some bodies."""
+        """Remove some bodies."""
         kept = np.array([name not in names for name in self.bodies.names], bool)
         return Room(self.bodies.only(kept), self.limbs[kept])
 
     def near(self, centre: Array, radius: float) -> Room:
-        """Return the bodies of which a piece meets a sphere, and the floor."""
+        """Select the bodies with a piece that meets a sphere, and the floor."""
         solids, first = self.bodies.solids, self.bodies.first
         met = np.linalg.norm(solids.centres - centre, axis=1) <= radius + solids.reach
         kept = np.add.reduceat(met, first[:-1]) > 0
@@ -190,18 +190,18 @@ class Room:
 
 
 class ArmShapes:
-    """The shapes of one chain: with which of its moving joints each solid link goes, and what must not touch."""
+    """Shapes of one chain: which of its moving joints carries each solid link, and which pairs must not touch."""
 
     def __init__(
         self, world: PlanningWorld, links: Sequence[Shaped], chain: Movable, base_link: str, tip_link: str
     ) -> None:
-        """Find the shapes among ``links``, all solid links in their order."""
+        """Assign ``links``, all solid links in their order, to the chain's joints."""
         robot = world.robot
         self._chain, self._base_link, self._links = chain, base_link, links
         self._carriers = {name: FIRST_JOINT + number for number, name in enumerate(chain.carriers)}
         carried = frozenset[int]().union(*(robot.moved_by(name) for name in chain.names))
         every = [self.frame_of(world, link) for link in robot.solid_names]
-        # a link that is moved by a joint that follows one of the chain is not known to go with any
+        # excluded: links that a mimic joint moves, whose motion no frame of the chain describes
         numbers = [k for k, frame in enumerate(every) if (k in carried) == (frame >= FIRST_JOINT)]
         self._whole = len(numbers) == len(every)
         self._frames = np.array(every, np.intp)
@@ -215,29 +215,25 @@ class ArmShapes:
         hands = frozenset[int]().union(*(robot.hand_of(link) for link in robot.body.hands))
         self._hands = np.isin(self._of_mover, sorted(hands))
         self._grounded = np.isin(self._of_mover, sorted(robot.grounded))
+        parts = {number: self._part(number) for number in numbers}
         self._watched = Pairs.of(
-            [
-                pair
-                for a, b in world.self_pairs
-                if a in self._obstacle_of and b in self._obstacle_of
-                for pair in self._pairs(self._part(a), self._part(b))
-            ]
+            [pair for a, b in world.self_pairs if a in parts and b in parts for pair in self._pairs(parts[a], parts[b])]
         )
         self._centre, self._along = _extent(chain)
         q = (np.clip(chain.lower, -np.pi, np.pi) + np.clip(chain.upper, -np.pi, np.pi)) / 2
         frames, poses = chain.frames(q[None])[0], chain.fk(q[None])[0]
         last = self.frame_of(world, tip_link)
         self.tip: tuple[Array, int] = product(inverse(frames[last - FIRST_JOINT]), poses), last
-        """The tip's pose (4, 4) in the frame with which it goes, and the number of that frame."""
+        """Pose (4, 4) of the tip in the frame that carries it, and the number of that frame."""
 
     def frame_of(self, world: PlanningWorld, link: str) -> int:
-        """Return the number of the frame with which a link goes."""
+        """Find the number of the frame that carries a link."""
         robot = world.robot
         above = (robot.link_names[index] for index in robot.ancestors(robot.links[link]))
         return next((self._carriers[name] for name in above if name in self._carriers), BASE)
 
     def now(self, world: PlanningWorld, joints: Mapping[str, float] | None = None) -> ArmBodies:
-        """Return the robot, and what it holds, as it is now but for some joints; the chain's may be anywhere."""
+        """Get the robot and what it holds, in its present posture but for ``joints``; the chain may move."""
         robot = world.robot
         there, from_base, placed = self._placed(world, joints)
         q = np.array([there.joints[name] for name in self._chain.names])
@@ -272,9 +268,10 @@ class ArmShapes:
     def still(
         world: PlanningWorld, several: Sequence[ArmShapes], joints: Mapping[str, float] | None = None
     ) -> ArmBodies:
-        """Return all that moves with one or more chains of one robot, as it is now but for some joints.
+        """Freeze all that moves with one or more chains of a robot, in its present posture but for ``joints``.
 
-        It goes with the base, and is checked against other bodies only, not the robot: nothing is ever sure.
+        It moves with the base and is checked against other bodies only, not against the robot, so no answer is ever
+        sure.
         """
         first = several[0]
         there, from_base, placed = first._placed(world, joints)
@@ -310,22 +307,22 @@ class ArmShapes:
         )
 
     def _placed(self, world: PlanningWorld, joints: Mapping[str, float] | None) -> tuple[Configuration, Array, Array]:
-        """Return the robot as it is but for some joints, the map (4, 4) and solid links (n, 4, 4) in the base frame."""
+        """Get the configuration but for ``joints``, the map (4, 4) and the links (n, 4, 4) in the base frame."""
         there = Configuration(AT_ORIGIN, {**world.configuration().joints, **(joints or {})})
         from_base = inverse(world.link_pose(self._base_link, there).matrix())
         return there, from_base, product(from_base, world.solid_frames(there))
 
     def _part(self, number: int) -> _Part:
-        """Return a solid link that is known to go with a frame."""
+        """Describe a solid link that a known frame carries."""
         movers = tuple(np.flatnonzero(self._of_mover == number).tolist())
         return _Part(int(self._frames[number]), movers, self._obstacle_of[number], self._links[number].exact)
 
     @staticmethod
     def _pairs(one: _Part, other: _Part) -> list[tuple[int, int]]:
-        """Return the pairs of movers and obstacle that decide if two touch; none if they never move relatively."""
+        """List the pairs of movers and obstacle that decide whether two parts touch; empty without relative motion."""
         if one.frame == other.frame or max(one.frame, other.frame) < FIRST_JOINT:
             return []
-        # spheres of the one that is farther out, against the other, if that is represented exactly
+        # spheres of the outer part against the inner one, unless only the outer one is represented exactly
         first, second = (one, other) if one.frame > other.frame else (other, one)
         if first.exact and not second.exact and second.movers:
             first, second = second, first
@@ -334,7 +331,7 @@ class ArmShapes:
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A link or a held object: its frame, the numbers of its movers and of its obstacle, whether that is exact."""
+    """Link or held object: its frame, the numbers of its movers and of its obstacle, and whether that is exact."""
 
     frame: int
     movers: tuple[int, ...]
@@ -343,7 +340,7 @@ class _Part:
 
 
 def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
-    """Return held objects: the link that holds each, and its pose (4, 4) there."""
+    """Map held objects to the link that holds each, and its pose (4, 4) there."""
     return {
         name: (link, (world.link_pose(link).inverse() @ world.pose(name)).matrix())
         for name, link in world.attached().items()
@@ -351,17 +348,17 @@ def _held(world: PlanningWorld) -> dict[str, tuple[str, Array]]:
 
 
 def _extent(chain: Movable) -> tuple[Array, Array]:
-    """Return a point in the base frame, and how far from it each moving joint's frame is at most (j,)."""
+    """Find a point in the base frame, and the greatest distance of each moving joint's frame from it (j,)."""
     ends = np.clip(np.stack([chain.lower, chain.upper]), -np.pi, np.pi)
     origins = chain.frames(ends)[:, :, :3, 3]
-    # of a turning joint the distance from the one before is always the same, of a sliding one it is largest at an end
+    # the distance to the joint before is constant for a turning joint, and largest at a limit for a sliding one
     steps = np.linalg.norm(np.diff(origins, axis=1), axis=2).max(axis=0)
     along = np.concatenate([[np.linalg.norm(origins[1, 0] - origins[0, 0]) / 2], steps]).cumsum()
     return origins[:, 0].mean(axis=0), along
 
 
 def _reach(movers: Bodies, along: Array) -> float:
-    """Return the largest distance of anything that moves from the middle [m]."""
+    """Bound the distance of anything that moves from that point [m]."""
     far = np.linalg.norm(movers.solids.centres, axis=1) + movers.solids.reach
     of_sphere = np.repeat(along[movers.frames - FIRST_JOINT] + movers.slack, counts(movers.first))
     return float((far + of_sphere).max(initial=0.0))

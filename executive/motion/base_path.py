@@ -1,7 +1,7 @@
-"""Paths of an omnidirectional base: A* over a field of clearance, pulled straight, checked exactly.
+"""Paths of an omnidirectional base: A* over a clearance field, pulled straight, checked exactly.
 
-The field takes the robot for a round silhouette. Where it has no room by that measure but stands free nevertheless
-(near a bed, at a cabinet), it may leave and arrive without turning; the exact check has the last word everywhere.
+The field assumes a round silhouette. Where that has no room but the robot itself stands free (near a bed, at a
+cabinet), the base may leave and arrive without turning; the exact check decides in the end.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from planlang.records import dataclass
 Planar = tuple[float, float, float]
 """x, y [m] and yaw [rad] in the map."""
 Touching = Callable[[float, float, float], Sequence[tuple[str, str]]]
-"""A check for overlaps with the base at x, y, yaw, by name; nothing where it stands free."""
+"""Exact check: pairs of bodies that collide with the base at x, y, yaw; empty if it is free."""
 TIGHT = 10.0
 """Cost of a metre without room, in metres with plenty."""
 ESCAPE = 0.8
 """Distance from start and goal within which a base may have no room to turn [m]."""
 NARROW = 3.0
-"""Extra cost of a metre with hardly any room over one with plenty."""
+"""Extra cost of a metre with hardly any room."""
 
 
 @dataclass(slots=True)
 class _Search:
-    """A search for one path, and what is known so far."""
+    """State of the search for one path."""
 
     grid: Grid
     room: Array
@@ -62,14 +62,14 @@ class _Search:
         return self.known[pose]
 
     def cost(self, a: Array, b: Array) -> float:
-        """Return the cost of the straight line between two places (2,); inf if it leaves the allowed cells."""
+        """Compute the cost of the straight line between two points (2,); inf if it leaves the allowed cells."""
         length = float(np.hypot(*(b - a)))
         count = max(1, math.ceil(2 * length / self.grid.resolution))
         points = a + (b - a) * ((np.arange(count) + 0.5) / count)[:, None]
         return float(self.costs[self.cells(points)].mean()) * length
 
     def cells(self, points: Array) -> tuple[Array, Array]:
-        """Return rows (k,) and columns (k,) of points (k, 2), points outside the grid moved to its rim."""
+        """Rows (k,) and columns (k,) of points (k, 2); points outside the grid are moved to its rim."""
         row = np.rint((points[:, 1] - self.grid.y) / self.grid.resolution).astype(int)
         column = np.rint((points[:, 0] - self.grid.x) / self.grid.resolution).astype(int)
         return np.clip(row, 0, self.grid.rows - 1), np.clip(column, 0, self.grid.columns - 1)
@@ -87,13 +87,13 @@ def plan_base_path(
     resolution: float = 0.08,
     replans: int = 12,
 ) -> Array:
-    """Return waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, the shorter way.
+    """Plan waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, the shorter way.
 
-    ``clearance`` (rows, columns) is the field over the grid. Where there is more room than ``comfort`` no more is
-    preferred; within ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is asked at steps
-    of ``resolution`` [m, rad] along the path found; where something touches the path is planned anew around these
-    places, at most ``replans`` times. Raises :class:`StartInCollision` and :class:`GoalInCollision` with what touches
-    there, :class:`OutsideLimits` for places off the grid or that are none, and :class:`NoPath` with counts.
+    ``clearance`` (rows, columns) is the field over the grid. More room than ``comfort`` makes no difference; within
+    ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is called at steps of ``resolution``
+    [m, rad] along the path; the path is planned again around collisions, at most ``replans`` times. Raises
+    :class:`StartInCollision` and :class:`GoalInCollision` with the colliding bodies, :class:`OutsideLimits` for places
+    off the grid or not finite, and :class:`NoPath` with counts.
     """
     if clearance.shape != (grid.rows, grid.columns):
         raise ValueError(f"expected a field of shape {(grid.rows, grid.columns)}, got {clearance.shape}")
@@ -128,10 +128,10 @@ def plan_base_path(
 
 
 def _astar(search: _Search) -> Array | None:
-    """Return the corners (n, 2) of the cheapest way over the grid, start and goal included."""
+    """Find the corners (n, 2) of the cheapest path over the grid, start and goal included."""
     grid = search.grid
     width = grid.columns + 2
-    # a rim of forbidden cells spares the search every test of bounds
+    # a rim of forbidden cells makes tests of bounds unnecessary
     padded = np.full((grid.rows + 2, width), np.inf)
     padded[1:-1, 1:-1] = search.costs
     costs: list[float] = padded.ravel().tolist()
@@ -146,14 +146,14 @@ def _astar(search: _Search) -> Array | None:
     moves += [(down + side, root / 2) for down in (width, -width) for side in (1, -1)]
     goal_row, goal_column = divmod(last, width)
 
-    def ahead(cell: int) -> float:
+    def heuristic(cell: int) -> float:
         row, column = divmod(cell, width)
         down, side = abs(row - goal_row), abs(column - goal_column)
         return max(down, side) + (root - 1) * min(down, side)
 
     best = {first: 0.0}
     before: dict[int, int] = {}
-    queue = [(ahead(first), first)]
+    queue = [(heuristic(first), first)]
     done: set[int] = set()
     while queue:
         _, cell = heappop(queue)
@@ -170,12 +170,12 @@ def _astar(search: _Search) -> Array | None:
             if cost < best.get(other, math.inf):
                 best[other] = cost
                 before[other] = cell
-                heappush(queue, (cost + ahead(other), other))
+                heappush(queue, (cost + heuristic(other), other))
     return None
 
 
 def _corners(search: _Search, cell: int, before: dict[int, int], width: int) -> Array:
-    """Return the start, the places (n, 2) where the way over the grid begins, changes direction or ends, the goal."""
+    """List the start, the points (n, 2) where the grid path begins, turns or ends, or has no room, and the goal."""
     cells = [cell]
     while cells[-1] in before:
         cells.append(before[cells[-1]])
@@ -199,7 +199,7 @@ def _unpadded(cell: int, width: int) -> int:
 
 
 def _pulled(search: _Search, places: Array) -> Array:
-    """Leave out the places (n, 2) that a straight line passes by at no higher cost."""
+    """Drop the points (n, 2) that a straight line can skip at no higher cost."""
     legs = [search.cost(a, b) for a, b in pairwise(places)]
     kept = [0]
     while kept[-1] < len(places) - 1:
@@ -216,7 +216,7 @@ def _cheaper(straight: float, around: float) -> bool:
 
 
 def _turned(search: _Search, places: Array) -> Iterator[Array]:
-    """Yield the path over points (n, 2) with yaws (n, 3): turned on the way where there is room, or on the spot."""
+    """Yield the path over points (n, 2) with yaws (n, 3): turned on the way where there is room, then on the spot."""
     yaw, goal_yaw = search.start[2], search.goal[2]
     fine = _refined(search, places)
     inner = np.flatnonzero(search.room[search.cells(fine)] > 0)
@@ -239,7 +239,7 @@ def _turned(search: _Search, places: Array) -> Iterator[Array]:
 
 
 def _refined(search: _Search, places: Array) -> Array:
-    """Return places (n, 2) with more between them, no farther apart than a cell."""
+    """Insert points between points (n, 2), so that they are no farther apart than a cell."""
     pieces = [places[:1]]
     for a, b in pairwise(places):
         count = max(1, math.ceil(float(np.hypot(*(b - a))) / search.grid.resolution))
@@ -249,22 +249,22 @@ def _refined(search: _Search, places: Array) -> Array:
 
 
 def _hits(search: _Search, path: Array) -> Iterator[Planar]:
-    """Yield the poses of a path (n, 3), at the resolution, that are not exactly free."""
+    """Yield the poses of a path (n, 3), at the resolution, that are in collision."""
     return (pose for pose in poses_along(path, search.resolution) if search.pairs(pose))
 
 
 def poses_along(path: Array, resolution: float) -> Iterator[Planar]:
-    """Yield the poses of a path (n, 3) at most ``resolution`` [m, rad] apart, its first left out."""
+    """Yield the poses of a path (n, 3) at most ``resolution`` [m, rad] apart, without the first."""
     for a, b in pairwise(path):
-        far = max(math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2]))
-        count = max(1, math.ceil(far / resolution))
+        distance = max(math.hypot(b[0] - a[0], b[1] - a[1]), abs(b[2] - a[2]))
+        count = max(1, math.ceil(distance / resolution))
         for i in range(1, count + 1):
             x, y, yaw = (b if i == count else a + (b - a) * (i / count)).tolist()
             yield x, y, yaw
 
 
 def _forbid(search: _Search, pose: Planar, radius: float) -> None:
-    """Keep the next path away from a pose that is not free, the cells of start and goal excepted."""
+    """Exclude the surroundings of a pose in collision from the next path."""
     centres = search.grid.centres()
     near = np.hypot(centres[..., 0] - pose[0], centres[..., 1] - pose[1]) <= radius
     search.costs[near] = np.inf

@@ -1,8 +1,8 @@
-"""Bodies as convex pieces in arrays: what is in a room, the links of a robot, what it holds; frames are numbered.
+"""Collision bodies as convex pieces in arrays: things of a room, links of a robot, held objects; frames are numbered.
 
-Spheres inside a convex shape, and how far the shape sticks out of them: what one of the spheres is inside of, the shape
-is inside of too. What is farther from all of them than ``slack``, the shape does not touch. In between only an exact
-query can tell.
+A shape is approximated from inside by spheres. What penetrates a sphere penetrates the shape. What is farther from all
+spheres than ``slack``, the largest protrusion of the shape from them, does not touch it. In between only an exact query
+can decide.
 """
 
 from __future__ import annotations
@@ -25,30 +25,28 @@ from planlang.records import dataclass
 from sim import Solid
 
 MOST = 24
-"""Spheres in one shape."""
+"""Largest number of spheres per shape."""
 OUT = 0.008
-"""Largest distance by which a shape may stick out of its spheres where more of them help [m]."""
+"""Protrusion that a shape may keep from its spheres before more are added [m]."""
 CENTRES, POINTS = 250, 300
-"""Approximate numbers of places for spheres that are looked at, and of surface points that measure them."""
+"""Approximate numbers of candidate sphere centres, and of surface points that rate them."""
 CELLS = 16_000
-"""Into about how many cells the box around a shape is divided to measure its slack.
+"""Approximate number of cells into which the box around a shape is divided to measure its slack.
 
-The slack comes out too large by half the diagonal of a cell: 5 mm for a link of 10 by 10 by 30 cm.
-"""
+The slack comes out too large by half the diagonal of a cell: 5 mm for a link of 10 by 10 by 30 cm."""
 FLAT = 1e-7
-"""Points nearer to a face than this are on it [m]: rounding of coordinates of some metres stays below."""
+"""Distance from a face within which points count as on it [m]; rounding of coordinates of some metres is smaller."""
 MOST_POINTS, DIRECTIONS = 1_500, 600
-"""Points of a shape beyond which only those are taken that are outermost in some of these directions: their hull is
-smaller, by what the others stick out of it.
-"""
+"""Number of points beyond which a shape is reduced to those that are extreme in these directions; the others'
+protrusion from that smaller hull is measured."""
 THINNEST = 1e-3
-"""Least extent of a shape: flatter ones are thickened to it [m], that they have an inside."""
+"""Extent to which flatter shapes are thickened [m], so that they have an interior."""
 _CACHE = Cache("spheres", most=1000)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spheres:
-    """Centres and radii (k, 4) [m] in the shape's frame; ``slack`` [m] is explained in the module's docstring."""
+    """Centres and radii (k, 4) [m] in the shape's frame; the module's docstring defines ``slack`` [m]."""
 
     balls: Array
     slack: float
@@ -56,7 +54,7 @@ class Spheres:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Faces:
-    """The surface of a convex polyhedron: x is inside where normals (f, 3) @ x <= offsets (f,)."""
+    """Surface of a convex polyhedron: x is inside where normals (f, 3) @ x <= offsets (f,)."""
 
     triangles: Array
     """Corners (f, 3, 3)."""
@@ -64,13 +62,13 @@ class Faces:
     offsets: Array
 
     def depths(self, places: Array) -> Array:
-        """Return depths of points (m, 3) inside (m,) [m]; negative outside, and there no more than a bound."""
+        """Compute depths of points (m, 3) inside (m,) [m]; negative outside, where they are only bounds."""
         return np.asarray((self.offsets - np.einsum("mk,fk->mf", places, self.normals)).min(axis=1))
 
     def surface(self, spacing: float) -> Array:
-        """Points (m, 3) on the surface, such that no point of it is farther from one than ``spacing`` [m]."""
+        """Sample points (m, 3) such that no point of the surface is farther than ``spacing`` [m] from one."""
         pending, done = self.triangles, [self.triangles.reshape(-1, 3)]
-        while len(pending):  # halve the longest side; the corners of one that is short enough are near to all of it
+        while len(pending):  # halve the longest side, until the corners of each triangle are near all of it
             sides = np.linalg.norm(np.roll(pending, -1, axis=1) - pending, axis=2)
             long = sides.max(axis=1) > np.sqrt(3.0) * spacing
             pending, first = pending[long], np.argmax(sides[long], axis=1)
@@ -82,7 +80,7 @@ class Faces:
         return np.concatenate(done)
 
     def spacing(self) -> float:
-        """Return the distance of about :data:`POINTS` points spread over the surface [m]."""
+        """Compute the spacing of about :data:`POINTS` points on the surface [m]."""
         first, second = (self.triangles[:, k] - self.triangles[:, 0] for k in (1, 2))
         area = float(np.linalg.norm(np.cross(first, second), axis=1).sum() / 2)
         return max(1e-3, float(np.sqrt(area / POINTS)))
@@ -90,24 +88,24 @@ class Faces:
 
 @cache
 def kept_spheres(points: bytes, radius: float, beyond: float) -> Spheres:
-    """Return :func:`spheres_in` of points (n, 3), as bytes, computed once and kept in the user's cache."""
+    """Compute :func:`spheres_in` of points (n, 3), given as bytes, or load them from the user's cache."""
     rows = np.frombuffer(points).reshape(-1, 3)
     if len(rows) == 1:
         return spheres_in(rows, radius, beyond)
     key = repr((points, radius, beyond, _method()))
     content = _CACHE.load(key)
     if content is not None:
-        kept = np.frombuffer(content).reshape(-1, 4)
-        return Spheres(kept[1:], float(kept[0, 0]))
-    found = spheres_in(rows, radius, beyond)
-    _CACHE.keep(key, np.vstack([[found.slack, 0, 0, 0], found.balls]).tobytes())
-    return found
+        cached = np.frombuffer(content).reshape(-1, 4)
+        return Spheres(cached[1:], float(cached[0, 0]))
+    spheres = spheres_in(rows, radius, beyond)
+    _CACHE.keep(key, np.vstack([[spheres.slack, 0, 0, 0], spheres.balls]).tobytes())
+    return spheres
 
 
 def spheres_in(points: Array, radius: float = 0.0, beyond: float = 0.0) -> Spheres:
-    """Fill the hull of points (n, 3): again and again by the sphere that leaves least surface far from all spheres.
+    """Fill the hull of points (n, 3) greedily: each sphere leaves the least surface far from all spheres.
 
-    A single point means the ball of a ``radius`` [m]; ``beyond`` [m] is how far the shape goes beyond the hull.
+    A single point stands for a ball of ``radius`` [m]; ``beyond`` [m] is the shape's protrusion from the hull.
     """
     if len(points) == 1:
         return Spheres(np.append(points, [[radius]], axis=1), beyond)
@@ -122,26 +120,26 @@ def spheres_in(points: Array, radius: float = 0.0, beyond: float = 0.0) -> Spher
         centres = faces.triangles.reshape(-1, 3).mean(axis=0, keepdims=True)
         radii = np.maximum(faces.depths(centres), 1e-4)
     marks = np.concatenate([faces.surface(faces.spacing()), centres])
-    away = np.maximum(_distances(marks, centres) - radii, OUT)
+    misses = np.maximum(_distances(marks, centres) - radii, OUT)
     nearest = np.full(len(marks), np.ptp(points, axis=0).max())
     chosen: list[int] = []
     while len(chosen) < MOST:
-        gain = np.maximum(nearest[:, None] - away, 0.0).sum(axis=0)
-        best = int(np.argmax(gain.round(9)))  # of equal ones the first, whatever the last digits are
-        if gain[best] <= 1e-9 and chosen:  # even the smallest shape has one
+        gain = np.maximum(nearest[:, None] - misses, 0.0).sum(axis=0)
+        best = int(np.argmax(gain.round(9)))  # rounded, so that ties do not depend on the processor
+        if gain[best] <= 1e-9 and chosen:  # at least one, even for the smallest shape
             break
         chosen.append(best)
-        nearest = np.minimum(nearest, away[:, best])
-        marks, away, nearest = (array[nearest > OUT] for array in (marks, away, nearest))
+        nearest = np.minimum(nearest, misses[:, best])
+        marks, misses, nearest = (array[nearest > OUT] for array in (marks, misses, nearest))
     centres, radii = centres[chosen], radii[chosen]
     cells, half = _cells(points, CELLS)
-    met = cells[faces.depths(cells) >= -half]  # every point of the shape is in one of these
-    slack = max(0.0, float((_distances(met, centres) - radii).min(axis=1).max()) + half)
+    covering = cells[faces.depths(cells) >= -half]  # these contain the whole shape
+    slack = max(0.0, float((_distances(covering, centres) - radii).min(axis=1).max()) + half)
     return Spheres(np.column_stack([centres, radii]), slack + beyond)
 
 
 def _outermost(points: Array) -> Array:
-    """Return, of too many points (n, 3), those farthest out in directions that are spread evenly (Fibonacci)."""
+    """Reduce too many points (n, 3) to the extreme ones in evenly spread directions (Fibonacci sphere)."""
     if len(points) <= MOST_POINTS:
         return points
     turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(DIRECTIONS)
@@ -152,7 +150,7 @@ def _outermost(points: Array) -> Array:
 
 
 def _cells(points: Array, number: int) -> tuple[Array, float]:
-    """Return centres (c, 3) of cells of the box around points, and half their diagonal [m]."""
+    """Divide the box around points into cells: centres (c, 3), and half their diagonal [m]."""
     low, high = points.min(axis=0), points.max(axis=0)
     size = np.maximum(high - low, 1e-3)
     pitch = float(np.cbrt(size.prod() / number))
@@ -166,7 +164,7 @@ def _cells(points: Array, number: int) -> tuple[Array, float]:
 
 
 def _distances(points: Array, centres: Array) -> Array:
-    """Return distances (p, c) between points (p, 3) and centres (c, 3)."""
+    """Compute distances (p, c) between points (p, 3) and centres (c, 3)."""
     products = np.einsum("pk,ck->pc", points, centres)
     squares = (points**2).sum(axis=1)[:, None] + (centres**2).sum(axis=1) - 2.0 * products
     return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
@@ -174,12 +172,12 @@ def _distances(points: Array, centres: Array) -> Array:
 
 @cache
 def _method() -> str:
-    """Return a digest of what the result depends on beside the shape: this file."""
+    """Digest of what results depend on besides the shape: this file."""
     return hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
 
 
 def _thickened(points: Array) -> Array:
-    """Return points that span a volume: the points of a flat shape are doubled across it."""
+    """Thicken flat shapes: double their points across the plane, so that they span a volume."""
     centre = points.mean(axis=0)
     axes = np.linalg.eigh((points - centre).T @ (points - centre))[1].T
     spread = np.ptp((points - centre) @ axes.T, axis=0)
@@ -190,23 +188,23 @@ def _thickened(points: Array) -> Array:
 
 
 def faces_of(points: Array) -> Faces:
-    """Return the faces of the convex hull of points (n, 3), by adding one after another to a tetrahedron."""
+    """Compute the convex hull of points (n, 3), by adding one point after another to a tetrahedron."""
     points = _thickened(points)
     corners = _first_four(points)
     centre = points[corners].mean(axis=0)
     faces = np.array([[corners[k] for k in range(4) if k != left] for left in range(4)])
     triangles, normals, offsets = _outward(points, faces, centre)
     for number in _by_distance(points, centre):
-        seen = normals @ points[number] > offsets + FLAT
-        if not seen.any():
+        visible = normals @ points[number] > offsets + FLAT
+        if not visible.any():
             continue
-        edges = np.concatenate([triangles[seen][:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-        there = {(int(a), int(b)) for a, b in edges}
-        rim = [edge for edge in there if (edge[1], edge[0]) not in there]
-        more = np.array([(a, b, number) for a, b in sorted(rim)])
-        added = _outward(points, more, centre)
+        edges = np.concatenate([triangles[visible][:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+        directed = {(int(a), int(b)) for a, b in edges}
+        rim = [edge for edge in directed if (edge[1], edge[0]) not in directed]
+        cone = np.array([(a, b, number) for a, b in sorted(rim)])
+        added = _outward(points, cone, centre)
         triangles, normals, offsets = (
-            np.concatenate([old[~seen], new]) for old, new in zip((triangles, normals, offsets), added, strict=True)
+            np.concatenate([old[~visible], new]) for old, new in zip((triangles, normals, offsets), added, strict=True)
         )
     return Faces(points[triangles], normals, offsets)
 
@@ -222,12 +220,12 @@ def _first_four(points: Array) -> list[int]:
 
 
 def _by_distance(points: Array, centre: Array) -> NDArray[np.intp]:
-    """Return the farthest points first: most of the others are inside then."""
+    """Order points by distance, the farthest first: most of the others are inside then."""
     return np.argsort(-np.linalg.norm(points - centre, axis=1), kind="stable")
 
 
 def _outward(points: Array, triangles: Array, inside: Array) -> tuple[Array, Array, Array]:
-    """Triangles (f, 3) of point numbers, turned so that normals point away from a point inside; normals; offsets."""
+    """Orient triangles (f, 3) of point numbers so that normals point away from an inner point; normals; offsets."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
@@ -241,34 +239,34 @@ def _outward(points: Array, triangles: Array, inside: Array) -> tuple[Array, Arr
 
 
 MAP, BASE, FIRST_JOINT = 0, 1, 2
-"""Numbers of frames: the children of moving joints follow in their order."""
+"""Numbers of frames; the children of moving joints follow in order."""
 ANY = 1e3
-"""Half extent of a piece along an axis that does not count [m]: more than a room has."""
+"""Half extent of a piece along an axis that does not count [m]: larger than any room."""
 
 Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solids:
-    """k pieces; round ones are measured by their radius about the axis, spheres about the centre."""
+    """k convex pieces; cylinders are measured by the distance from the axis, spheres by that from the centre."""
 
     bodies: tuple[str, ...]
     centres: Array
     """(k, 3)."""
     axes: Array
-    """(k, 3, 3), columns are the axes of each piece in the map."""
+    """(k, 3, 3), columns are the axes of each piece in its frame."""
     half: Array
     """(k, 3); of a cylinder (radius, any, half height), of a sphere (radius, any, any)."""
     kinds: Index
-    """Numbers of axes that are taken together: 1 of a box, 2 of a cylinder, 3 of a sphere."""
+    """Number of axes that are combined into a radius: 1 for a box (none), 2 for a cylinder, 3 for a sphere."""
     reach: Array
-    """Radius of a sphere around each piece (k,)."""
+    """Radius of a bounding sphere of each piece (k,)."""
     limbs: NDArray[np.bool_]
-    """Mask of the parts of persons' arms that have left their rest, (k,)."""
+    """Mask of parts of people's arms that have left their rest, (k,)."""
 
     @staticmethod
     def of(pieces: Sequence[Solid]) -> Solids:
-        """Return the pieces that a world reports."""
+        """Convert the pieces that a world reports."""
         matrices = Pose.matrices(piece.pose for piece in pieces)
         shapes = [(piece.kind, piece.size) for piece in pieces]
         limbs = np.array([piece.limb for piece in pieces], bool)
@@ -278,7 +276,7 @@ class Solids:
     def placed(
         bodies: tuple[str, ...], matrices: Array, shapes: Sequence[tuple[str, tuple[float, float, float]]]
     ) -> Solids:
-        """Return pieces by their poses (k, 4, 4), kinds and extents [m]."""
+        """Create pieces from their poses (k, 4, 4), kinds and extents [m]."""
         half = np.array([size for _, size in shapes]).reshape(-1, 3) / 2
         kinds = np.array(
             [{SolidKind.BOX: 1, SolidKind.CYLINDER: 2}.get(SolidKind(kind), 3) for kind, _ in shapes], np.intp
@@ -290,7 +288,7 @@ class Solids:
 
     @staticmethod
     def spheres(body: str, balls: Array) -> Solids:
-        """Return the spheres of a body by centres and radii (k, 4) [m]."""
+        """Create the spheres of a body from centres and radii (k, 4) [m]."""
         count, radii = len(balls), balls[:, 3]
         half = np.column_stack([radii, np.full((count, 2), ANY)])
         kinds, axes = np.full(count, 3, np.intp), np.tile(np.eye(3), (count, 1, 1))
@@ -301,36 +299,36 @@ class Solids:
 
     @property
     def extents(self) -> Array:
-        """Half extents (k, 3) of the boxes along the axes of pieces [m]."""
+        """Half extents (k, 3) of the boxes around pieces, along their axes [m]."""
         return np.where(self.half < ANY, self.half, self.half[:, :1])
 
     @staticmethod
     def joined(several: Sequence[Solids]) -> Solids:
-        """Return all pieces of several, one after another."""
+        """Concatenate pieces."""
         every = several or [Solids.of(())]
         names = tuple(body for solids in every for body in solids.bodies)
         fields = ("centres", "axes", "half", "kinds", "reach", "limbs")
         return Solids(names, *(np.concatenate([getattr(solids, field) for solids in every]) for field in fields))
 
     def only(self, kept: NDArray[np.bool_] | Index) -> Solids:
-        """Return the pieces of a mask (k,), or of some numbers, in their order."""
+        """Select pieces by a mask (k,) or by numbers."""
         rows = np.flatnonzero(kept) if kept.dtype == bool else kept
         names = tuple(self.bodies[row] for row in rows.tolist())
         arrays = (self.centres, self.axes, self.half, self.kinds, self.reach, self.limbs)
         return Solids(names, *(array[rows] for array in arrays))  # type: ignore[arg-type]
 
     def moved(self, places: Array) -> Solids:
-        """Return each piece in a frame that sees its present frame at a pose (k, 4, 4)."""
+        """Transform each piece by the pose (k, 4, 4) of its present frame in the new one."""
         return replace(self, centres=moved(places, self.centres), axes=product(places[:, :3, :3], self.axes))
 
     def piece(self, number: int) -> ConvexSolid:
-        """Return one piece as points that span it; its pose has to be taken from here."""
+        """Convert one piece to points that span it; its pose is not included."""
         kind = (SolidKind.BOX, SolidKind.CYLINDER, SolidKind.SPHERE)[self.kinds[number] - 1]
         x, y, z = (2 * self.extents[number]).tolist()
         return convex_solid(kind, (x, y, z), Pose((0.0, 0.0, 0.0)))
 
     def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
-        """Return which segments (n, 3) enter a piece (the box inside a round one), (n,); one begun inside does not."""
+        """Check which segments (n, 3) enter a piece from outside (for a round piece, the box inside it), (n,)."""
         boxes = self.half.copy()
         round_, balls = self.kinds >= 2, self.kinds == 3
         boxes[round_, 1] = boxes[round_, 0] = self.half[round_, 0] / np.sqrt(self.kinds[round_])
@@ -339,62 +337,62 @@ class Solids:
         for axis in range(3):
             across, half = self.axes[:, :, axis], boxes[:, axis, None]
             begin = across @ starts.T - np.einsum("ki,ki->k", across, self.centres)[:, None]
-            way = across @ (ends - starts).T
-            way[np.abs(way) < 1e-9] = 1e-9
-            middle, span = -begin / way, np.abs(half / way)
+            direction = across @ (ends - starts).T
+            direction[np.abs(direction) < 1e-9] = 1e-9
+            middle, span = -begin / direction, np.abs(half / direction)
             np.maximum(first, middle - span, out=first)
             np.minimum(last, middle + span, out=last)
         return np.asarray(((first <= last) & (first > 0.0) & (first <= 1.0)).any(axis=0))
 
 
 def distances(local: Array, half: Array, kinds: Index) -> Array:
-    """Return distances (k, ...) of points (3, k, ...), in pieces' frames, from their surfaces, negative inside [m].
+    """Compute distances (k, ...) of points (3, k, ...), in pieces' frames, from their surfaces, negative inside [m].
 
-    ``half`` (3, k, ...) and ``kinds`` (k,): as those of :class:`Solids`.
+    ``half`` (3, k, ...) and ``kinds`` (k,) are those of :class:`Solids`.
     """
-    away = np.abs(local)
-    if len(turned := np.flatnonzero(kinds >= 2)):
-        x, y, z = away[:, turned]
-        ball = kinds[turned] == 3
+    offsets = np.abs(local)
+    if len(round_ := np.flatnonzero(kinds >= 2)):
+        x, y, z = offsets[:, round_]
+        ball = kinds[round_] == 3
         z = z * ball.reshape(-1, *(1,) * (z.ndim - 1))
-        away[0, turned] = np.sqrt(x * x + y * y + z * z)
-        away[1, turned] = 0.0
-        away[2, turned[ball]] = 0.0
-    away -= half
-    inside = np.minimum(away.max(axis=0), 0.0)
-    np.maximum(away, 0.0, out=away)
-    away *= away
-    return np.asarray(np.sqrt(away[0] + away[1] + away[2]) + inside)
+        offsets[0, round_] = np.sqrt(x * x + y * y + z * z)
+        offsets[1, round_] = 0.0
+        offsets[2, round_[ball]] = 0.0
+    offsets -= half
+    inside = np.minimum(offsets.max(axis=0), 0.0)
+    np.maximum(offsets, 0.0, out=offsets)
+    offsets *= offsets
+    return np.asarray(np.sqrt(offsets[0] + offsets[1] + offsets[2]) + inside)
 
 
 def counts(first: Index) -> Index:
-    """Return how many members each group has (m,); group i has those from first[i] to first[i + 1] - 1 (m + 1,)."""
+    """Sizes of groups (m,), given where each begins and the last one ends (m + 1,)."""
     return first[1:] - first[:-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bodies:
-    """m links, held objects, things of a room, or single shapes of them, as pieces in the frames that they move with.
+    """m links, held objects or things of a room, or single shapes of them, as pieces in the frames that carry them.
 
-    What moves is checked by spheres inside of it, what it may meet is as many pieces as it takes.
+    Moving bodies are represented by spheres inside them, obstacles by as many pieces as needed.
     """
 
     names: tuple[str, ...]
     frames: Index
     """(m,)."""
     first: Index
-    """The owners of the pieces: body i has those from [i] to [i + 1] - 1, (m + 1,)."""
+    """Index of the first piece of each body, and the total: body i owns [i] to [i + 1] - 1, (m + 1,)."""
     solids: Solids
     slack: Array
-    """Distances by which the real bodies stick out of their pieces (m,) [m]."""
+    """Largest protrusion of each real body from its pieces (m,) [m]."""
     hulls: tuple[tuple[ConvexSolid, ...], ...]
-    """The real shapes of each; none where they are its pieces."""
+    """Real shapes of each; empty where the pieces are exact."""
     places: Array
-    """Poses (m, 4, 4) of the frames in which the real shapes are given."""
+    """Poses (m, 4, 4) of the frames of the real shapes."""
 
     @staticmethod
     def of(rows: Sequence[tuple[str, int, Solids, float, tuple[ConvexSolid, ...]]]) -> Bodies:
-        """Return bodies from name, frame, pieces, slack and real shapes of each."""
+        """Create bodies from rows of name, frame, pieces, slack and real shapes."""
         return Bodies(
             tuple(name for name, *_ in rows),
             np.array([frame for _, frame, *_ in rows], np.intp),
@@ -409,7 +407,7 @@ class Bodies:
         return len(self.names)
 
     def only(self, kept: NDArray[np.bool_]) -> Bodies:
-        """Return the bodies of a mask (m,)."""
+        """Select the bodies of a mask (m,)."""
         sizes, chosen = counts(self.first), kept.tolist()
         return Bodies(
             tuple(compress(self.names, chosen)),
@@ -423,7 +421,7 @@ class Bodies:
 
     @staticmethod
     def joined(several: Sequence[Bodies]) -> Bodies:
-        """Return the bodies of all of several, one after another."""
+        """Concatenate bodies."""
         filled = [bodies for bodies in several if len(bodies)] or [Bodies.of(())]
         if len(filled) == 1:
             return filled[0]
@@ -438,14 +436,14 @@ class Bodies:
         )
 
     def moved(self, places: Array) -> Bodies:
-        """Return bodies, each in a frame that sees its present frame at a pose (m, 4, 4)."""
+        """Transform each body by the pose (m, 4, 4) of its present frame in the new one."""
         of_piece = np.repeat(places, counts(self.first), axis=0)
         return replace(self, solids=self.solids.moved(of_piece), places=product(places, self.places))
 
     def spans(self, body: int, piece: int) -> list[tuple[Array, float]]:
-        """Return points (n, 3) in the body's frame that span all its shapes, and how far each goes beyond them [m].
+        """Points (n, 3) in the body's frame that span its shapes, with the protrusion of each shape [m].
 
-        Of a body whose pieces are its shapes that of one ``piece`` alone.
+        For a body whose pieces are exact, those of one ``piece`` only.
         """
         if not self.hulls[body]:
             solid, (turn, shift) = self.solids.piece(piece), (self.solids.axes[piece], self.solids.centres[piece])
@@ -458,10 +456,7 @@ class Bodies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """w pairs of something that moves and an obstacle, by number, that are watched.
-
-    They must not be deeper in each other than ``allowed`` [m].
-    """
+    """w pairs of a mover and an obstacle, by number, that must not overlap by more than ``allowed`` [m]."""
 
     movers: Index
     obstacles: Index
@@ -469,12 +464,12 @@ class Pairs:
 
     @staticmethod
     def of(pairs: Sequence[tuple[int, int]]) -> Pairs:
-        """Return pairs that must not touch at all."""
+        """Create pairs that must not touch at all."""
         rows = np.array(pairs, np.intp).reshape(-1, 2)
         return Pairs(rows[:, 0], rows[:, 1], np.zeros(len(rows)))
 
     def followed_by(self, other: Pairs) -> Pairs:
-        """Return these pairs, then others."""
+        """Append other pairs."""
         return Pairs(
             np.concatenate([self.movers, other.movers]),
             np.concatenate([self.obstacles, other.obstacles]),

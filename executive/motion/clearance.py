@@ -1,8 +1,8 @@
-"""Clearance of a standing robot at each point of a map, and checks of whether it fits with a heading.
+"""Clearance of a standing robot at each point of a map, and tests whether it fits with a heading.
 
-A silhouette is the room of a robot that turns on the spot, measured to upright boxes. One that is not round stands
-closer to things than that with the right heading: its corners point where there is room. For this each link counts by
-its outline from above, in all its heights.
+A silhouette is the space of a robot that turns on the spot, compared with upright boxes. A robot that is not round can
+stand closer to things with the right heading: its corners point where there is room. For that, each link has an outline
+from above, which it fills over its whole height.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from planlang.geometry import Array, Pose
 from planlang.records import dataclass
 
 Band = tuple[float, float, float]
-"""A slice of a robot's silhouette: from z_low to z_high [m] above the floor it stays within a radius [m]."""
+"""Slice of a robot's silhouette: z_low, z_high above the floor, and radius [m]."""
 
 
 ROUNDING = 1e-6
-"""Boxes are left out only if they are farther away by this [m]."""
+"""Margin for leaving out distant boxes [m]."""
 AT_ONCE = 8192
-"""Distances of places from boxes that are computed in one go, so that they stay in the processor's cache."""
+"""Point-box distances computed together, so that they stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ class Boxes:
 
     @staticmethod
     def around(poses: Iterable[Pose], sizes: ArrayLike) -> Boxes:
-        """Boxes with poses and sizes (n, 3); a tilted one is replaced by the smallest upright prism along an edge."""
+        """Enclose boxes with poses and sizes (n, 3); a tilted one by the smallest upright prism along an edge."""
         matrices = Pose.matrices(poses)
         half = np.asarray(sizes, float).reshape(-1, 3) / 2
         if len(matrices) != len(half):
@@ -58,7 +58,7 @@ class Boxes:
         return len(self.yaws)
 
     def only(self, index: ArrayLike) -> Boxes:
-        """Return some of the boxes, by index, several indices or a mask."""
+        """Select boxes by index, indices or a mask."""
         rows = np.atleast_1d(np.asarray(index))
         return Boxes(self.centres[rows], self.half_extents[rows], self.yaws[rows])
 
@@ -78,29 +78,29 @@ class Grid:
 
     @staticmethod
     def over(lower: tuple[float, float], upper: tuple[float, float], resolution: float = 0.05) -> Grid:
-        """Return the grid whose cells cover the rectangle between two corners [m] without leaving it."""
+        """Cover the rectangle between two corners [m] by whole cells that do not leave it."""
         counts = [int(np.floor((high - low) / resolution + 1e-9)) for low, high in zip(lower, upper, strict=True)]
         if min(counts) < 1:
             raise ValueError(f"no cell of {resolution} m fits between {lower} and {upper}")
         return Grid(lower[0] + resolution / 2, lower[1] + resolution / 2, counts[0], counts[1], resolution)
 
     def centres(self) -> Array:
-        """Return the cell centres (rows, columns, 2) [m]."""
+        """Cell centres (rows, columns, 2) [m]."""
         xs = self.x + self.resolution * np.arange(self.columns)
         ys = self.y + self.resolution * np.arange(self.rows)
         return np.stack(np.meshgrid(xs, ys), axis=-1)
 
     def cell(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return row and column of the cell that holds a place, None outside the grid."""
+        """Row and column of the cell that contains a point; None outside the grid."""
         row, column = round((y - self.y) / self.resolution), round((x - self.x) / self.resolution)
         return (row, column) if 0 <= row < self.rows and 0 <= column < self.columns else None
 
 
 def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) -> Array:
-    """Room (k,) [m] around a robot standing at points (k, 2); negative where its silhouette meets a box.
+    """Compute the clearance (k,) [m] of a robot standing at points (k, 2); negative where its silhouette meets a box.
 
-    The smallest horizontal distance of any band from any box in its heights, less the band's radius; inf without one.
-    Inside a box distances count negative, to the nearest side.
+    The smallest horizontal distance between any band and any box at its height, minus the band's radius; inf without
+    boxes. Inside a box distances are negative, to the nearest side.
     """
     return clearances_at(points, boxes, (silhouette,)).reshape(-1)
 
@@ -108,24 +108,24 @@ def clearance_at(points: ArrayLike, boxes: Boxes, silhouette: Sequence[Band]) ->
 def clearances_at(
     points: ArrayLike, boxes: Boxes, silhouettes: Sequence[Sequence[Band]], most: float = np.inf
 ) -> Array:
-    """Return clearances for several silhouettes, (s, k); values above ``most`` [m] may be too large."""
+    """Compute clearances for several silhouettes, (s, k); values above ``most`` [m] may be too large."""
     places = np.asarray(points, float).reshape(-1, 2)
-    rooms = np.full((len(silhouettes), len(places)), np.inf)
+    clearances = np.full((len(silhouettes), len(places)), np.inf)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
     top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
     # the widest band that meets a box decides for it
     widest = np.full((len(silhouettes), len(boxes)), -np.inf)
     for number, silhouette in enumerate(silhouettes):
         for low, high, radius in silhouette:
-            met = (bottom < high) & (top > low)
-            widest[number] = np.maximum(widest[number], np.where(met, radius, -np.inf))
+            overlaps = (bottom < high) & (top > low)
+            widest[number] = np.maximum(widest[number], np.where(overlaps, radius, -np.inf))
     cosines, sines = np.cos(boxes.yaws)[:, None], np.sin(boxes.yaws)[:, None]
     least = widest.max(axis=0, initial=-np.inf)
     if most < np.inf and len(places):
         least = np.where(_from_rectangle(places, boxes, cosines, sines) - least > most + ROUNDING, -np.inf, least)
-    meant = np.flatnonzero(np.isfinite(least))
-    together = max(1, AT_ONCE // max(1, len(places)))
-    for some in (meant[first : first + together] for first in range(0, len(meant), together)):
+    relevant = np.flatnonzero(np.isfinite(least))
+    batch = max(1, AT_ONCE // max(1, len(places)))
+    for some in (relevant[first : first + batch] for first in range(0, len(relevant), batch)):
         dx, dy = places[:, 0] - boxes.centres[some, :1], places[:, 1] - boxes.centres[some, 1:2]
         cosine, sine = cosines[some], sines[some]
         along = np.abs(cosine * dx + sine * dy) - boxes.half_extents[some, :1]
@@ -133,13 +133,13 @@ def clearances_at(
         inside = np.minimum(np.maximum(along, across), 0.0)
         outside = np.sqrt(np.square(np.maximum(along, 0.0)) + np.square(np.maximum(across, 0.0)))
         outside += inside
-        for room, radii in zip(rooms, widest[:, some], strict=True):
-            np.minimum(room, (outside - radii[:, None]).min(axis=0), out=room)
-    return rooms
+        for clearance, radii in zip(clearances, widest[:, some], strict=True):
+            np.minimum(clearance, (outside - radii[:, None]).min(axis=0), out=clearance)
+    return clearances
 
 
 def _from_rectangle(places: Array, boxes: Boxes, cosines: Array, sines: Array) -> Array:
-    """Return least distances of boxes (n,) from the rectangle around points (k, 2), along one of its sides [m]."""
+    """Lower bounds of the distances of boxes (n,) from the bounding rectangle of points (k, 2) [m]."""
     low, high = places.min(axis=0), places.max(axis=0)
     turned = np.abs(np.concatenate([cosines, sines], axis=1))
     x, y = boxes.half_extents[:, 0], boxes.half_extents[:, 1]
@@ -149,34 +149,34 @@ def _from_rectangle(places: Array, boxes: Boxes, cosines: Array, sines: Array) -
 
 
 def clearance_field(grid: Grid, boxes: Boxes, silhouette: Sequence[Band]) -> Array:
-    """Return the room (rows, columns) [m] at the cell centres of a grid, as :func:`clearance_at`."""
+    """Compute :func:`clearance_at` at the cell centres of a grid, (rows, columns) [m]."""
     return clearance_at(grid.centres(), boxes, silhouette).reshape(grid.rows, grid.columns)
 
 
 TOUCHING = 0.002
-"""Least depth of an outline in a box that counts [m]: less is left to exact queries."""
+"""Smallest overlap of an outline and a box that counts [m]; exact queries decide about less."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """A link from above, between two heights ``low`` and ``high`` [m]: a convex polygon in the base frame."""
+    """Link from above, between heights ``low`` and ``high`` [m]: a convex polygon in the base frame."""
 
     low: float
     high: float
     corners: Array
     """(n, 2), counter-clockwise."""
     normals: Array
-    """The edges' outward normals, (n, 2)."""
+    """Outward normals of the edges, (n, 2)."""
     offsets: Array
-    """The edges' distances from the base's origin along the normals (n,) [m]."""
+    """Distances of the edges from the base's origin along the normals (n,) [m]."""
     radius: float
-    """The radius of the smallest circle about the base's origin that holds the outline [m]."""
+    """Radius of the smallest circle about the base's origin that contains the outline [m]."""
     inner: float
-    """The radius of the largest circle about the base's origin in the outline [m], below zero if that is outside."""
+    """Radius of the largest circle about the base's origin inside the outline [m]; negative if outside of it."""
 
     @staticmethod
     def of(low: float, high: float, corners: Array) -> Outline:
-        """Return an outline from corners (n, 2) in counter-clockwise order."""
+        """Create an outline from corners (n, 2) in counter-clockwise order."""
         edges = np.roll(corners, -1, axis=0) - corners
         normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1)[:, None]
         offsets = np.einsum("nk,nk->n", normals, corners)
@@ -185,22 +185,22 @@ class Outline:
 
 
 def outlines(shapes: Iterable[tuple[float, float, Array]]) -> tuple[Outline, ...]:
-    """Return the outlines of links (z_low, z_high, corners) that take room which no single other one takes."""
-    every = [Outline.of(*shape) for shape in shapes if len(shape[2]) > 2]
+    """Create the outlines of links (z_low, z_high, corners), without those that a single other one covers."""
+    candidates = [Outline.of(*shape) for shape in shapes if len(shape[2]) > 2]
     kept: list[Outline] = []
-    for one in sorted(every, key=lambda one: -one.radius):
+    for one in sorted(candidates, key=lambda one: -one.radius):
         if not any(k.low <= one.low and one.high <= k.high and one.radius <= k.inner for k in kept):
             kept.append(one)
     return tuple(kept)
 
 
 def cores(shapes: Sequence[Outline]) -> tuple[Band, ...]:
-    """Return what a robot takes with any heading: the circles inside its outlines."""
+    """List the circles inside the outlines: the space that a robot takes with any heading."""
     return tuple((one.low, one.high, one.inner) for one in shapes if one.inner > 0.0)
 
 
 def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDArray[np.bool_]:
-    """Return at which bases (m, 3) no outline is in a box, by separating axes (m,)."""
+    """Check at which bases (m, 3) no outline overlaps a box, by separating axes (m,)."""
     free = np.ones(len(bases), bool)
     bottom = boxes.centres[:, 2] - boxes.half_extents[:, 2]
     top = boxes.centres[:, 2] + boxes.half_extents[:, 2]
@@ -210,8 +210,8 @@ def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDA
     across = np.maximum(np.abs(c * y - s * x) - boxes.half_extents[:, 1], 0.0)
     squares = along * along + across * across
     for one in shapes:
-        met = (bottom < one.high) & (top > one.low)
-        rows, columns = np.nonzero((squares < one.radius**2) & met & free[:, None])
+        same_height = (bottom < one.high) & (top > one.low)
+        rows, columns = np.nonzero((squares < one.radius**2) & same_height & free[:, None])
         if len(rows):
             inside = _overlap(bases[rows], boxes.only(columns), one)
             free[rows[inside]] = False
@@ -219,7 +219,7 @@ def stands_in_none(bases: Array, boxes: Boxes, shapes: Sequence[Outline]) -> NDA
 
 
 def _overlap(bases: Array, boxes: Boxes, one: Outline) -> NDArray[np.bool_]:
-    """Return True where an outline at a base (p, 3) is in the box beside it (p,)."""
+    """Check where an outline at a base (p, 3) overlaps its box (p,)."""
     turn = bases[:, 2] - boxes.yaws
     c, s = np.cos(boxes.yaws), np.sin(boxes.yaws)
     x, y = (bases[:, :2] - boxes.centres[:, :2]).T

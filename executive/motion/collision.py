@@ -1,14 +1,13 @@
-"""A quick check whether a chain, with all that moves with it, hits something: spheres against convex pieces.
+"""Quick collision check of a chain, with all that moves with it: spheres against convex pieces.
 
 Frames are numbered: 0 is the map, 1 the base of the chain, then come the children of its moving joints. A sphere that
-is inside a piece means a hit. Where all gaps are wider than shapes stick out of their spheres, or an axis separates the
-shapes themselves (:func:`are_apart`), nothing is hit for sure. What is left an exact query of PyBullet has to decide;
-where it finds a hit, :meth:`QuickCheck.learn` keeps the two bodies farther apart from then on.
+penetrates a piece is a hit. Where all gaps exceed the protrusion of shapes from their spheres, or a separating axis of
+the shapes themselves is found (:func:`are_apart`), a configuration is surely free. PyBullet's exact query decides about
+the rest; where it finds a hit, :meth:`QuickCheck.learn` keeps the two bodies farther apart from then on.
 
-Many configurations are checked in one call, in three stages whose costs grow and whose numbers shrink: balls around
-mover and obstacle, the ball around the mover against each piece, each sphere against the pieces that are left.
-Searches for base poses ask about many bases at once by :meth:`QuickCheck.hit`, planners of arm motions about edges
-from one base.
+A call checks many configurations, in three stages of growing cost on shrinking sets: bounding balls of mover and
+obstacle, the mover's ball against each piece, each sphere against the remaining pieces. The search for base poses asks
+about many bases at once by :meth:`QuickCheck.hit`, arm planners about edges from one base.
 """
 
 from __future__ import annotations
@@ -30,26 +29,26 @@ if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import Movable
 
 TOUCHING = 0.001
-"""Depth of spheres inside something that counts as a hit [m]: what exact queries take for touching, and rounding."""
+"""Penetration of spheres that counts as a hit [m]: the tolerance of exact queries, and rounding."""
 BEYOND = 0.002
 """Distance beyond the slack from which bodies surely do not touch [m]: collision margins of meshes."""
 APART = 0.001
-"""Distance beyond that of a hit by which bodies are kept apart after it [m]."""
+"""Additional distance kept between bodies after a hit [m]."""
 MOST_CLOSE = 2
-"""Pairs that are asked about before all others: of the PR2's arms upper arm and torso, which always nearly touch."""
+"""Pairs that are tested before all others: for the PR2, upper arm and torso, which always nearly touch."""
 ALIKE = 1e-6
-"""Distance by which the spheres of hands that are built alike may differ [m]: rounding of what PyBullet tells."""
+"""Largest difference between the spheres of identically built hands [m]: PyBullet's rounding."""
 AT_ONCE = 300_000
-"""Pairs of balls that are looked at in one go: their arrays (8 MB) stay near the processor."""
+"""Pairs of balls tested together: their arrays (8 MB) stay in the cache."""
 FEW = 1000
-"""Pairs whose spheres are looked at in one go, 24 of a mover: their arrays (0.6 MB) stay in the processor's cache."""
+"""Pairs whose spheres are tested together, 24 per mover: their arrays (0.6 MB) stay in the cache."""
 
 Found = tuple[Index, Index, Array, Index]
-"""Pairs, rows, gaps [m] and pieces of what is near, by pair; those of an obstacle of several pieces come repeatedly."""
+"""Pairs, rows, gaps [m] and pieces that are near, sorted by pair; a pair may occur once per piece of its obstacle."""
 
 
 class QuickCheck:
-    """Checks configurations of a chain; pairs of a mover and an obstacle are numbered by obstacle, then by mover."""
+    """Collision check of a chain's configurations; pairs of mover and obstacle are sorted by obstacle, then mover."""
 
     def __init__(
         self,
@@ -62,9 +61,9 @@ class QuickCheck:
         tip: tuple[Array, int],
         whole: bool = True,
     ) -> None:
-        """Initialize: ``base`` (4, 4) in the map, ``tip`` (4, 4) in the numbered frame with which the hand goes.
+        """Create the check: ``base`` (4, 4) in the map, ``tip`` (4, 4) in the numbered frame that carries the hand.
 
-        ``whole`` is False if pieces were left out; then no answer is ever that nothing is hit for sure.
+        ``whole`` is False if pieces were left out; then no configuration is surely free.
         """
         moving = obstacles.frames[watched.obstacles] != MAP
         order = np.lexsort((watched.movers, movers.frames[watched.movers], watched.obstacles, moving))
@@ -77,36 +76,35 @@ class QuickCheck:
         self._pairs = self._together(np.arange(len(order)))
         self._least = -watched.allowed[order] - TOUCHING
         self._limit = self._least
-        """A gap below it is a hit (w,)."""
+        """Gap below which a pair is a hit (w,)."""
         self._most = np.full(len(self._limit), np.inf)
         self._sure = movers.slack[self._mover] + obstacles.slack[self._obstacle] + BEYOND
-        """A gap above it is none for sure (w,)."""
+        """Gap above which a pair is surely free (w,)."""
         self._close: list[tuple[int, int]] = []
-        """Pairs and pieces that were not apart when it was asked, asked first from then on."""
+        """Pairs and pieces that were never separable before; they are tested first."""
         self._shaped = np.array([bool(hulls) for hulls in obstacles.hulls], bool)
         self._to_hand, self._hand = inverse(tip[0]), tip[1]
         self.whole = whole
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
-        """The mover and the obstacle of each pair (w,)."""
+        """Mover and obstacle of each pair (w,)."""
         return tuple(map(self._pair, range(len(self._mover))))
 
     def _pair(self, number: int) -> tuple[str, str]:
         return self._movers.names[self._mover[number]], self._obstacles.names[self._obstacle[number]]
 
     def hit(self, bases: Array, q: Array | None = None, *, deeper: float = 0.0) -> list[str | None]:
-        """Return the first obstacle hit from each base pose (n, 4, 4) at configurations (n, d), or None.
+        """Find the first obstacle hit from each base pose (n, 4, 4) at configurations (n, d), or None.
 
-        ``deeper``: how much deeper in something than elsewhere spheres have to be [m]. Without configurations only
-        what moves with the base may be among the movers.
+        ``deeper`` raises the penetration that counts [m]. Without configurations all movers must move with the base.
         """
         return self._first(self._limit - deeper, self._frames(bases, q), self._pairs)
 
     def hand_hit(self, tips: Array) -> list[str | None]:
-        """Return the first obstacle in the map that the hand alone hits with the tip at each pose (n, 4, 4), or None.
+        """Find the first obstacle in the map that the hand alone hits with the tip at each pose (n, 4, 4), or None.
 
-        What moves as the hand does counts, wherever the rest of the chain is.
+        All movers in the frame of the hand count, wherever the rest of the chain is.
         """
         frames = np.zeros((FIRST_JOINT + len(self._chain.carriers), 3, 4, len(tips)))
         frames[MAP] = np.eye(3, 4)[..., None]
@@ -114,13 +112,13 @@ class QuickCheck:
         return self._first(self._limit, frames, self._hand_pairs)
 
     def has_same_hand(self, other: QuickCheck) -> bool:
-        """Return whether another check's hand hits the same at the same poses of its tip: arms mostly come in pairs."""
+        """Check whether another check's hand hits the same at equal tip poses: arms mostly come in pairs."""
         each = zip(self._in_hand, other._in_hand, strict=True)
         return all(one.shape == two.shape and np.allclose(one, two, rtol=0.0, atol=ALIKE) for one, two in each)
 
     @cached_property
     def _in_hand(self) -> tuple[Array | Index, ...]:
-        """What decides where the hand hits: pieces and limits of its pairs, and their spheres in the tip's frame."""
+        """What determines hits of the hand: pieces and limits of its pairs, and their spheres in the tip's frame."""
         pairs, solids, others = self._hand_pairs, self._movers.solids, self._obstacles.solids
         each, sphere = _members(self._movers.first, self._mover[pairs.standing])
         spheres = each, moved(inverse(self._to_hand), solids.centres[sphere]), solids.reach[sphere]
@@ -138,69 +136,68 @@ class QuickCheck:
         return _Pairs(standing[which], pieces, pairs[moves])
 
     def _first(self, width: Array, frames: Array, pairs: _Pairs) -> list[str | None]:
-        """Return the obstacle of the first pair that is hit in each of frames (f, 3, 4, n), None where none is."""
-        found = self._near(width, frames, pairs, only_first=True)
+        """Find the obstacle of the first pair that is hit in each of frames (f, 3, 4, n), or None."""
+        hits = self._near(width, frames, pairs, only_first=True)
         names: list[str | None] = [None] * frames.shape[3]
-        for pair, row in zip(found[0][::-1].tolist(), found[1][::-1].tolist(), strict=True):
+        for pair, row in zip(hits[0][::-1].tolist(), hits[1][::-1].tolist(), strict=True):
             names[row] = self._obstacles.names[self._obstacle[pair]]
         return names
 
     def clear(self, bases: Array, q: Array) -> NDArray[np.bool_]:
-        """Return from which base poses (n, 4, 4) configurations (n, d) hit nothing for sure (n,)."""
+        """Check from which base poses (n, 4, 4) configurations (n, d) are surely free (n,)."""
         clear = np.full(len(q), self.whole)
         frames = self._frames(bases, q)
-        for key in self._close:  # links next to each other are hardly ever apart for sure: the rest is spared then
+        for key in self._close:  # neighbouring links are hardly ever separable; if not, nothing else need be tested
             clear[clear] = self._are_apart(*key, frames[..., clear])
         rows = np.flatnonzero(clear)
         _, hit, groups = self._unsure(frames[..., rows])
         clear[rows[hit]] = False
         for pair, piece, some in groups:
-            left = rows[some][clear[rows[some]]]
-            if len(left):
-                clear[left] = self._are_apart(pair, piece, frames[..., left])
-                if len(self._close) < MOST_CLOSE and not clear[left].any():
+            undecided = rows[some][clear[rows[some]]]
+            if len(undecided):
+                clear[undecided] = self._are_apart(pair, piece, frames[..., undecided])
+                if len(self._close) < MOST_CLOSE and not clear[undecided].any():
                     self._close.append((pair, piece))
         return clear
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
-        """Return which configurations (n, d) hit nothing for sure (n,)."""
+        """Check which configurations (n, d) are surely free (n,)."""
         return self.clear(self._here(len(q)), q)
 
     def doubtful(self, q: Array) -> list[list[tuple[str, str]] | None]:
-        """Return for configurations (n, d) the movers and obstacles that may touch, no others do; None if not known."""
+        """List the movers and obstacles that may touch at each of configurations (n, d); None if unknown."""
         if not self.whole:
             return [None] * len(q)
         frames = self._frames(self._here(len(q)), q)
         pairs, rows, groups = self._unsure(frames)
-        found: list[dict[int, None]] = [{} for _ in q]
+        pairs_of_rows: list[dict[int, None]] = [{} for _ in q]
         for pair, row in zip(pairs.tolist(), rows.tolist(), strict=True):
-            found[row][pair] = None
+            pairs_of_rows[row][pair] = None
         for pair, piece, several in groups:
             for row in several[~self._are_apart(pair, piece, frames[..., several])].tolist():
-                found[row][pair] = None
-        return [[self._pair(pair) for pair in one] for one in found]
+                pairs_of_rows[row][pair] = None
+        return [[self._pair(pair) for pair in one] for one in pairs_of_rows]
 
     def free(self, q: Array) -> NDArray[np.bool_]:
-        """Return at which configurations (n, d) no sphere is inside something (n,)."""
+        """Check at which configurations (n, d) no sphere penetrates anything (n,)."""
         free = np.ones(len(q), bool)
         free[self._near(self._limit, self._frames(self._here(len(q)), q), self._pairs, only_first=True)[1]] = False
         return free
 
     def gaps(self, q: Array, within: float = np.inf) -> Array:
-        """Return the smallest gap of each pair (w,) at a configuration (d,) [m], negative inside.
+        """Compute the smallest gap of each pair (w,) at a configuration (d,) [m], negative inside.
 
-        Infinite for pairs that are sure to be farther apart than ``within`` [m].
+        Infinite for pairs that are surely farther apart than ``within`` [m].
         """
         pairs, _, gaps, _ = self._within(self._sure + within, self._here(1), q[None])
-        found = np.full(len(self._mover), np.inf)
-        np.minimum.at(found, pairs, gaps)
-        return found
+        smallest = np.full(len(self._mover), np.inf)
+        np.minimum.at(smallest, pairs, gaps)
+        return smallest
 
     def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
-        """Return pairs and rows (k,) of configurations (n, d) that have at most so much room [m], and how much (k,).
+        """Find pairs and rows (k,) of configurations (n, d) whose room is at most ``within`` [m], and that room (k,).
 
-        Room is what a gap has beyond the least that the pair is to keep, negative where it has less. ``among``: the
-        only pairs that are looked at.
+        Room is the gap minus the pair's limit, negative below it. ``among``: the only pairs to consider.
         """
         pairs = self._pairs if among is None else self._together(among)
         pair, row, gap, _ = self._near(self._limit + within, self._frames(self._here(len(q)), q), pairs)
@@ -211,9 +208,9 @@ class QuickCheck:
         return pair[first], row[first], room
 
     def keep(self, distance: float, ends: Iterable[Array]) -> None:
-        """Keep everything so far apart [m], or, where that is less, as far as it is at the nearer of ``ends`` (d,).
+        """Keep all pairs this far apart [m], or, if that is less, as far as at the nearer of ``ends`` (d,).
 
-        The ends are taken to be free. Forgets what was learnt.
+        The ends are assumed to be free. Forgets what was learnt.
         """
         self._most = np.min([self.gaps(q, distance + NEAREST) for q in ends], axis=0, initial=np.inf) - TOUCHING
         self._limit = np.minimum(self._least + TOUCHING + distance, self._most)
@@ -223,7 +220,7 @@ class QuickCheck:
         touching = {frozenset(pair) for pair in pairs}
         hit = np.array([frozenset(pair) in touching for pair in self.names], bool)
         raised = np.minimum(self.gaps(q, NEAREST + by) + by, self._most)
-        # among the shapes of a link only the ones that may have touched
+        # of the shapes of a link only those that may have touched
         hit &= raised <= raised[hit].min(initial=np.inf) + NEAREST
         self._limit = np.where(hit, np.maximum(self._limit, raised), self._limit)
 
@@ -231,11 +228,11 @@ class QuickCheck:
         return np.broadcast_to(self._base, (count, 4, 4))
 
     def _within(self, width: Array, bases: Array, q: Array | None) -> Found:
-        """Return what is nearer than the width (w,) of its pair, from base poses (n, 4, 4) at configurations (n, d)."""
+        """Find pairs nearer than their width (w,), from base poses (n, 4, 4) at configurations (n, d)."""
         return self._near(width, self._frames(bases, q), self._pairs)
 
     def _frames(self, bases: Array, q: Array | None) -> Array:
-        """Return all frames (f, 3, 4, n) from base poses (n, 4, 4) at configurations (n, d)."""
+        """Compute all frames (f, 3, 4, n) from base poses (n, 4, 4) at configurations (n, d)."""
         moving = np.zeros((0, 3, 4, len(bases))) if q is None else self._chain.frame_rows(q)
         base = np.moveaxis(bases[:, :3], 0, -1)
         frames = np.empty((FIRST_JOINT + len(moving), 3, 4, len(bases)))
@@ -245,9 +242,9 @@ class QuickCheck:
         return frames
 
     def _unsure(self, frames: Array) -> tuple[Index, Index, list[tuple[int, int, Index]]]:
-        """Return pairs and rows of frames (f, 3, 4, n) that hit, and pairs, pieces and their rows that may, or may not.
+        """Find pairs and rows of frames (f, 3, 4, n) that hit, and undecided pairs and pieces with their rows.
 
-        The nearest of these come first. The piece of an obstacle that is looked at as a whole is -1.
+        The nearest of the latter come first. Their piece is -1 if the obstacle is tested as a whole.
         """
         pair, row, gap, piece = self._near(np.maximum(self._limit, self._sure), frames, self._pairs)
         hit = gap < self._limit[pair]
@@ -259,20 +256,20 @@ class QuickCheck:
         return pair[hit], row[hit], [(*key, np.array(list(rows), np.intp)) for key, rows in groups.items()]
 
     def _are_apart(self, pair: int, piece: int, frames: Array) -> NDArray[np.bool_]:
-        """Return in which of frames (f, 3, 4, n) the shapes of a pair surely do not touch (n,)."""
+        """Check in which of frames (f, 3, 4, n) the shapes of a pair surely do not touch (n,)."""
         mover, obstacle = int(self._mover[pair]), int(self._obstacle[pair])
-        ((mine, beyond),) = self._movers.spans(mover, -1)
+        ((points_of_mover, beyond),) = self._movers.spans(mover, -1)
         here, there = (
             np.moveaxis(frames[k], -1, 0) for k in (self._movers.frames[mover], self._obstacles.frames[obstacle])
         )
         turns, shifts = _relative(there, here)
-        apart = np.ones(len(turns), bool)  # as long as none of the obstacle's shapes may be touched
+        apart = np.ones(len(turns), bool)  # until one of the obstacle's shapes cannot be separated
         for points, further in self._obstacles.spans(obstacle, piece):
-            apart[apart] = are_apart(mine, points, turns[apart], shifts[apart], beyond + further + BEYOND)
+            apart[apart] = are_apart(points_of_mover, points, turns[apart], shifts[apart], beyond + further + BEYOND)
         return np.asarray(apart)
 
     def _near(self, width: Array, frames: Array, pairs: _Pairs, *, only_first: bool = False) -> Found:
-        """Return which of some pairs are nearer than their width (w,) in frames (f, 3, 4, n); some after the first."""
+        """Find the pairs nearer than their width (w,) in frames (f, 3, 4, n); incomplete after a row's first hit."""
         count, size = frames.shape[3], len(pairs.standing) + len(pairs.moving)
         if not count or not size:
             none = np.zeros(0, np.intp)
@@ -292,27 +289,27 @@ class QuickCheck:
         return self._near_by_spheres(width, rows, *self._near_by_balls(width, frames, rows, pairs))
 
     def _first_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
-        """Return the first pair of each row that is near, and some more; as few as possible are looked at."""
+        """Find the first near pair of each row, and some more, testing as few as possible."""
         rows = _by_row(frames)
         pair, piece, row = self._near_by_balls(width, frames, rows, pairs)
         order = np.argsort(row, kind="stable")
         rank = np.empty(len(row), np.intp)
         rank[order] = np.arange(len(row)) - np.searchsorted(row[order], row[order])
-        found, left, most = [], np.arange(len(row)), 1
-        while len(left):
-            now = left[rank[left] < most]
-            found.append(self._near_by_spheres(width, rows, pair[now], piece[now], row[now]))
+        parts, untested, bound = [], np.arange(len(row)), 1
+        while len(untested):
+            batch = untested[rank[untested] < bound]
+            parts.append(self._near_by_spheres(width, rows, pair[batch], piece[batch], row[batch]))
             hit = np.zeros(frames.shape[3], bool)
-            hit[found[-1][1]] = True
-            left, most = left[(rank[left] >= most) & ~hit[row[left]]], 3 * most
-        if len(found) < 2:
-            return found[0] if found else (pair, row, np.zeros(0), piece)
-        several = [np.concatenate(column) for column in zip(*found, strict=True)]
-        inside = np.argsort(several[0], kind="stable")
-        return several[0][inside], several[1][inside], several[2][inside], several[3][inside]
+            hit[parts[-1][1]] = True
+            untested, bound = untested[(rank[untested] >= bound) & ~hit[row[untested]]], 3 * bound
+        if len(parts) < 2:
+            return parts[0] if parts else (pair, row, np.zeros(0), piece)
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        inside = np.argsort(columns[0], kind="stable")
+        return columns[0][inside], columns[1][inside], columns[2][inside], columns[3][inside]
 
     def _near_by_balls(self, width: Array, frames: Array, rows: Array, pairs: _Pairs) -> tuple[Index, Index, Index]:
-        """Return pairs, pieces of their obstacles and rows where the ball around the mover is near, in order."""
+        """Find pairs, pieces of their obstacles and rows where the mover's ball is near, in order."""
         middles = _placed(self._balls, self._movers.frames, frames)
         standing = self._near_standing(width, middles, pairs)
         moving = self._near_moving(width, middles, frames, rows, pairs)
@@ -320,36 +317,36 @@ class QuickCheck:
         solids = self._obstacles.solids
         local = np.einsum("kij,ki->jk", solids.axes[piece], middle - solids.centres[piece])
         gap = _gaps(local, self._balls[self._mover[pair], 3], solids, piece)
-        left = np.flatnonzero(gap < width[pair])
-        return pair[left], piece[left], row[left]
+        near = np.flatnonzero(gap < width[pair])
+        return pair[near], piece[near], row[near]
 
     def _near_by_spheres(self, width: Array, frames: Array, pair: Index, piece: Index, row: Index) -> Found:
-        """Return which of pairs, pieces of their obstacles and rows (k,) are near by a sphere of the mover."""
+        """Select those pairs, pieces and rows (k,) where a sphere of the mover is near."""
         gap = np.empty(len(pair))
         balls = self._obstacles.solids.kinds[piece] == 3
-        for some, find in (
+        for group, find in (
             (np.flatnonzero(balls), self._gaps_to_balls),
             (np.flatnonzero(~balls), self._gaps_to_pieces),
         ):
-            for few in (some[first : first + FEW] for first in range(0, len(some), FEW)):
-                mover, obstacle = self._mover[pair[few]], self._obstacle[pair[few]]
-                theirs = frames[row[few], self._obstacles.frames[obstacle]]
-                turn, shift = _relative(theirs, frames[row[few], self._movers.frames[mover]])
-                gap[few] = find(mover, piece[few], turn, shift)
+            for batch in (group[first : first + FEW] for first in range(0, len(group), FEW)):
+                mover, obstacle = self._mover[pair[batch]], self._obstacle[pair[batch]]
+                theirs = frames[row[batch], self._obstacles.frames[obstacle]]
+                turn, shift = _relative(theirs, frames[row[batch], self._movers.frames[mover]])
+                gap[batch] = find(mover, piece[batch], turn, shift)
         close = gap < width[pair]
         return pair[close], row[close], gap[close], piece[close]
 
     def _gaps_to_balls(self, mover: Index, piece: Index, turn: Array, shift: Array) -> Array:
-        """Return the gaps (k,) between movers, with poses (k, 3, 3), (k, 3) in the obstacles' frames, and balls."""
+        """Compute gaps (k,) between movers, at (k, 3, 3), (k, 3) in the obstacles' frames, and balls."""
         centres, radii = self._spheres
         solids = self._obstacles.solids
         ball = np.einsum("kji,kj->ki", turn, solids.centres[piece] - shift)  # in the frame of the mover
-        away = centres[mover] - ball[:, :, None]
-        away *= away
-        return np.asarray((np.sqrt(away.sum(axis=1)) - radii[mover]).min(axis=1) - solids.half[piece, 0])
+        offsets = centres[mover] - ball[:, :, None]
+        offsets *= offsets
+        return np.asarray((np.sqrt(offsets.sum(axis=1)) - radii[mover]).min(axis=1) - solids.half[piece, 0])
 
     def _gaps_to_pieces(self, mover: Index, piece: Index, turn: Array, shift: Array) -> Array:
-        """Return the same for boxes and cylinders."""
+        """Compute the same for boxes and cylinders."""
         centres, radii = self._spheres
         solids = self._obstacles.solids
         axes, spheres = solids.axes[piece], centres[mover]
@@ -361,11 +358,11 @@ class QuickCheck:
         return np.asarray((gaps - radii[mover]).min(axis=1))
 
     def _near_standing(self, width: Array, middles: Array, pairs: _Pairs) -> tuple[Index, Index, Index, Array]:
-        """Return pairs, standing pieces and rows that are near by ball and box, and the middles of the balls."""
+        """Find near pairs, static pieces and rows by ball and box, with the centres of the balls."""
         mover = self._mover[pairs.standing]
         far = np.maximum(self._balls[mover, 3] + width[pairs.standing], 0.0)[:, None]
         low, high = (corners[pairs.pieces] for corners in self._boxes)
-        # where each mover is in any row: most pieces are far from all of it
+        # the extent of each mover over all rows: most pieces are far from it
         below, above = middles.min(axis=2)[mover], middles.max(axis=2)[mover]
         number = np.flatnonzero(((below - far < high) & (above + far > low)).all(axis=1))
         centre, half = (high + low)[number, :, None] / 2, (high - low)[number, :, None] / 2
@@ -377,7 +374,7 @@ class QuickCheck:
     def _near_moving(
         self, width: Array, middles: Array, frames: Array, rows: Array, pairs: _Pairs
     ) -> tuple[Index, Index, Index, Array]:
-        """Return the same for what moves with the robot, by balls, with middles in the frames of obstacles."""
+        """Find the same for pairs on the robot, by balls, with centres in the frames of obstacles."""
         mover, obstacle, obstacles = self._mover[pairs.moving], self._obstacle[pairs.moving], self._obstacles
         far = self._balls[mover, 3] + width[pairs.moving]
         others = _placed(self._obstacle_balls, obstacles.frames, frames)
@@ -396,21 +393,21 @@ class QuickCheck:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pairs:
-    """Pairs that are looked at together: with each piece that stands in the map, and with what moves."""
+    """Pairs to test together: those with pieces at rest in the map, and those with moving obstacles."""
 
     standing: Index
-    """Pairs (s,), one entry for each piece."""
+    """Pairs (s,), one entry per piece."""
     pieces: Index
     """(s,)."""
     moving: Index
 
 
 NEAREST = 0.01
-"""Shapes of a body whose gaps differ by less than this may all have been the one that touches [m]: spheres' slack."""
+"""Difference of gaps within which any shape of a body may be the one that touches [m]: the spheres' slack."""
 
 
 def _around(solids: Solids, first: Index) -> Array:
-    """Return balls (m, 4) around groups of pieces, given where each group begins and the last ends (m + 1,)."""
+    """Compute bounding balls (m, 4) of groups of pieces, given where each begins and the last ends (m + 1,)."""
     spheres = np.column_stack([solids.centres, solids.reach])
     sizes = counts(first)
     full = np.flatnonzero(sizes)
@@ -426,18 +423,18 @@ def _around(solids: Solids, first: Index) -> Array:
 
 
 def _boxes(solids: Solids) -> tuple[Array, Array]:
-    """Return lower and upper corners (k, 3) of boxes around pieces, along the axes of the frame they are in."""
+    """Compute corners (k, 3) of boxes around pieces, along the axes of their frame."""
     half = np.minimum(np.einsum("kij,kj->ki", np.abs(solids.axes), solids.extents), solids.reach[:, None])
     return solids.centres - half, solids.centres + half
 
 
 def _by_row(frames: Array) -> Array:
-    """Return frames (f, 3, 4, n) as (n, f, 3, 4): all numbers of one lie together."""
+    """Reorder frames (f, 3, 4, n) as (n, f, 3, 4), so that each row is contiguous."""
     return np.ascontiguousarray(np.moveaxis(frames, -1, 0))
 
 
 def _padded(bodies: Bodies) -> tuple[Array, Array]:
-    """Return the spheres of bodies: centres (m, 3, s) and radii (m, s); those that make up the number are nowhere."""
+    """Arrange the spheres of bodies: centres (m, 3, s) and radii (m, s), padded with infinitely negative radii."""
     sizes = counts(bodies.first)
     body = np.repeat(np.arange(len(bodies)), sizes)
     number = np.arange(len(body)) - bodies.first[body]
@@ -448,37 +445,37 @@ def _padded(bodies: Bodies) -> tuple[Array, Array]:
 
 
 def _placed(balls: Array, numbers: NDArray[np.intp], frames: Array) -> Array:
-    """Return the centres (m, 3, n) in the map of balls (m, 4) in frames of these numbers (m,)."""
+    """Compute centres (m, 3, n) in the map of balls (m, 4) in numbered frames (m,)."""
     centres = np.repeat(balls[:, :3, None], frames.shape[3], axis=2)
     moving = np.flatnonzero(numbers != MAP)
-    of = frames[numbers[moving]]
-    centres[moving] = np.einsum("mijn,mj->min", of[:, :, :3], balls[moving, :3]) + of[:, :, 3]
+    carriers = frames[numbers[moving]]
+    centres[moving] = np.einsum("mijn,mj->min", carriers[:, :, :3], balls[moving, :3]) + carriers[:, :, 3]
     return centres
 
 
 def _nearer(away: Array, far: Array) -> tuple[Index, Index]:
-    """Return which vectors (k, 3, n) are shorter than some lengths (k, 1): numbers in k, then in n."""
+    """Find which vectors (k, 3, n) are shorter than some lengths (k, 1): indices in k, then in n."""
     numbers, rows = np.nonzero(np.einsum("kin,kin->kn", away, away) < far * far)
     return numbers, rows
 
 
 def _relative(frames: Array, others: Array) -> tuple[Array, Array]:
-    """Return rotations (k, 3, 3) and positions (k, 3) of other frames (k, 3, 4) in frames (k, 3, 4)."""
+    """Compute rotations (k, 3, 3) and positions (k, 3) of other frames (k, 3, 4) in frames (k, 3, 4)."""
     return np.einsum("kji,kjl->kil", frames[..., :3], others[..., :3]), _back(frames, others[..., 3])
 
 
 def _back(frames: Array, points: Array) -> Array:
-    """Return points (k, 3) of the map as they are in frames (k, 3, 4)."""
+    """Transform points (k, 3) from the map into frames (k, 3, 4)."""
     return np.asarray(np.einsum("kji,kj->ki", frames[..., :3], points - frames[..., 3]))
 
 
 def _members(first: Index, groups: Index) -> tuple[Index, Index]:
-    """Return for groups (k,) of which each member is, by position, and the number of the member."""
+    """List the members of groups (k,): for each member its position in ``groups``, and its number."""
     sizes = counts(first)[groups]
     which = np.repeat(np.arange(len(groups)), sizes)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + first[groups][which]
 
 
 def _gaps(local: Array, radii: Array, solids: Solids, pieces: Index) -> Array:
-    """Return the gaps (k,) between spheres, at points (3, k) of the frames of pieces, and these pieces."""
+    """Compute gaps (k,) between spheres, at points (3, k) in the frames of pieces, and these pieces."""
     return distances(local, solids.half.T[:, pieces], solids.kinds[pieces]) - radii

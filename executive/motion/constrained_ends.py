@@ -1,10 +1,10 @@
-"""Ends of the phases of a motion under constraints: configurations at which each phase's constraints hold.
+"""Ends of the phases of a constrained motion: configurations at which each phase's constraints hold.
 
-All phases are solved together, so that each end is near to those before and after it, from several beginnings, as the
-search is a local one. Where that finds nothing each phase is looked at by itself: of constraints that cannot all hold a
-smallest set is found by leaving out one after another (J. Chinneck, E. Dravnieks, Locating minimal infeasible
-constraint sets in linear programs, ORSA J. Computing 1991). The lightest of it are given up; if all weigh the same the
-problem has no solution.
+All phases are optimised together, so that consecutive ends are close, from several initial guesses, since the
+optimisation is local. If that fails, each phase is treated by itself: of constraints that cannot all hold a minimal
+conflicting set is found by deletion (J. Chinneck, E. Dravnieks, Locating minimal infeasible constraint sets in linear
+programs, ORSA J. Computing 1991). Its lightest constraints are given up; if all weigh the same, the problem is
+infeasible.
 """
 
 from __future__ import annotations
@@ -30,60 +30,60 @@ from planlang.motion_constraints import MotionConstraint
 from planlang.records import dataclass
 
 BEGINNINGS = 16
-"""Configurations from which ends are looked for: of 180 random problems one needed 8, all others 3."""
+"""Initial guesses per search: of 180 random problems one needed 8, all others at most 3."""
 ROUNDS = 4
-"""Optimisations of a way that goes round: four spoons in a pot became no quicker by more."""
+"""Optimisations of a closed stroke: more made four spoons in a pot no quicker."""
 NUDGE = 0.1
-"""Size of the random move to the second beginning [rad, m]: where the arm is a function may be flat."""
+"""Standard deviation of the random offset of the second guess [rad, m]: gradients may vanish at the start."""
 NEAR = 0.05
-"""Room up to which optimisation looks at bodies [m]."""
+"""Room up to which the optimisation considers bodies [m]."""
 FARTHER = 0.002
-"""By how much farther bodies are kept apart that have turned out to touch, twice as much each time in a row [m]."""
+"""Distance added between bodies that turned out to touch, doubled each time in a row [m]."""
 MOST_HITS = 3
-"""Exact hits after which no others are looked for: what is learnt from them changes the motion."""
+"""Exact hits after which checking stops: learning from them changes the motion."""
 CORRECTIONS = 6
-"""Exact hits after which an end, or a way, is given up."""
+"""Rounds of exact hits after which an end, or a path, is given up."""
 GIVEN_UP = 1e-4
-"""Price of the excess of a constraint that heavier ones exclude, beside 1."""
+"""Price of the excess of a constraint that heavier ones exclude, relative to 1."""
 WISHED = 0.1
-"""Price of the excess of a constraint that is wished for, over the most that it can be [tolerances]: more than that of
-longer moves of joints, and too little to push what has to hold beyond its limits."""
+"""Price of a soft constraint's excess, divided by its greatest possible excess [tolerances]: more than the price of
+longer joint moves, too little to push hard constraints beyond their limits."""
 MOST_UNEQUAL = 50.0
 """Largest ratio of the price of a joint's moves to the median in a phase."""
 
 
 MOST = 200_000
-"""Variables of quadratic programs of one search; an exact check counts as :data:`EXACT` of them."""
+"""Budget of a search in variables of quadratic programs; an exact check counts as :data:`EXACT` of them."""
 EXACT = 20
 
 Hits = list[tuple[Array, Sequence[tuple[str, str]]]]
 """Configurations (n,), each with the bodies that touch there."""
 
 OTHER = 0.05
-"""Least difference of a joint between ends that are not the same [rad, m]."""
+"""Smallest difference of a joint between distinct ends [rad, m]."""
 
 
 class Obstacles(Protocol):
-    """The bodies that must not be touched: :class:`executive.motion.collision.QuickCheck` of a group of arms."""
+    """Bodies that must not be touched: :class:`executive.motion.collision.QuickCheck` of a group of arms."""
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
         """The two bodies of each pair."""
 
     def free(self, q: Array) -> NDArray[np.bool_]:
-        """Return which configurations (m, n) are free as far as is known."""
+        """Check which configurations (m, n) are free as far as known."""
 
     def sure(self, q: Array) -> NDArray[np.bool_]:
-        """Return which configurations (m, n) are free for sure."""
+        """Check which configurations (m, n) are surely free."""
 
     def doubtful(self, q: Array) -> Sequence[Sequence[tuple[str, str]] | None]:
-        """Return the pairs that may touch at each configuration (m, n), no others do; None where that is not known."""
+        """List the pairs that may touch at each configuration (m, n); None where they are unknown."""
 
     def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
-        """Return pairs, of some or all, and configurations (k,) that have at most so much room [m]; how much (k,)."""
+        """Find pairs and configurations (k,) whose room is at most ``within`` [m], and that room (k,)."""
 
     def keep(self, distance: float, ends: Sequence[Array]) -> None:
-        """Keep bodies so far apart [m] where the ends (n,), which are free, allow it; forget what was learnt."""
+        """Keep this clearance [m] where the collision-free ends (n,) allow it; forget what was learnt."""
 
     def learn(self, q: Array, pairs: Sequence[tuple[str, str]], by: float = ...) -> None:
         """Learn which pairs touch at a configuration (n,): keep them farther apart [m]."""
@@ -91,7 +91,7 @@ class Obstacles(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointRates:
-    """Limits of moving joints (n,), and how many rows a trajectory has in a second."""
+    """Limits of moving joints (n,), and the rows per second of trajectories."""
 
     velocity: Array
     acceleration: Array
@@ -101,71 +101,71 @@ class JointRates:
     """Largest ratio of the price of a joint's moves to the median."""
 
     def prices(self) -> Array:
-        """Return the prices of squared moves (n,): those of slow joints are high."""
+        """Compute the prices of squared moves (n,): slow joints are expensive."""
         slowness = self.velocity**-2.0
         return np.clip(slowness / np.median(slowness), 1 / self.most_unequal, self.most_unequal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionProblem:
-    """Arms and what is around them."""
+    """Arms and their surroundings."""
 
     group: ArmGroup
     where: Surroundings
     rates: JointRates
     obstacles: Obstacles | None = None
     touching: Callable[[Array], Sequence[tuple[str, str]]] = lambda q: ()
-    """The exact check of a configuration (n,): which two bodies touch, wrongly."""
+    """Exact check of a configuration (n,): which pairs of bodies collide."""
     seed: int = 0
-    """Of the configurations at random from which it is searched."""
+    """Seed of the random initial guesses."""
     effort: Effort = field(default_factory=lambda: Effort(MOST, "variables of quadratic programs"))
-    """Bound on what is computed for it."""
+    """Computing budget."""
 
     def hits(self, q: Array) -> Hits:
-        """Return some of configurations (m, n) where something touches, exactly, each with the pairs; all if few do.
+        """Find configurations (m, n) in exact collision, with the pairs; all of them, or the first :data:`MOST_HITS`.
 
-        Those in the middle of what has not been looked at come first.
+        They are checked in bisection order, the middle of unchecked parts first.
         """
         rows = q if self.obstacles is None else q[~self.obstacles.sure(q)]
-        found = ((row, self.touches(row)) for row in rows[bisection(len(rows) + 1) - 1])
-        return list(islice((hit for hit in found if hit[1]), MOST_HITS))
+        candidates = ((row, self.touches(row)) for row in rows[bisection(len(rows) + 1) - 1])
+        return list(islice((hit for hit in candidates if hit[1]), MOST_HITS))
 
     def touches(self, q: Array) -> Sequence[tuple[str, str]]:
-        """Return which two bodies touch at a configuration (n,), exactly."""
+        """Find the pairs in exact collision at a configuration (n,)."""
         self.effort.spend(EXACT)
         return self.touching(q.copy())
 
     def afresh(self) -> MotionProblem:
-        """Return the same problem, for which nothing was computed yet."""
+        """Copy the problem with an unspent budget."""
         return replace(self, effort=replace(self.effort, spent=0))
 
     def learn(self, hits: Hits, times: int) -> None:
-        """Keep what touches farther apart from now on, for the so many-th time in a row."""
+        """Keep touching bodies farther apart from now on; ``times`` counts repetitions in a row."""
         for row, pairs in hits:
             if self.obstacles is not None:
                 self.obstacles.learn(row, pairs, FARTHER * 2**times)
 
     def clearances(self, q: Array, among: Index | None) -> tuple[Index, Index, Array]:
-        """Return pairs of bodies, configurations, and their room [m]: :data:`Clearances`."""
+        """Find near pairs of bodies, configurations, and their room [m]: :data:`Clearances`."""
         assert self.obstacles is not None
         return self.obstacles.room(q, NEAR, among)
 
 
 @dataclass(slots=True)
 class Ends:
-    """The search for the ends of phases; each phase is a set of constraints, by number."""
+    """Search for the ends of phases; each phase is a set of constraints, by number."""
 
     problem: MotionProblem
     start: Array
     functions: ConstraintFunctions
     phases: Mapping[int, Sequence[int]]
-    """Number of a phase, of those that ask for something -> its constraints."""
+    """Number of a phase with constraints -> its constraints."""
     given_up: dict[int, set[int]] = field(default_factory=dict)
-    """Phase -> constraints that need not hold: heavier ones exclude them, or they are wished for."""
+    """Phase -> constraints that need not hold: heavier ones exclude them, or they are soft."""
     wished: Mapping[int, float] = field(default_factory=dict)
-    """Constraints that hold at the end of the last phase as far as they can, and the prices of their excess."""
+    """Soft constraints of the last phase, which hold as far as they can, with the prices of their excess."""
     explains: bool = True
-    """True if it is found out which constraints exclude each other: that takes longer than all else."""
+    """True to find out which constraints conflict: that takes longer than all the rest."""
 
     @staticmethod
     def of(
@@ -174,9 +174,9 @@ class Ends:
         asked: Sequence[Sequence[MotionConstraint]],
         wishes: Mapping[MotionConstraint, MotionConstraint] = MappingProxyType({}),
     ) -> Ends:
-        """Return the search for phases of active constraints from a configuration (n,).
+        """Set up the search for phases of active constraints from a configuration (n,).
 
-        ``wishes``: those of the last phase that hold as far as they can -> the same with the limits that have to hold.
+        ``wishes``: soft constraints of the last phase -> the same with the limits that must hold.
         """
         every = list(dict.fromkeys(one for phase in asked for one in phase))
         functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in every])
@@ -193,25 +193,25 @@ class Ends:
 
         Raises :class:`ConstraintsContradict` if there are none.
         """
-        known: list[Array] = []
+        distinct: list[Array] = []
         for beginning in self._beginnings(len(self.phases)):
             optimum = self._optimum(beginning, self._needed())
-            if optimum.holds and all(np.abs(optimum.q - q).max(initial=0.0) > OTHER for q in known):
-                known.append(optimum.q)
+            if optimum.holds and all(np.abs(optimum.q - q).max(initial=0.0) > OTHER for q in distinct):
+                distinct.append(optimum.q)
                 better = (self._optimum(q, list(self.phases.items())) for q in (optimum.q, beginning) if self.wished)
                 yield from (self._by_phase(one.q) for one in islice((one for one in better if one.holds), 1))
                 yield self._by_phase(optimum.q)
             if not self.phases:
                 return
-        if not known and not self.explains:
+        if not distinct and not self.explains:
             raise ConstraintsContradict(0, [one.constraint for one in self.functions.bounds])
-        if not known:
+        if not distinct:
             alone = np.array([self._alone(phase) for phase in self.phases])
             optimum = self._optimum(alone, list(self.phases.items()))
             yield self._by_phase(optimum.q if optimum.holds else alone)
 
     def along(self, most: int = BEGINNINGS) -> Iterator[dict[int, Array]]:
-        """Yield ends (n,) of phases, by their numbers, each found from the one before: phases are near each other."""
+        """Yield ends (n,) of phases, by number, each optimised from the one before: consecutive ends are close."""
         every = list(self.phases.items())
         for beginning in self._beginnings(1, most):
             rows = beginning
@@ -225,10 +225,10 @@ class Ends:
                 yield self._by_phase(whole.q if whole.holds else rows[1:])
 
     def rounded(self, q: Array) -> Array:
-        """Return ends (m, n) of all phases, the first of which comes after the last again, with less time between them.
+        """Optimise ends (m, n) of a closed sequence of phases for less time between them.
 
-        All but one are optimised together, then all but the one opposite. Moves cost what they take: a torso far slower
-        than the joints of an arm keeps still if it can.
+        All but one are optimised together, then all but the opposite one. Moves cost time: a torso far slower than the
+        joints of an arm keeps still if it can.
         """
         asked, slowness, q = list(self.phases.values()), self.problem.rates.velocity**-2.0, q.copy()
         for turn in range(ROUNDS):
@@ -245,9 +245,9 @@ class Ends:
         return q
 
     def reached(self, tries: int) -> Iterator[Array]:
-        """Yield configurations (n,) at which the last phase ends, from so many beginnings, whatever is in the way.
+        """Yield configurations (n,) at which the last phase ends, from ``tries`` guesses, ignoring obstacles.
 
-        Those are all that are known when the effort of the problem is spent.
+        Stops early when the problem's budget is spent.
         """
         every = list(self.phases.items())
         with suppress(OutOfEffort):
@@ -257,14 +257,14 @@ class Ends:
                     yield np.asarray(optimum.q[-1])
 
     def _needed(self) -> list[tuple[int, Collection[int]]]:
-        """Return the phases without what is wished for."""
+        """List the phases without soft constraints."""
         return [(phase, [one for one in asked if one not in self.wished]) for phase, asked in self.phases.items()]
 
     def _by_phase(self, q: Array) -> dict[int, Array]:
         return dict(zip(self.phases, q, strict=True))
 
     def _beginnings(self, count: int, most: int = BEGINNINGS) -> Iterator[Array]:
-        """Yield configurations (count, n), the same for all phases: the start, nudged, with hands rolled over, any."""
+        """Yield guesses (count, n), equal for all phases: the start, nudged, with rolled hands, random."""
         rng, group = np.random.default_rng(self.problem.seed), self.problem.group
         yield np.repeat(self.start[None], count, axis=0)
         yield np.repeat(self.start[None] + rng.normal(0.0, NUDGE, group.dof), count, axis=0)
@@ -276,7 +276,7 @@ class Ends:
             yield np.repeat(anywhere[None], count, axis=0)
 
     def _rolled(self, hands: int) -> Array:
-        """Return the start (n,) with the last joints of some chains, a bit each, half a turn farther or back."""
+        """Turn the last joints of some chains, a bit each, by half a turn from the start (n,)."""
         group, q = self.problem.group, self.start.copy()
         for k, columns in enumerate(group.columns):
             if hands >> k & 1:
@@ -285,7 +285,7 @@ class Ends:
         return np.clip(q, *group.bounds)
 
     def _optimum(self, q: Array, phases: Sequence[tuple[int, Collection[int]]], *, blocked: bool = True) -> Optimum:
-        """Return the optimum of phases from configurations (m, n); what touches exactly does not hold."""
+        """Optimise phases from configurations (m, n); an optimum in exact collision does not hold."""
         problem = self.problem
         pairs = [(k, one) for k, (_, asked) in enumerate(phases) for one in asked]
         prices = [self._price(phase, one) for phase, asked in phases for one in asked]
@@ -320,10 +320,10 @@ class Ends:
             self.problem.clearances if blocked else None,
         )
 
-    # What contradicts
+    # Conflicts
 
     def _alone(self, phase: int) -> Array:
-        """Return an end (n,) of a phase by itself, giving up what heavier constraints exclude."""
+        """Find an end (n,) of a single phase, giving up what heavier constraints exclude."""
         given_up = self.given_up.setdefault(phase, set())
         while True:
             q = self._holding(phase, self.phases[phase])
@@ -338,7 +338,7 @@ class Ends:
             given_up.update(one for one, weight in weights.items() if weight == lightest)
 
     def _holding(self, phase: int, asked: Collection[int], *, blocked: bool = True) -> Array | None:
-        """Return a configuration (n,) at which constraints of a phase hold; None if none is found."""
+        """Find a configuration (n,) at which constraints of a phase hold, if possible."""
         for beginning in self._beginnings(1):
             optimum = self._optimum(beginning, [(phase, asked)], blocked=blocked)
             if optimum.holds:
@@ -346,7 +346,7 @@ class Ends:
         return None
 
     def _conflict(self, phase: int, hard: Sequence[int]) -> tuple[list[int], Sequence[tuple[str, str]]]:
-        """Return a smallest set of constraints that cannot all hold, and the bodies that are in the way of it."""
+        """Find a minimal set of constraints that cannot all hold, and the bodies in their way."""
         free = self._holding(phase, hard, blocked=False)
         conflict = list(hard)
         for one in sorted(hard, key=lambda k: self._constraint(k).weight):
@@ -356,7 +356,7 @@ class Ends:
         return conflict, () if free is None else self._in_the_way(phase, conflict)
 
     def _in_the_way(self, phase: int, conflict: Sequence[int]) -> Sequence[tuple[str, str]]:
-        """Return what would be in each other where constraints hold."""
+        """Find the bodies that would collide where constraints hold."""
         problem, q = self.problem, self._holding(phase, conflict, blocked=False)
         assert problem.obstacles is not None
         assert q is not None
@@ -371,6 +371,6 @@ class Ends:
 
 
 def _limits(constraint: MotionConstraint) -> Array:
-    """Return the limits of a constraint that are numbers (1 or 2,)."""
+    """List the finite limits of a constraint (1 or 2,)."""
     limits = np.array(constraint.limits)
     return np.asarray(limits[np.isfinite(limits)])

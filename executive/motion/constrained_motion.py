@@ -1,9 +1,9 @@
-"""Motions of arms under constraints, phase by phase: the way to the end of each, and its timing.
+"""Constrained arm motions, phase by phase: the path to the end of each, and its timing.
 
-Constraints hold at the end of a phase, and those throughout it that held at its beginning and were asked for, with the
-same limits, in the phase before: so a cup is carried upright, and a spatula stays on the pan while it is pushed. Ways
-are optimised from the straight one, or from one that :mod:`executive.motion.arm_path` finds around what is in the way,
-and every row of the timed motion is checked: functions, joint limits, and what touches, exactly.
+Constraints hold at the end of a phase. Those that held at its start and were required with the same limits by the phase
+before hold throughout: so a cup stays upright, and a spatula stays on the pan while it is pushed. Paths are optimised
+from the straight one, or from one that :mod:`executive.motion.arm_path` finds around obstacles. Every row of the timed
+motion is checked: constraints, joint limits, and, exactly, collisions.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ from planlang.records import dataclass
 FAR = 0.12
 """Largest move of a joint between two waypoints [rad, m]."""
 FEWEST, MOST = 3, 16
-"""Numbers of waypoints between the ends of a phase; they are doubled once where functions leave limits in between."""
+"""Numbers of waypoints between the ends of a phase; doubled once if constraints are violated in between."""
 KEPT = 0.01
-"""Distance that a way keeps from everything where its ends allow it [m]."""
+"""Clearance of a path where its ends allow it [m]."""
 MOST_ENDS = 4
-"""Ends to which ways are looked for."""
+"""Number of ends to which paths are planned."""
 SEARCHED = 300
-"""Branches of a search for a way around what is in the way."""
+"""Iterations of a search for a path around obstacles."""
 AROUND = 10_000
-"""Variables of quadratic programs that such a search, which has a bound of its own, counts as."""
+"""Cost of such a search, which has its own budget, in variables of quadratic programs."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
-"""Steps in which such a way is checked [rad], [m]."""
+"""Resolution of its checks [rad], [m]."""
 HASTE = 1.002
-"""By how much more than needed joints are slowed down where a tool is too fast: rows are whole parts of a second."""
+"""Extra slowdown where a tool is too fast: rows come at whole fractions of a second."""
 UNMOVED = 1e-9
-"""Joint moves up to this are none [rad, m]."""
+"""Joint moves up to this count as none [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhaseMotion:
-    """The motion of one phase."""
+    """Motion of one phase."""
 
     trajectory: Trajectory
-    """Begins where the phase before ended; a single row where nothing moves."""
+    """Starts where the phase before ended; a single row if nothing moves."""
     kept: tuple[MotionConstraint, ...]
-    """The constraints that hold throughout, beside at the end."""
+    """Constraints that hold throughout, not only at the end."""
     given_up: tuple[MotionConstraint, ...]
-    """The constraints that heavier ones exclude."""
+    """Constraints that heavier ones exclude."""
 
 
 def solve_motion(
@@ -66,15 +66,14 @@ def solve_motion(
     wishes: Mapping[MotionConstraint, MotionConstraint] = MappingProxyType({}),
     explains: bool = True,
 ) -> list[PhaseMotion]:
-    """Return how each phase is moved, from joint values (n,); ``before`` was asked for before the first.
+    """Plan the motion of each phase from joint values (n,); ``before`` are the constraints before the first.
 
-    ``wishes``: constraints of the last phase, with narrower limits -> these; they hold at its end as far as all else
-    allows. Unless it ``explains``, nothing is given up, and all constraints are named where they cannot all hold.
+    ``wishes``: soft constraints of the last phase -> the same with the limits that must hold. Without ``explains``
+    nothing is given up, and all constraints are named if they cannot all hold.
 
-    Raises :class:`StartInCollision`, :class:`OutsideLimits`, :class:`ConstraintsContradict` with a smallest set of
-    constraints of equal weight that cannot all hold, :class:`NoConstrainedPath`, :class:`OutOfEffort` where nothing was
-    found out before as much was computed as may be, and :class:`MotionError` for features, tools or frames of which
-    nothing is known.
+    Raises :class:`StartInCollision`, :class:`OutsideLimits`, :class:`ConstraintsContradict` with a minimal set of
+    conflicting constraints of equal weight, :class:`NoConstrainedPath`, :class:`OutOfEffort` if the budget is spent
+    before anything was found out, and :class:`MotionError` for unknown features, tools or frames.
     """
     begin = np.array(start, float)
     group, problem = problem.group, problem.afresh()
@@ -84,35 +83,35 @@ def solve_motion(
         raise OutsideLimits("the start", begin.tolist(), *(limits.tolist() for limits in group.bounds))
     if pairs := problem.touching(begin.copy()):
         raise StartInCollision(begin.tolist(), pairs)
-    asked = [tuple(one for one in phase if one.is_active) for phase in phases]
+    active = [tuple(one for one in phase if one.is_active) for phase in phases]
     if wishes:
-        asked[-1] = (*asked[-1], *wishes)
-    ends = Ends.of(problem, begin, asked, wishes)
+        active[-1] = (*active[-1], *wishes)
+    ends = Ends.of(problem, begin, active, wishes)
     ends.explains = explains
-    tried: list[NoConstrainedPath] = []
+    failures: list[NoConstrainedPath] = []
     try:
-        for found in ends.found():
+        for end_of in ends.found():
             try:
-                return list(_moved(ends, found, asked, tuple(one for one in before if one.is_active)))
+                return list(_phase_motions(ends, end_of, active, tuple(one for one in before if one.is_active)))
             except NoConstrainedPath as failure:
-                tried.append(failure)
-                if len(tried) == MOST_ENDS:
+                failures.append(failure)
+                if len(failures) == MOST_ENDS:
                     break
     except OutOfEffort as end:
-        raise (tried[0] if tried else end) from None
-    raise tried[0]
+        raise (failures[0] if failures else end) from None
+    raise failures[0]
 
 
-def _moved(
+def _phase_motions(
     ends: Ends,
-    found: dict[int, Array],
-    asked: Sequence[tuple[MotionConstraint, ...]],
+    end_of: dict[int, Array],
+    phases: Sequence[tuple[MotionConstraint, ...]],
     before: tuple[MotionConstraint, ...],
 ) -> Iterator[PhaseMotion]:
-    """Yield the motions of all phases, whose ends are known."""
+    """Yield the motions of all phases, given their ends."""
     here = ends.start
-    for phase, constraints in enumerate(asked):
-        end = found.get(phase, here)
+    for phase, constraints in enumerate(phases):
+        end = end_of.get(phase, here)
         numbers = ends.phases.get(phase, ())
         excess = ends.functions.excess(ends.functions.all_values(here[None])[0])
         kept = [
@@ -129,7 +128,7 @@ def _moved(
 
 @dataclass(slots=True)
 class Way:
-    """The way of one phase from a configuration (n,) to another."""
+    """Path of one phase from a configuration (n,) to another."""
 
     problem: MotionProblem
     functions: ConstraintFunctions
@@ -141,7 +140,7 @@ class Way:
     phase: int
 
     def timed(self) -> Trajectory:
-        """Return the motion; raises :class:`NoConstrainedPath`."""
+        """Plan the timed motion; raises :class:`NoConstrainedPath`."""
         problem, group = self.problem, self.problem.group
         if np.abs(self.end - self.start).max() <= UNMOVED:
             return Trajectory(group.names, self.start[None])
@@ -149,35 +148,35 @@ class Way:
             problem.obstacles.keep(KEPT, (self.start, self.end))
         objection: Sequence[tuple[str, str]] = ()
         for waypoints in self._guesses():
-            found, objection = self._optimised(waypoints)
-            if found is not None:
-                return found
+            trajectory, objection = self._optimised(waypoints)
+            if trajectory is not None:
+                return trajectory
         if problem.obstacles is not None:
             around = self._around()
             if around is not None:
-                found, objection = self._optimised(_spread(around, MOST))
-                if found is None and not self.kept:
-                    found = self._checked(around, time_path)[0]
-                if found is not None:
-                    return found
+                trajectory, objection = self._optimised(_spread(around, MOST))
+                if trajectory is None and not self.kept:
+                    trajectory = self._checked(around, time_path)[0]
+                if trajectory is not None:
+                    return trajectory
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def through(self, rows: Array) -> Trajectory:
-        """Return the quicker motion through configurations (m, n), of which the ends are two: on a curve or straight.
+        """Time the motion through configurations (m, n), both ends included, on a curve or straight: the quicker one.
 
         Raises NoConstrainedPath.
         """
-        tried = [self._checked(rows, timing) for timing in (time_curve, time_path)]
-        if found := [timed for timed, _ in tried if timed is not None]:
-            return min(found, key=lambda timed: len(timed.positions))
-        objection = next((hits[0][1] for _, hits in reversed(tried) if hits), ())
+        attempts = [self._checked(rows, timing) for timing in (time_curve, time_path)]
+        if trajectories := [timed for timed, _ in attempts if timed is not None]:
+            return min(trajectories, key=lambda timed: len(timed.positions))
+        objection = next((hits[0][1] for _, hits in reversed(attempts) if hits), ())
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def _of(self, numbers: Sequence[int]) -> list[MotionConstraint]:
         return [self.functions.bounds[number].constraint for number in numbers]
 
     def _guesses(self) -> Iterator[Array]:
-        """Yield waypoints (m, n) between the ends, on the straight way: some, and twice as many."""
+        """Yield waypoints (m, n) between the ends, on the straight line: some, then twice as many."""
         count = int(np.clip(np.ceil(np.abs(self.end - self.start).max() / FAR), FEWEST, MOST))
         straight = np.stack([self.start, self.end])
         yield _spread(straight, count)
@@ -185,7 +184,7 @@ class Way:
             yield _spread(straight, 2 * count)
 
     def _around(self) -> Array | None:
-        """Return a way (m, n) around bodies, without constraints."""
+        """Plan a path (m, n) around bodies, without constraints."""
         problem, group = self.problem, self.problem.group
         assert problem.obstacles is not None
         resolution = np.where(group.prismatic, SLIDE_STEP, TURN_STEP)
@@ -193,7 +192,7 @@ class Way:
         rng = np.random.default_rng(problem.seed)
         problem.effort.spend(AROUND)
         try:
-            found = plan_path(
+            path = plan_path(
                 self.start,
                 self.end,
                 space,
@@ -205,11 +204,11 @@ class Way:
         except MotionError:
             return None
         problem.obstacles.keep(KEPT, (self.start, self.end))
-        whole_turns = np.abs(found[-1] - self.end).max() > UNMOVED
-        return None if whole_turns else np.vstack([self.start, found[1:-1], self.end])
+        whole_turns = np.abs(path[-1] - self.end).max() > UNMOVED
+        return None if whole_turns else np.vstack([self.start, path[1:-1], self.end])
 
     def _optimised(self, waypoints: Array) -> tuple[Trajectory | None, Sequence[tuple[str, str]]]:
-        """Return the motion through optimised waypoints (m, n), or None and what touches."""
+        """Optimise and time waypoints (m, n): the motion, or None and what touches."""
         problem = self.problem
         objection: Sequence[tuple[str, str]] = ()
         pairs = [(k, one) for k in range(len(waypoints)) for one in self.kept]
@@ -240,7 +239,7 @@ class Way:
         return None, objection
 
     def _checked(self, waypoints: Array, timing: Callable[..., Trajectory]) -> tuple[Trajectory | None, Hits]:
-        """Return waypoints (m, n), ends too, with times; None, and what touches, if it may not be moved like that."""
+        """Time waypoints (m, n), ends included, and check the motion: None, and what touches, if it is invalid."""
         timed = self._in_time(waypoints, timing)
         if not self._keeps(timed.positions):
             return None, []
@@ -248,7 +247,7 @@ class Way:
         return (None if hits else timed), hits
 
     def _keeps(self, rows: Array) -> bool:
-        """Return True if rows (m, n) are within joint limits, and constraints hold throughout."""
+        """Check that rows (m, n) respect joint limits and the constraints that hold throughout."""
         if not self.problem.group.within(rows, 1e-3).all():
             return False
         if not self.kept:
@@ -259,7 +258,7 @@ class Way:
     # Timing
 
     def _in_time(self, waypoints: Array, timing: Callable[..., Trajectory]) -> Trajectory:
-        """Return waypoints (m, n) with times, such that no tool is faster than its constraints allow."""
+        """Time waypoints (m, n) such that no tool is faster than its constraints allow."""
         problem = self.problem
         rates, velocity = problem.rates, problem.rates.velocity
         while True:
@@ -277,8 +276,8 @@ class Way:
             velocity = velocity / (HASTE * hurry)
 
     def _hurry(self, rows: Array) -> float:
-        """Return how many times as fast as allowed the features of tools move or turn at most in rows (m, n)."""
-        most = 0.0
+        """Compute the greatest ratio of a tool feature's speed to the allowed one in rows (m, n)."""
+        ratio = 0.0
         for arm in sorted({self.functions.bounds[k].arm for k in self.active}):
             poses = self.problem.group.fk(rows, arm)
             turned = _angles(poses) * self.problem.rates.rate
@@ -288,20 +287,20 @@ class Way:
                 pace = (bound.constraint.speed or Speed.MEDIUM).value
                 points = moved(poses, bound.parameters[:3])
                 speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) * self.problem.rates.rate
-                most = max(most, float(speeds.max(initial=0.0)) / pace.linear, turned / pace.angular)
-        return most
+                ratio = max(ratio, float(speeds.max(initial=0.0)) / pace.linear, turned / pace.angular)
+        return ratio
 
 
 def _angles(poses: Array) -> float:
-    """Return the largest angle between one of poses (m, 4, 4) and the next [rad]."""
+    """Largest angle between consecutive poses (m, 4, 4) [rad]."""
     turns = np.einsum("mij,mik->mjk", poses[:-1, :3, :3], poses[1:, :3, :3]) - np.eye(3)
-    # of a turn by t: |R - 1| = 2 sqrt(2) sin(t / 2); its trace would lose small ones to rounding
+    # for a turn by t, |R - 1| = 2 sqrt(2) sin(t / 2); the trace would lose small angles to rounding
     half_sines = np.sqrt((turns * turns).sum(axis=(1, 2)) / 8)
     return float(2 * np.arcsin(np.minimum(half_sines, 1.0)).max(initial=0.0))
 
 
 def _spread(waypoints: Array, count: int) -> Array:
-    """Return so many configurations (count, n) evenly between the first and the last of some waypoints (m, n)."""
+    """Interpolate configurations (count, n) evenly between the first and the last of waypoints (m, n)."""
     lengths = np.abs(np.diff(waypoints, axis=0)).max(axis=1)
     marks = np.append(0.0, np.cumsum(lengths))
     at = np.linspace(0.0, marks[-1], count + 2)[1:-1]

@@ -1,8 +1,8 @@
-"""The functions of motion constraints over the joints of arms, with their gradients, as expressions of casadi.
+"""Functions of motion constraints over the joints of arms, with gradients, as casadi expressions.
 
-Every function is one of four of p (a tool feature's position), d (its direction) and constants c and n, by which
-:class:`Bound` says where a world feature is: cosine and heading between directions, the offset of p along n, and the
-distance of p from the line along n, or from c itself where n is 0. Directions are unit vectors.
+Every function is one of four in p (position of a tool feature), d (its direction) and constants c and n, with which
+:class:`Bound` describes the world feature: cosine and heading between directions, the offset of p along n, and the
+distance of p from the line along n, or from c itself if n is 0. Directions are unit vectors.
 """
 
 from __future__ import annotations
@@ -26,51 +26,51 @@ from planlang.motion_constraints import Feature, Measure, MotionConstraint
 from planlang.records import dataclass
 
 UNDEFINED = 1e-3
-"""Vectors shorter than this have no heading."""
+"""Length below which a vector has no heading."""
 LENGTH_TOLERANCE, COSINE_TOLERANCE = 1e-3, 5e-3
-"""Excess of a function over its limits up to which the constraint still holds [m], [no unit]."""
+"""Excess over its limits up to which a constraint still holds [m], [no unit]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
-    """The things of constraints: tools in hands, the rest where it was at the start."""
+    """Objects of constraints: tools in hands, all others where they were at the start."""
 
     base: Array
     """Pose (4, 4) of the arms' base link in the map."""
     tools: Mapping[Object, tuple[int, Array]]
-    """Tool -> the number of the arm that holds it, and its pose (4, 4) in the frame of the arm's tip."""
+    """Tool -> number of the arm that holds it, and its pose (4, 4) in the frame of the arm's tip."""
     things: Mapping[Object, Array]
-    """Thing -> its pose (4, 4) in the map; features of the world are taken from here."""
+    """Thing with features of the world -> its pose (4, 4) in the map."""
     frames: Mapping[str, Array]
     """Reference frame -> its rotation (3, 3) in the map."""
     torso: Array
-    """Rotation (3, 3) in the map of the frame that is meant where a constraint names none: x ahead, z up."""
+    """Rotation (3, 3) in the map of the default reference frame: x ahead, z up."""
 
     def pose_of(self, thing: Object) -> Array:
-        """Return the pose of a thing in the map; raises :class:`MotionError` for one that is nowhere."""
+        """Pose of a thing in the map; raises :class:`MotionError` if it is unknown."""
         if thing not in self.things:
-            raise MotionError(f"nothing says where {thing} is")
+            raise MotionError(f"the pose of {thing} is unknown")
         return self.things[thing]
 
     def tool(self, thing: Object) -> tuple[int, Array]:
-        """Return the arm and the pose in its tip of a tool; raises :class:`MotionError` for one that is in no hand."""
+        """Arm that holds a tool, and the tool's pose in its tip; raises :class:`MotionError` if no hand holds it."""
         if thing not in self.tools:
-            raise MotionError(f"no hand that takes part in the motion holds {thing}")
+            raise MotionError(f"no hand of this motion holds {thing}")
         return self.tools[thing]
 
     def rotation(self, frame: str | None) -> Array:
-        """Return the rotation of a reference frame in the map; raises :class:`MotionError` for an unknown one."""
+        """Rotation of a reference frame in the map; raises :class:`MotionError` for an unknown one."""
         if frame is None:
             return self.torso
         named = frame.lstrip("/")
         if named not in self.frames:
-            raise MotionError(f"there is no reference frame {frame}; there are {', '.join(self.frames) or 'none'}")
+            raise MotionError(f"unknown reference frame {frame}; known are {', '.join(self.frames) or 'none'}")
         return self.frames[named]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bound:
-    """A constraint as one of four functions, with the numbers that it takes."""
+    """Constraint as one of four functions, with its parameters."""
 
     constraint: MotionConstraint
     function: str
@@ -83,7 +83,7 @@ class Bound:
 
     @staticmethod
     def of(constraint: MotionConstraint, where: Surroundings) -> Bound:
-        """Return a constraint as things are; raises :class:`MotionError` for a feature that is not grounded."""
+        """Bind a constraint to its surroundings; raises :class:`MotionError` for a feature that is not grounded."""
         arm, in_tip = where.tool(constraint.tool.of)
         tool = _placed(constraint.tool, in_tip)
         world = _placed(constraint.world, product(inverse(where.base), where.pose_of(constraint.world.of)))
@@ -106,9 +106,9 @@ _FUNCTION_OF = {
 
 
 def _placed(feature: Feature, pose: Array) -> Array:
-    """Return position and unit direction (6,) of a feature of a thing at a pose (4, 4); a point has the direction 0."""
+    """Position and unit direction (6,) of a feature of a thing at a pose (4, 4); the direction of a point is 0."""
     if feature.position is None:
-        raise MotionError(f"{feature} is not grounded: no model has said where it is in {feature.of}")
+        raise MotionError(f"{feature} is not grounded: no model states where it is on {feature.of}")
     position = moved(pose, np.array(feature.position))
     direction = np.zeros(3)
     if feature.direction is not None:
@@ -137,7 +137,7 @@ def _distance(p: Any, d: Any, c: Any, n: Any) -> Any:
 
 
 def _length(vector: Any) -> Any:
-    """Return the length of a vector, with a gradient at 0 as well."""
+    """Length of a vector, differentiable at 0."""
     return casadi.sqrt(casadi.dot(vector, vector) + 1e-18)
 
 
@@ -163,26 +163,26 @@ class ConstraintFunctions:
         self._parameters = np.array([bound.parameters for bound in bounds]).reshape(-1, 12)
 
     def values(self, q: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Return values (r,) and gradients (r, n) of constraints, by number (r,), at configurations (r, n)."""
-        found, gradients = np.zeros(len(which)), np.zeros((len(which), self.group.dof))
+        """Compute values (r,) and gradients (r, n) of constraints, by number (r,), at configurations (r, n)."""
+        values, gradients = np.zeros(len(which)), np.zeros((len(which), self.group.dof))
         for kind, (arm, _) in enumerate(self._kinds):
             rows = np.flatnonzero(self._of_kind[which] == kind)
             if not len(rows):
                 continue
             columns = self.group.columns[arm]
             value, gradient = self._functions[kind](q[rows][:, columns].T, self._parameters[which[rows]].T)
-            found[rows] = value[0]
+            values[rows] = value[0]
             gradients[rows[:, None], columns] = gradient.T
-        return found, gradients
+        return values, gradients
 
     def all_values(self, q: Array) -> Array:
-        """Return the values (m, k) of all k constraints at configurations (m, n)."""
+        """Compute the values (m, k) of all k constraints at configurations (m, n)."""
         count = len(self.bounds)
         which = np.tile(np.arange(count), len(q))
         return self.values(np.repeat(q, count, axis=0), which)[0].reshape(len(q), count)
 
     def excess(self, values: Array) -> Array:
-        """Return how far values (..., k) are outside of the limits, in tolerances: at most 1 where they hold."""
+        """Compute how far values (..., k) exceed the limits, in tolerances: up to 1 they hold."""
         return np.asarray(np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0) / self.tolerance)
 
     @cached_property
@@ -192,10 +192,10 @@ class ConstraintFunctions:
 
 @lru_cache(64)
 def _function(functions: ChainFunctions, name: str) -> RowFunction:
-    """Return (q of a chain, parameters) -> value, gradient; written down once for chains that move the same."""
+    """Build (q of a chain, parameters) -> value, gradient; cached for chains with equal kinematics."""
     chain = functions.symbolic
-    given = casadi.SX.sym("parameters", 12)
-    position, direction = chain.position + chain.rotation @ given[:3], chain.rotation @ given[3:6]
-    value = _FORMULAS[name](position, direction, given[6:9], given[9:])
+    parameters = casadi.SX.sym("parameters", 12)
+    position, direction = chain.position + chain.rotation @ parameters[:3], chain.rotation @ parameters[3:6]
+    value = _FORMULAS[name](position, direction, parameters[6:9], parameters[9:])
     gradient = casadi.densify(casadi.gradient(value, chain.q))
-    return RowFunction(casadi.Function(name, [chain.q, given], [casadi.densify(value), gradient], {"cse": True}))
+    return RowFunction(casadi.Function(name, [chain.q, parameters], [casadi.densify(value), gradient], {"cse": True}))

@@ -1,14 +1,14 @@
-"""Optimisation of a few configurations in a row: short joint moves under bounds of constraint functions and clearances.
+"""Optimisation of a few consecutive configurations: short joint moves under bounds on constraints and clearances.
 
-Minimised is the sum of squared moves from one configuration to the next, beside the squares of what is beyond bounds,
-in tolerances, by sequential quadratic programming: functions are linearised by casadi, the convex programs are solved
-by casadi's interface to DAQP (D. Arnström, A. Bemporad, D. Axehill, A dual active-set solver for embedded quadratic
+The cost is the sum of squared moves between configurations, plus squared violations of bounds, in tolerances. It is
+minimised by sequential quadratic programming: functions are linearised by casadi, the convex programs are solved by
+casadi's interface to DAQP (D. Arnström, A. Bemporad, D. Axehill, A dual active-set solver for embedded quadratic
 programming, IEEE TAC 2022), and steps are kept within a trust region (J. Nocedal, S. Wright, Numerical Optimization,
-chapter 18). Clearances are linearised as in J. Schulman et al., Motion planning with sequential convex optimization
-and convex collision checking (IJRR 2014).
+chapter 18). Clearances are linearised as in J. Schulman et al., Motion planning with sequential convex optimization and
+convex collision checking (IJRR 2014).
 
-Squares leave a bound of a joint move of 1 rad beyond by less than a hundredth of its tolerance. Where bounds contradict
-each other, what is left is spread over all that do, and over no others.
+With squared penalties a joint move of 1 rad violates a bound by less than a hundredth of its tolerance. Conflicting
+bounds share the violation among themselves, and with no others.
 """
 
 from __future__ import annotations
@@ -28,76 +28,76 @@ from planlang.geometry import Array
 from planlang.records import dataclass
 
 STEPS = 40
-"""Quadratic programs after which the best that was found is taken."""
+"""Quadratic programs after which the best result so far is returned."""
 RADIUS, LARGEST_RADIUS, LEAST_RADIUS = 0.5, 1.5, 1e-5
-"""Largest change of a joint in one step: at first, ever, and when the search ends [rad, m]."""
+"""Largest joint change per step (trust region): at first, ever, and when the search ends [rad, m]."""
 HOLDS = 0.5
-"""Share of its tolerance by which a function may be beyond its limits: the rest is for what is between waypoints."""
+"""Share of its tolerance by which a function may exceed its limits: the rest is reserved for between waypoints."""
 ENOUGH, FLAT, STALLED = 0.2, 0.02, 1e-3
-"""The search ends where all bounds hold to this share and a step improves by less than the second share; or, whatever
-holds, by less than the third."""
+"""The search ends once all bounds hold to the first share and a step improves the cost by less than the second; or, in
+any case, by less than the third."""
 CLEARANCE_TOLERANCE = 5e-3
-"""Missing clearance that weighs as much as a function beyond its limits by its tolerance [m]."""
+"""Missing clearance that weighs as much as a function that exceeds its limits by its tolerance [m]."""
 UNBOUNDED = 1e20
 PROBE = 1e-4
-"""Change of a joint by which the gradient of a clearance is measured [rad, m]."""
+"""Joint change for finite differences of clearances [rad, m]."""
 
 Index = NDArray[np.intp]
 Clearances = Callable[[Array, Index | None], tuple[Index, Index, Array]]
-"""Configurations (m, n) -> for each of k near pairs of bodies its number and configuration (k,), and what it has more
-than it needs (k,) [m]; of some pairs, by number, or of all."""
+"""Configurations (m, n) -> number and configuration (k,) of each near pair of bodies, and its room beyond what is
+required (k,) [m]; for the given pairs, or for all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """r bounds: of which configuration and constraint each is."""
+    """r bounds: the configuration and constraint of each."""
 
     configurations: Index
     constraints: Index
 
     @staticmethod
     def of(pairs: Sequence[tuple[int, int]]) -> Rows:
-        """Return bounds from pairs (configuration, constraint)."""
+        """Create bounds from pairs (configuration, constraint)."""
         rows = np.array(pairs, np.intp).reshape(-1, 2)
         return Rows(rows[:, 0], rows[:, 1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """The result of an optimisation."""
+    """Result of an optimisation."""
 
     q: Array
     """Configurations (m, n)."""
     excess: Array
-    """The violation of each row, in tolerances (r,)."""
+    """Violation of each row, in tolerances (r,)."""
     blocked: float
-    """The most clearance that is missing [m]; 0 where nothing is in the way."""
+    """Greatest missing clearance [m]; 0 without collision."""
     needed: NDArray[np.bool_]
-    """True for rows that have to hold (r,)."""
+    """Mask of the rows that must hold (r,)."""
 
     @property
     def holds(self) -> bool:
-        """Return True if all that has to holds, and nothing is in the way."""
+        """Whether all rows that must hold do, without collision."""
         beyond = float(self.excess[self.needed].max(initial=0.0))
         return beyond <= HOLDS and self.blocked <= HOLDS * CLEARANCE_TOLERANCE
 
 
 @dataclass(slots=True)
 class Optimiser:
-    """A sequence of configurations (m, n) that begins at a fixed one and may end at one."""
+    """A sequence of configurations (m, n) that starts at a fixed one and may end at one."""
 
     functions: ConstraintFunctions
     rows: Rows
     start: Array
-    """The row before the first (n,)."""
+    """Configuration before the first (n,)."""
     end: Array | None
-    """The row after the last (n,), if there is one."""
+    """Configuration after the last (n,), if fixed."""
     weights: Array
     """Price of squared moves of each joint (n,)."""
     penalties: Array
-    """Price of squared excess of each row (r,): 1 for what has to hold."""
+    """Price of the squared excess of each row (r,): 1 for those that must hold."""
     effort: Effort
-    """Variables of quadratic programs."""
+    """Budget in variables of quadratic programs."""
     clearances: Clearances | None = None
     lower: Array = field(init=False)
     upper: Array = field(init=False)
@@ -106,19 +106,19 @@ class Optimiser:
     def __post_init__(self) -> None:
         which, functions = self.rows.constraints, self.functions
         self.tolerance = functions.tolerance[which]
-        # inside by a part of the tolerance where there is room: between waypoints functions are a little different
+        # tighten bounds by a part of the tolerance where possible: functions deviate between waypoints
         room = np.minimum((functions.upper[which] - functions.lower[which]) / 2, HOLDS * self.tolerance)
         lower, upper = functions.lower[which] + room, functions.upper[which] - room
-        self.lower, self.upper = np.minimum(lower, upper), np.maximum(lower, upper)  # which rounding may exchange
+        self.lower, self.upper = np.minimum(lower, upper), np.maximum(lower, upper)  # rounding may swap them
 
     def found_from(self, q: Array) -> Optimum:
-        """Return what is found from configurations (m, n)."""
+        """Optimise from configurations (m, n)."""
         low, high = self.functions.group.bounds
         q = np.clip(q, low, high)
         here = self._at(q)
         radius, steps = RADIUS, 0
         straight = np.abs(self._slope(q)).max(initial=0.0) < LEAST_RADIUS
-        if straight and here.price <= self._moves(q):  # nothing is beyond its bounds, and no way is shorter
+        if straight and here.price <= self._moves(q):  # all bounds hold, and no path is shorter
             steps = STEPS
         while steps < STEPS:
             steps += 1
@@ -143,11 +143,11 @@ class Optimiser:
 
     @staticmethod
     def _least_gain(here: _Here) -> float:
-        """Return the share of the price below which another step is not worth while."""
+        """Share of the cost below which a further step is not worthwhile."""
         return FLAT if here.excess.max(initial=0.0) <= ENOUGH else STALLED
 
     def _at(self, q: Array) -> _Here:
-        """Return functions, gradients and the price at configurations."""
+        """Evaluate functions, gradients and the cost at configurations."""
         values, gradients = self.functions.values(q[self.rows.configurations], self.rows.constraints)
         excess = np.maximum(np.maximum(self.lower - values, values - self.upper), 0.0) / self.tolerance
         pairs, of, room = (_NONE, _NONE, np.zeros(0)) if self.clearances is None else self.clearances(q, None)
@@ -156,19 +156,19 @@ class Optimiser:
         return _Here(q, values, gradients, excess, pairs, of, room, float(price))
 
     def _moves(self, q: Array) -> float:
-        """Return the price of the moves."""
+        """Cost of the moves."""
         return float((np.diff(self._whole(q), axis=0) ** 2 @ self.weights).sum() / 2)
 
     def _whole(self, q: Array) -> Array:
         return np.vstack([self.start, q] if self.end is None else [self.start, q, self.end])
 
     def _slopes(self, here: _Here) -> Array:
-        """Return the gradients (k, n) of the room of pairs of bodies that are near."""
+        """Compute the gradients (k, n) of the room of near pairs by finite differences."""
         n = here.q.shape[1]
         slopes = np.zeros((len(here.pairs), n))
         if self.clearances is None or not len(here.pairs):
             return slopes
-        # each configuration with something near is moved by each joint in turn
+        # vary each joint in turn, at configurations with something near
         near, place = np.unique(here.of, return_inverse=True)
         moved = (here.q[near][:, None] + PROBE * np.eye(n)).reshape(-1, n)
         pairs, rows, room = self.clearances(moved, np.unique(here.pairs))
@@ -179,7 +179,7 @@ class Optimiser:
         return slopes
 
     def _step(self, here: _Here, radius: float) -> tuple[Array, float]:
-        """Return the move (m, n) that the quadratic program says, and the price that it promises."""
+        """Solve the quadratic program for the move (m, n), and predict the cost."""
         m, n = here.q.shape
         count, near = len(self.rows.constraints), len(here.room)
         slack, size = count + near, m * n
@@ -195,7 +195,7 @@ class Optimiser:
         most = np.append((self.upper - here.values) / self.tolerance, np.full(near, UNBOUNDED))
         low, high = self.functions.group.bounds
         free = np.full(slack, UNBOUNDED)
-        found = _program(size + slack, slack)(
+        solution = _program(size + slack, slack)(
             h=hessian,
             g=np.append((self._slope(here.q) * self.weights).ravel(), np.zeros(slack)),
             a=np.hstack([jacobian.reshape(slack, size), np.eye(slack)]),
@@ -204,18 +204,18 @@ class Optimiser:
             lbx=np.append(np.maximum(low - here.q, -radius).ravel(), -free),
             ubx=np.append(np.minimum(high - here.q, radius).ravel(), free),
         )
-        x = np.asarray(found["x"].full()).ravel()
+        x = np.asarray(solution["x"].full()).ravel()
         move, beyond = x[:size].reshape(m, n), x[size:]
         return move, self._moves(here.q + move) + float(penalties @ (beyond * beyond)) / 2
 
     def _slope(self, q: Array) -> Array:
-        """Return the gradient of the moves (m, n), of joints of weight 1."""
+        """Gradient of the moves (m, n), for joints of weight 1."""
         moves = np.diff(self._whole(q), axis=0)
         after = moves[1:] if self.end is not None else np.vstack([moves[1:], np.zeros(q.shape[1])])
         return np.asarray(moves[: len(q)] - after)
 
     def _coupling(self, m: int) -> Array:
-        """Return the second derivative of the moves of one joint of weight 1 (m, m)."""
+        """Second derivative of the moves of one joint of weight 1 (m, m)."""
         matrix = 2 * np.eye(m) - np.eye(m, k=1) - np.eye(m, k=-1)
         if self.end is None:
             matrix[-1, -1] = 1.0
@@ -224,18 +224,18 @@ class Optimiser:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
-    """Configurations and what is known there."""
+    """Values at the current configurations."""
 
     q: Array
     values: Array
     gradients: Array
     excess: Array
     pairs: Index
-    """Pairs of bodies that are near (k,)."""
+    """Near pairs of bodies (k,)."""
     of: Index
-    """In which configuration each is (k,)."""
+    """Configuration of each (k,)."""
     room: Array
-    """Return the clearance that each has to spare (k,) [m]."""
+    """Clearance of each beyond what is required (k,) [m]."""
     price: float
 
 
@@ -244,6 +244,6 @@ _NONE = np.zeros(0, np.intp)
 
 @lru_cache(64)
 def _program(size: int, rows: int) -> Any:
-    """Return the solver of dense programs of so many variables and rows."""
+    """Create the solver of dense programs with ``size`` variables and ``rows`` constraints."""
     shape = {"h": casadi.Sparsity.dense(size, size), "a": casadi.Sparsity.dense(rows, size)}
     return casadi.conic("program", "daqp", shape, {"error_on_fail": False})

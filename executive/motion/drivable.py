@@ -1,6 +1,7 @@
-"""Where a base can drive to: one flood fill from where it stands, over places and headings in which it has room.
+"""Reachability of base poses: one flood fill from the robot's pose over free cells and headings.
 
-It moves without turning, or turns on the spot. So a base that is not round gets where a circle about it would not.
+The base moves without turning, or turns on the spot. A base that is not round thus reaches places where its
+circumscribed circle has no room.
 """
 
 from __future__ import annotations
@@ -18,34 +19,34 @@ from planlang.records import dataclass
 
 Mask = NDArray[np.bool_]
 Poses = NDArray[np.uint16]
-"""Headings for each cell (rows, columns) of a grid: a bit for each of them."""
+"""Headings of each cell (rows, columns) of a grid, a bit for each."""
 HEADINGS = 16
-"""Headings in which it is looked whether a base has room."""
+"""Number of headings tested for room."""
 EVERY = np.uint16(2**HEADINGS - 1)
 """All headings."""
 SPARE = 0.02
-"""Room that there is beside a pose from which the base may drive or turn on to the next: it does so in an arc [m]."""
+"""Clearance required at poses from which the base may drive or turn to the next: real moves are arcs [m]."""
 Cell = tuple[int, int, int]
-"""A heading, a row and a column."""
+"""Heading, row and column."""
 TURN = 2 * math.pi / HEADINGS
-"""From one heading to the next [rad]."""
+"""Angle between neighbouring headings [rad]."""
 THIN = 0.01
-"""Half the width of a box below which none is taken to be smaller than it is [m]: nothing drives through a wall."""
+"""Least half width to which boxes are shrunk [m]: walls must not vanish."""
 LACKING = 0.05
-"""Room that a pose may lack where no way is to be ruled out: the middle of its cell is as far away from it [m]."""
+"""Clearance that may be missing where no path must be ruled out: the distance of a pose from its cell's centre [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drivable:
-    """The poses over a grid to which a base can drive."""
+    """Poses over a grid to which a base can drive."""
 
     grid: Grid
     poses: Poses
     beyond: bool = False
-    """True if it may get to places off the grid."""
+    """True if places off the grid may be reachable, too."""
 
     def __call__(self, bases: Array) -> Mask:
-        """Return which base poses (n, 3) may be driven to, (n,)."""
+        """Check which base poses (n, 3) may be reachable, (n,)."""
         row = np.rint((bases[:, 1] - self.grid.y) / self.grid.resolution).astype(int)
         column = np.rint((bases[:, 0] - self.grid.x) / self.grid.resolution).astype(int)
         inside = (row >= 0) & (row < self.grid.rows) & (column >= 0) & (column < self.grid.columns)
@@ -54,41 +55,41 @@ class Drivable:
         return np.asarray(np.where(inside, _turned(self.poses)[row, column] >> heading & 1, self.beyond).astype(bool))
 
     def comes_near(self, place: Array, within: float) -> bool:
-        """Return True if the base may get ``within`` [m] of a place (2,)."""
+        """Check whether the base may come ``within`` [m] of a place (2,)."""
         return self.beyond or self.near(place, within) > 0
 
     def near(self, place: Array, within: float) -> int:
-        """Count the cells ``within`` [m] of a place (2,) that the base can get to."""
+        """Count the reachable cells ``within`` [m] of a place (2,)."""
         centres = self.grid.centres()[self.poses > 0]
         return int((np.hypot(centres[:, 0] - place[0], centres[:, 1] - place[1]) <= within).sum())
 
 
 def drivable(start: tuple[float, float, float], grid: Grid, free: Poses) -> Drivable:
-    """Return where a base at ``start`` can get to over free poses: as near to its start and its end as cells are."""
+    """Find the poses that a base at ``start`` can reach over free poses, with one cell of tolerance at both ends."""
     return Drivable(grid, _beside(flood(free, around(start, grid))[-1]))
 
 
 def free_poses(
     grid: Grid, boxes: Boxes, silhouette: Sequence[Band], shapes: Sequence[Outline], slack: float = -SPARE
 ) -> Poses:
-    """Return in which poses a robot is no deeper than ``slack`` [m] in a box; if that is negative, so far from all.
+    """Find the poses in which a robot enters no box by more than ``slack`` [m]; negative slack is clearance.
 
-    ``silhouette``: its room to turn; ``shapes``: its outlines, which are asked where that does not decide.
+    ``silhouette``: its room to turn; ``shapes``: its outlines, which decide in doubtful cells.
     """
-    turns = free_cells(grid, boxes, silhouette, slack)
-    doubtful = free_cells(grid, boxes, cores(shapes), slack + TOUCHING) & ~turns
-    free = np.where(turns, EVERY, np.uint16(0))
+    any_heading = free_cells(grid, boxes, silhouette, slack)
+    doubtful = free_cells(grid, boxes, cores(shapes), slack + TOUCHING) & ~any_heading
+    free = np.where(any_heading, EVERY, np.uint16(0))
     places = grid.centres()[doubtful]
-    least = np.minimum(boxes.half_extents, THIN)
-    smaller = Boxes(boxes.centres, np.maximum(boxes.half_extents - (slack, slack, 0.0), least), boxes.yaws)
+    thinnest = np.minimum(boxes.half_extents, THIN)
+    shrunk = Boxes(boxes.centres, np.maximum(boxes.half_extents - (slack, slack, 0.0), thinnest), boxes.yaws)
     for heading in range(HEADINGS if len(places) else 0):
         bases = np.column_stack([places, np.full(len(places), heading * TURN)])
-        free[doubtful] |= stands_in_none(bases, smaller, shapes).astype(np.uint16) << np.uint16(heading)
+        free[doubtful] |= stands_in_none(bases, shrunk, shapes).astype(np.uint16) << np.uint16(heading)
     return free
 
 
 def around(pose: tuple[float, float, float], grid: Grid) -> list[Cell]:
-    """Return the poses over a grid near a pose, nearest first: a base that stands close to something goes to one."""
+    """List the grid poses near a pose, nearest first: a base that stands close to something starts at one of them."""
     exact = pose[2] / TURN, (pose[1] - grid.y) / grid.resolution, (pose[0] - grid.x) / grid.resolution
     near = product(*(range(math.floor(value) - 1, math.floor(value) + 3) for value in exact))
     return [
@@ -99,51 +100,51 @@ def around(pose: tuple[float, float, float], grid: Grid) -> list[Cell]:
 
 
 def has(poses: Poses, cell: Cell) -> bool:
-    """Return whether a pose is one of some."""
+    """Check whether a set of poses contains a cell."""
     heading, row, column = cell
     return bool(poses[row, column] >> heading & 1)
 
 
 def flood(free: Poses, begin: Sequence[Cell], turns: Poses | None = None) -> list[Poses]:
-    """Return the free poses that are got to from some of them in no step, in one at most, in two at most and so on.
+    """Find the free poses reachable from some of them in no step, in at most one, two and so on.
 
-    ``turns``: from which headings the base may turn to the next, and back; from all if it is None.
+    ``turns`` are the headings from which the base may turn to the next one and back; None allows all.
     """
     reached = np.zeros_like(free)
     for heading, row, column in begin:
         reached[row, column] |= np.uint16(1 << heading)
     steps = [reached & free]
     while True:
-        further = (_beside(steps[-1]) | _turned(steps[-1], EVERY if turns is None else turns)) & free
-        if np.array_equal(further, steps[-1]):
+        grown = (_beside(steps[-1]) | _turned(steps[-1], EVERY if turns is None else turns)) & free
+        if np.array_equal(grown, steps[-1]):
             return steps
-        steps.append(further)
+        steps.append(grown)
 
 
 def _beside(poses: Poses) -> Poses:
-    """Return poses and those beside them, with the same headings."""
+    """Add the neighbouring cells, with the same headings."""
     wide = poses.copy()
     wide[:, 1:] |= poses[:, :-1]
     wide[:, :-1] |= poses[:, 1:]
-    found = wide.copy()
-    found[1:] |= wide[:-1]
-    found[:-1] |= wide[1:]
-    return found
+    grown = wide.copy()
+    grown[1:] |= wide[:-1]
+    grown[:-1] |= wide[1:]
+    return grown
 
 
 def _turned(poses: Poses, turns: Poses | np.uint16 = EVERY) -> Poses:
-    """Return poses and those with the next heading to either side, where a turn is allowed."""
-    ahead, last = poses & turns, HEADINGS - 1
-    found = poses | ahead << 1 | ahead >> last | (poses >> 1 | poses << last) & turns
-    return found.astype(np.uint16, copy=False)
+    """Add the next heading to either side, where turning is allowed."""
+    turning, last = poses & turns, HEADINGS - 1
+    grown = poses | turning << 1 | turning >> last | (poses >> 1 | poses << last) & turns
+    return grown.astype(np.uint16, copy=False)
 
 
 def free_cells(grid: Grid, boxes: Boxes, silhouette: Sequence[Band], slack: float) -> Mask:
-    """Return the cells in whose middles no band of a silhouette is deeper than ``slack`` [m] in a box."""
+    """Find the cells at whose centres no band of a silhouette enters a box by more than ``slack`` [m]."""
     free = np.ones((grid.rows, grid.columns), bool)
     for centre, half, yaw in zip(boxes.centres, boxes.half_extents, boxes.yaws.tolist(), strict=True):
-        met = [r for low, high, r in silhouette if centre[2] - half[2] < high and centre[2] + half[2] > low]
-        radius = max(met, default=0.0) - slack
+        radii = [r for low, high, r in silhouette if centre[2] - half[2] < high and centre[2] + half[2] > low]
+        radius = max(radii, default=0.0) - slack
         if radius <= 0.0:
             continue
         c, s = math.cos(yaw), math.sin(yaw)
@@ -151,12 +152,12 @@ def free_cells(grid: Grid, boxes: Boxes, silhouette: Sequence[Band], slack: floa
         low = np.floor((centre[:2] - reach - (grid.x, grid.y)) / grid.resolution).astype(int)
         high = np.ceil((centre[:2] + reach - (grid.x, grid.y)) / grid.resolution).astype(int) + 1
         (left, bottom), (right, top) = np.maximum(low, 0).tolist(), np.maximum(high, 0).tolist()
-        part = free[bottom:top, left:right]
-        if not part.size:
+        window = free[bottom:top, left:right]
+        if not window.size:
             continue
-        x = grid.x + grid.resolution * np.arange(left, left + part.shape[1]) - centre[0]
-        y = grid.y + grid.resolution * np.arange(bottom, bottom + part.shape[0])[:, None] - centre[1]
+        x = grid.x + grid.resolution * np.arange(left, left + window.shape[1]) - centre[0]
+        y = grid.y + grid.resolution * np.arange(bottom, bottom + window.shape[0])[:, None] - centre[1]
         along = np.maximum(np.abs(c * x + s * y) - half[0], 0.0)
         across = np.maximum(np.abs(c * y - s * x) - half[1], 0.0)
-        part &= np.square(along) + np.square(across) >= radius * radius
+        window &= np.square(along) + np.square(across) >= radius * radius
     return free

@@ -1,4 +1,4 @@
-"""Bounds on what searches compute, in units that are the same on every machine: the clock decides nothing."""
+"""Search budgets in units that are the same on every machine: results never depend on the clock."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from planlang.records import dataclass
 
 @dataclass(slots=True)
 class Effort:
-    """Count of what a search has computed, and its bound; a run that is interrupted ends it, too."""
+    """Budget of a search, counted in units of computing; interrupting the run ends the search as well."""
 
     most: int
     unit: str
-    """Name of what is counted."""
+    """Name of the unit."""
     spent: int = 0
 
     def spend(self, units: int) -> None:
-        """Count so many units more; raises :class:`OutOfEffort`, and Evaporated when the run was interrupted."""
+        """Add to the count; raises :class:`OutOfEffort` beyond the budget, and Evaporated after an interrupt."""
         still_computing()
         self.spent += units
         if self.spent > self.most:

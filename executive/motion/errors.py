@@ -1,4 +1,4 @@
-"""Errors of this package, for its callers to turn into plan failures."""
+"""Errors of motion planning, which callers turn into plan failures."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ if TYPE_CHECKING:
 
 
 class MotionError(Exception):
-    """Root of everything that motion planning raises on purpose."""
+    """Base class of the errors of motion planning."""
 
 
 class OutOfEffort(MotionError):
-    """A search has computed as much as it may."""
+    """A search has used up its budget."""
 
     def __init__(self, most: int, unit: str) -> None:
         super().__init__(f"the search was given up after {most} {unit}")
 
 
 class StartInCollision(MotionError):
-    """The start of a path is not free; ``pairs`` are names of what would be in each other, if known."""
+    """The start of a path is in collision; ``pairs`` names the colliding bodies, if known."""
 
     def __init__(self, start: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
         self.start = tuple(float(value) for value in start)
         self.pairs = tuple(pairs)
-        super().__init__(f"the start is in collision: {_numbers(self.start)}{_told(self.pairs)}")
+        super().__init__(f"the start is in collision: {_numbers(self.start)}{_named(self.pairs)}")
 
 
 class GoalInCollision(MotionError):
-    """The goal of a path is not free; ``pairs`` are names of what would be in each other, if known."""
+    """The goal of a path is in collision; ``pairs`` names the colliding bodies, if known."""
 
     def __init__(self, goal: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
         self.goal = tuple(float(value) for value in goal)
         self.pairs = tuple(pairs)
-        super().__init__(f"the goal is in collision: {_numbers(self.goal)}{_told(self.pairs)}")
+        super().__init__(f"the goal is in collision: {_numbers(self.goal)}{_named(self.pairs)}")
 
 
 class OutsideLimits(MotionError):
-    """A configuration leaves the limits of its joints (or a place leaves the map)."""
+    """A configuration exceeds joint limits (or a place is off the map)."""
 
     def __init__(self, what: str, values: Sequence[float], lower: Sequence[float], upper: Sequence[float]) -> None:
         self.values = tuple(float(value) for value in values)
@@ -49,20 +49,21 @@ class OutsideLimits(MotionError):
 
 
 class NoPath(MotionError):
-    """The search ended without a path; ``counts`` are its statistics."""
+    """The search ended without a path; ``counts`` holds its statistics."""
 
     def __init__(self, start: Sequence[float], goal: Sequence[float], counts: Mapping[str, int]) -> None:
         self.start = tuple(float(value) for value in start)
         self.goal = tuple(float(value) for value in goal)
         self.counts = dict(counts)
-        done = ", ".join(f"{name} {number}" for name, number in self.counts.items())
-        super().__init__(f"no path from {_numbers(self.start)} to {_numbers(self.goal)} ({done})")
+        statistics = ", ".join(f"{name} {number}" for name, number in self.counts.items())
+        super().__init__(f"no path from {_numbers(self.start)} to {_numbers(self.goal)} ({statistics})")
 
 
 class ConstraintsContradict(MotionError):
-    """Constraints of a phase that cannot all hold; ``pairs`` are bodies that would be in each other where they do.
+    """Constraints of a phase that cannot all hold; ``pairs`` names bodies that would collide where they do.
 
-    ``constraints`` is a smallest such set: each is needed for it. One alone contradicts the reach of the arm.
+    ``constraints`` is a minimal conflicting set: without any one of them the rest can hold. A single one is out of
+    reach.
     """
 
     def __init__(
@@ -71,26 +72,26 @@ class ConstraintsContradict(MotionError):
         self.phase, self.constraints, self.pairs = phase, tuple(constraints), tuple(pairs)
         names = "; ".join(map(str, self.constraints))
         if self.pairs:
-            problem = f"what these ask for is blocked: {names}{_told(self.pairs)}"
+            problem = f"bodies block these constraints: {names}{_named(self.pairs)}"
         elif len(self.constraints) == 1:
-            problem = f"this is beyond the arm's reach, or is never so: {names}"
+            problem = f"out of the arm's reach, or impossible: {names}"
         else:
-            problem = f"these contradict each other within the arm's reach: {names}"
+            problem = f"these constraints contradict each other within the arm's reach: {names}"
         super().__init__(f"phase {phase + 1}: {problem}")
 
 
 class NoConstrainedPath(MotionError):
-    """The end of a phase is known, but no way to it that keeps ``constraints`` and touches nothing of ``pairs``."""
+    """No path was found to the known end of a phase that keeps ``constraints`` and avoids collisions (``pairs``)."""
 
     def __init__(
         self, phase: int, constraints: Sequence[MotionConstraint], pairs: Sequence[tuple[str, str]] = ()
     ) -> None:
         self.phase, self.constraints, self.pairs = phase, tuple(constraints), tuple(pairs)
         kept = f" that keeps {'; '.join(map(str, self.constraints))}" if self.constraints else ""
-        super().__init__(f"phase {phase + 1}: no way was found to where it ends{kept}{_told(self.pairs)}")
+        super().__init__(f"phase {phase + 1}: no path to its end was found{kept}{_named(self.pairs)}")
 
 
-def _told(pairs: Sequence[tuple[str, str]]) -> str:
+def _named(pairs: Sequence[tuple[str, str]]) -> str:
     return "".join(f"; {part} in {body}" for part, body in pairs[:3])
 
 

@@ -1,6 +1,7 @@
 """Chains of joints: forward kinematics, Jacobian and inverse kinematics, in the frame of the chain's base link.
 
-A neck is turned by a table of its forward kinematics (:class:`Gaze`)."""
+A neck is aimed by a table of its forward kinematics (:class:`Gaze`).
+"""
 
 from __future__ import annotations
 
@@ -22,34 +23,32 @@ from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, re
 from planlang.kernel import still_computing
 
 POSITION_TOLERANCE = 1e-4
-"""Largest distance of a solution's tip from its target [m]: a tenth of what grasps and contacts notice."""
+"""Largest position error of a solution [m]: a tenth of what grasps and contacts notice."""
 ANGLE_TOLERANCE = 1e-3
-"""Largest rotation of a solution's tip from its target [rad]: 0.1 mm at the end of a hand of 10 cm."""
+"""Largest rotation error of a solution [rad]: 0.1 mm at the end of a hand of 10 cm."""
 TOLERANCES = np.square([[POSITION_TOLERANCE], [ANGLE_TOLERANCE]])
 STEPS = 40
 """Steps of inverse kinematics after which a seed is given up."""
 STALLED, MOST_SLOW = 0.9, 3
-"""A seed is given up when so many steps in a row leave more than this share of its least squared error so far.
+"""A seed is given up when this many steps in a row leave more than this share of its least squared error so far.
 
 Of 2,000 random targets of Amigo's arm 75.3 % are then solved from one random seed, and all but one from 20; 5 steps
-solve 76.0 %, and make unreachable targets, which cost 10 steps, dearer by 15 %.
-"""
+solve 76.0 %, but make unreachable targets, which cost 10 steps, 15 % more expensive."""
 IMPROPER = 0.01
-"""Largest error in elements of R R^T for a matrix R to be meant as a rotation: the nearest one.
+"""Largest error in elements of R R^T up to which a matrix R stands for the nearest rotation.
 
-Quaternions whose length is off by 0.001 give as much; solutions have the rotation that is nearest to such an R.
-"""
+Quaternions whose norm is off by 0.001 give as much; solutions have the rotation that is nearest to R."""
 
 
 class Chain(JointRanges):
-    """The joints from a base link to a tip link; d of them move.
+    """Joints from a base link to a tip link; d of them move.
 
-    A joint that mimics another moves with it; if that one is not in the chain it takes the place of the mimic in
-    ``names``. Joints without motion of their own (fixed, locked) are folded into the constants.
+    A mimic joint moves with its master; a master outside the chain takes the mimic's place in ``names``. Fixed and
+    locked joints are folded into the constants.
     """
 
     def __init__(self, joints: Sequence[Joint], *, others: Iterable[Joint] = (), locked: Mapping[str, float]) -> None:
-        """Initialize from joints, base to tip; ``others`` may be masters of mimics, ``locked`` ones stay put."""
+        """Create a chain of joints, base to tip; ``others`` may be masters of mimics, ``locked`` ones do not move."""
         self._joints, self._others, self._locked = tuple(joints), tuple(others), dict(locked)
         every = {joint.name: joint for joint in (*self._others, *joints)}
         movers: dict[str, Joint] = {}
@@ -74,20 +73,20 @@ class Chain(JointRanges):
         self.lower = _frozen([low for low, _ in limits])
         self.upper = _frozen([high for _, high in limits])
         self.velocity: Array = _frozen([joint.velocity for joint in movers.values()])
-        """Velocity limits (d,) [rad/s, m/s] as the URDF gives them."""
+        """Velocity limits (d,) [rad/s, m/s] from the URDF."""
         self.continuous = np.array([joint.kind == "continuous" for joint in movers.values()], bool)
         self.prismatic: NDArray[np.bool_] = np.array([joint.kind == "prismatic" for joint in movers.values()], bool)
-        """Mask of the joints that slide (d,)."""
+        """Mask of prismatic joints (d,)."""
         self._variables = tuple(variables)
 
     @classmethod
     def from_urdf(
         cls, path: Path, base_link: str, tip_link: str, locked: Mapping[str, float] | Iterable[str] = ()
     ) -> Chain:
-        """Read a chain; ``locked`` joints keep the position given, or the one nearest to zero within their limits.
+        """Read a chain; ``locked`` joints keep the given position, or the one nearest to zero within their limits.
 
-        Raises BadInput for a file that is not a usable URDF, :class:`NoSuchChain` for links that
-        do not form a chain with at least one moving joint of the kinds revolute, continuous and prismatic.
+        Raises BadInput for an unusable URDF, :class:`NoSuchChain` for links that do not form a chain with at least one
+        moving joint of the kinds revolute, continuous and prismatic.
         """
         every = read_urdf(Path(path)).joints
         joints = joints_between(every, base_link, tip_link)
@@ -112,7 +111,7 @@ class Chain(JointRanges):
 
     @property
     def carriers(self) -> tuple[str, ...]:
-        """Return the child links of its moving joints, base first: :meth:`frames` gives their poses."""
+        """Child links of its moving joints, base first; :meth:`frames` computes their poses."""
         moved = zip(self._joints, self._variables, strict=True)
         return tuple(joint.child for joint, variable in moved if variable.index is not None)
 
@@ -122,19 +121,19 @@ class Chain(JointRanges):
         return len(self.names)
 
     def locked(self, positions: Mapping[str, float]) -> Chain:
-        """Return the same chain with more of its joints kept at a position."""
+        """Lock more joints at given positions."""
         return Chain(self._joints, others=self._others, locked={**self._locked, **positions})
 
     def between(self, name: str, lower: float, upper: float) -> Chain:
-        """Return the same chain with one joint kept between two positions."""
+        """Restrict one joint to a range."""
         joints = [replace(joint, lower=lower, upper=upper) if joint.name == name else joint for joint in self._joints]
         return Chain(joints, others=self._others, locked=self._locked)
 
     @cached_property
     def digest(self) -> str:
-        """Return a digest, equal for chains that move the same: joints, frames, axes, limits, and what is locked."""
+        """Digest that is equal for equal kinematics: joints, frames, axes, limits, and locked positions."""
         moved = zip(self._joints, self._variables, strict=True)
-        # rounded: the sine of an origin's angles differs in its last bit from processor to processor
+        # rounded, since the sines of an origin's angles differ in the last bit between processors
         parts = [
             (joint.kind, *((array.round(12) + 0.0).tolist() for array in (joint.origin, joint.axis)), astuple(variable))
             for joint, variable in moved
@@ -144,7 +143,7 @@ class Chain(JointRanges):
 
     @cached_property
     def functions(self) -> ChainFunctions:
-        """Return the functions that compute this chain, shared by all chains of a process with the same digest."""
+        """Compiled functions, shared by all chains of a process with the same digest."""
         known = _FUNCTIONS.get(self.digest)
         if known is None:
             while len(_FUNCTIONS) >= MOST_CHAINS:
@@ -154,23 +153,23 @@ class Chain(JointRanges):
         return known
 
     def fk(self, q: ArrayLike) -> Array:
-        """Return poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
+        """Compute poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
         (rows,) = self.functions.tip(self._rows(q).T)
         return _whole(rows.reshape(3, 4, rows.shape[1]))
 
     def frames(self, q: ArrayLike) -> Array:
-        """Return poses (n, j, 4, 4) of the links ``carriers`` in the base for configurations (n, d)."""
+        """Compute poses (n, j, 4, 4) of the links ``carriers`` in the base for configurations (n, d)."""
         return _whole(self.frame_rows(q))
 
     def frame_rows(self, q: ArrayLike) -> Array:
-        """Return the same without last rows, configurations along the last axis: (j, 3, 4, n)."""
+        """Compute the first three rows of these poses, configurations along the last axis: (j, 3, 4, n)."""
         rows = self._rows(q)
         if not self.carriers:
             return np.zeros((0, 3, 4, len(rows)))
         return self.functions.frames(rows.T)[0].reshape(len(self.carriers), 3, 4, len(rows))
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Return geometric Jacobians (n, 6, d) for configurations (n, d): velocity of the tip point above angular one.
+        """Compute geometric Jacobians (n, 6, d) for configurations (n, d): linear above angular velocity of the tip.
 
         Both in the axes of the base.
         """
@@ -178,7 +177,7 @@ class Chain(JointRanges):
         return rows.T.reshape(rows.shape[1], 6, self.dof)
 
     def may_reach(self, targets: ArrayLike) -> NDArray[np.bool_]:
-        """Return which targets (m, 4, 4) in the base are not too far away for the tip in every configuration."""
+        """Check which targets (m, 4, 4) in the base are within the chain's greatest extent."""
         center, radius, last = self._span
         poses = np.asarray(targets, float)
         last_frames = rotated(poses[:, :3, :3], last) + poses[:, :3, 3]
@@ -187,9 +186,10 @@ class Chain(JointRanges):
 
     @cached_property
     def _span(self) -> tuple[Array, float, Array]:
-        """Centre (3,) and radius [m] of a ball in the base that the last moving link's origin, (3,) of the tip, is in.
+        """Centre (3,) and radius [m] of a ball that holds the last moving link's origin; that origin (3,) in the tip.
 
-        From one such link to the next the distance of origins is fixed, but for the travel of a joint that slides.
+        The ball is in the base. The distance between origins of consecutive moving links is constant, apart from the
+        travel of prismatic joints.
         """
         middle = (self.lower + self.upper) / 2
         origins = self.frames(middle)[0, :, :3, 3]
@@ -203,7 +203,7 @@ class Chain(JointRanges):
         return origins[0], radius, rotated(tip[:3, :3].T, origins[-1] - tip[:3, 3])
 
     def sample(self, rng: np.random.Generator, shape: int | tuple[int, ...]) -> Array:
-        """Return uniform configurations (*shape, d) within the limits."""
+        """Draw uniform configurations (*shape, d) within the limits."""
         sizes = (shape,) if isinstance(shape, int) else shape
         return rng.uniform(self.lower, self.upper, (*sizes, self.dof))
 
@@ -215,10 +215,10 @@ class Chain(JointRanges):
 
 
 class ChainFunctions:
-    """The functions of one chain on casadi's virtual machine, each written down when it is first asked for."""
+    """Functions of one chain on casadi's virtual machine, each built on first use."""
 
     def __init__(self, symbolic: SymbolicChain, lower: Array, upper: Array) -> None:
-        """``lower`` and ``upper`` (d,) are infinite for joints that turn without end."""
+        """Create the functions; ``lower`` and ``upper`` (d,) are infinite for continuous joints."""
         self.symbolic, self._lower, self._upper = symbolic, lower, upper
 
     @cached_property
@@ -238,21 +238,21 @@ class ChainFunctions:
 
     @cached_property
     def step(self) -> RowFunction:
-        """A step of inverse kinematics."""
+        """One step of inverse kinematics."""
         return RowFunction(self.symbolic.step_function(self._lower, self._upper))
 
     def within(self, q: Array) -> Array:
-        """Return configurations (d, n) with each joint at the limit that it is beyond."""
+        """Clamp configurations (d, n) to the limits."""
         return np.minimum(np.maximum(q, self._lower[:, None]), self._upper[:, None])
 
 
 _FUNCTIONS: dict[str, ChainFunctions] = {}
 MOST_CHAINS = 32
-"""Largest number of chains whose functions are kept in a process: arms, necks and lifts of several robots."""
+"""Number of chains whose functions are cached in a process: arms, necks and lifts of several robots."""
 
 
 class InverseKinematics:
-    """Configurations of a chain that bring its tip to a pose, by Levenberg-Marquardt from given seeds."""
+    """Inverse kinematics of a chain's tip by Levenberg-Marquardt from given seeds."""
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
@@ -261,10 +261,10 @@ class InverseKinematics:
         """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
 
         Returns q (m, d) and ok (m,): where ok, the tip is within 0.1 mm and 1 mrad of the target and the joints are
-        within their limits; elsewhere q is the nearest that a seed has led to. Continuous joints come out within half
-        a turn of the first seed. Seeds outside of the limits begin at the limit. A target's result does not depend on
-        the others. A rotation R that is one but for rounding, R R^T within ``IMPROPER`` of 1, means the nearest;
-        ValueError for others, reflections too, and for numbers that are not finite.
+        within their limits; elsewhere q is the nearest configuration found. Continuous joints are within half a turn of
+        the first seed. Seeds outside the limits are clamped. A target's result does not depend on the others. A
+        rotation R with R R^T within ``IMPROPER`` of 1 stands for the nearest one; ValueError for others, for
+        reflections, and for numbers that are not finite.
         """
         poses, starts = np.asarray(targets, float), np.asarray(seeds, float)
         d = self.chain.dof
@@ -277,45 +277,45 @@ class InverseKinematics:
         _check_poses(poses)
         still_computing()
         rows = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1).T
-        found, least = np.empty((d, len(poses))), np.full(len(poses), np.inf)
-        solved, left = np.zeros(len(poses), np.bool_), np.arange(len(poses))
+        best, least = np.empty((d, len(poses))), np.full(len(poses), np.inf)
+        solved, unsolved = np.zeros(len(poses), np.bool_), np.arange(len(poses))
         for seed in range(starts.shape[1]):
-            q, error, met = self._descend(rows[:, left], starts[left, seed].T)
-            better = met | (error < least[left]) | (seed == 0)
-            found[:, left[better]], least[left[better]], solved[left] = q[:, better], error[better], met
-            left = left[~met]
-            if not len(left):
+            q, error, ok = self._descend(rows[:, unsolved], starts[unsolved, seed].T)
+            better = ok | (error < least[unsolved]) | (seed == 0)
+            best[:, unsolved[better]], least[unsolved[better]], solved[unsolved] = q[:, better], error[better], ok
+            unsolved = unsolved[~ok]
+            if not len(unsolved):
                 break
-        return self.chain.near(found.T, starts[:, 0]), solved
+        return self.chain.near(best.T, starts[:, 0]), solved
 
     def _descend(self, targets: Array, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return configurations (d, n) for targets (12, n) from seeds (d, n), squared errors, and which meet targets.
+        """Descend to targets (12, n) from seeds (d, n): configurations, squared errors, and which converged.
 
-        Each row goes on by itself until it meets its target, stalls, or has made all its steps.
+        Each row continues by itself until it converges, stalls, or has used all its steps.
         """
         q = self.chain.functions.within(q)
-        found, errors, solved = np.empty_like(q), np.empty(q.shape[1]), np.zeros(q.shape[1], np.bool_)
+        results, errors, solved = np.empty_like(q), np.empty(q.shape[1]), np.zeros(q.shape[1], np.bool_)
         row, least = np.arange(q.shape[1]), np.full(q.shape[1], np.inf)
         slow = np.zeros(q.shape[1], np.intp)
         for step in range(STEPS + 1):
             moved, squares = self.chain.functions.step(q, targets)
-            met = (squares <= TOLERANCES).all(axis=0)
+            ok = (squares <= TOLERANCES).all(axis=0)
             error = squares[0] + ROTATION_WEIGHT**2 * squares[1]
-            nearer = error < STALLED * least
-            least, slow = np.where(nearer, error, least), (slow + 1) * ~nearer
-            on = (slow < MOST_SLOW) & ~met & (step < STEPS)
+            improved = error < STALLED * least
+            least, slow = np.where(improved, error, least), (slow + 1) * ~improved
+            on = (slow < MOST_SLOW) & ~ok & (step < STEPS)
             if not on.all():
-                end = ~on
-                found[:, row[end]], errors[row[end]], solved[row] = q[:, end], error[end], met
+                ended = ~on
+                results[:, row[ended]], errors[row[ended]], solved[row] = q[:, ended], error[ended], ok
                 row, moved, targets, least, slow = row[on], moved[:, on], targets[:, on], least[on], slow[on]
                 if not len(row):
                     break
             q = moved
-        return found, errors, solved
+        return results, errors, solved
 
 
 def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:
-    """Return whom a joint follows in the end, and how: (name, multiplier, offset)."""
+    """Resolve the master of a joint through chains of mimics: (name, multiplier, offset)."""
     multiplier, offset, seen = 1.0, 0.0, {joint.name}
     while joint.mimic is not None and joint.mimic.joint in every and joint.mimic.joint not in seen:
         offset += multiplier * joint.mimic.offset
@@ -326,7 +326,7 @@ def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float
 
 
 def _whole(rows: Array) -> Array:
-    """Return poses (n, ..., 4, 4) of their first three rows (..., 3, 4, n)."""
+    """Complete poses (n, ..., 4, 4) from their first three rows (..., 3, 4, n)."""
     poses = np.zeros((rows.shape[-1], *rows.shape[:-3], 4, 4))
     poses[..., :3, :] = np.moveaxis(rows, -1, 0)
     poses[..., 3, 3] = 1.0
@@ -334,7 +334,7 @@ def _whole(rows: Array) -> Array:
 
 
 def _check_poses(poses: Array) -> None:
-    """Raise ValueError for the first of poses (m, 4, 4) that is none."""
+    """Raise ValueError for the first of poses (m, 4, 4) that is invalid."""
     rotations = poses[:, :3, :3]
     with np.errstate(invalid="ignore", over="ignore"):
         off = np.abs(product(rotations, np.swapaxes(rotations, -1, -2)) - np.eye(3)).max(axis=(-1, -2))
@@ -345,12 +345,12 @@ def _check_poses(poses: Array) -> None:
         return
     number = int(np.argmin(proper))
     if not np.isfinite(poses[number, :3]).all():
-        wrong = "it has numbers that are not finite"
+        wrong = "it contains numbers that are not finite"
     elif off[number] > IMPROPER:
         wrong = f"R R^T of its rotation R differs from 1 by {off[number]:.3g}"
     else:
         wrong = "its rotation is a reflection, of determinant -1"
-    raise ValueError(f"target {number} is no pose: {wrong}")
+    raise ValueError(f"target {number} is not a pose: {wrong}")
 
 
 def _frozen(values: Sequence[float]) -> Array:
@@ -360,13 +360,13 @@ def _frozen(values: Sequence[float]) -> Array:
 
 
 GAZE_STEPS = 61
-"""Postures per neck joint in the table; about 3 degrees apart for a neck that turns half around."""
+"""Postures per neck joint in the table: about 3 degrees apart for a range of half a turn."""
 COARSE = 4
-"""Stride of the postures that are tried first when there are many points."""
+"""Stride of the first pass over the postures when there are many points."""
 
 
 class Gaze:
-    """Points a camera that sits on a chain of neck joints; all in the frame of the robot's base link."""
+    """Aims a camera on a chain of neck joints; everything is in the frame of the robot's base link."""
 
     def __init__(
         self,
@@ -378,7 +378,7 @@ class Gaze:
         *,
         still: dict[str, float],
     ) -> None:
-        """``axis`` is the viewing direction in the camera link's frame, ``still`` the other joints of the chain."""
+        """Tabulate postures; ``axis`` is the view in the camera link's frame, ``still`` fixes other joints."""
         self.joints = neck
         chain = Chain.from_urdf(urdf, base_link, camera_link, locked=still)
         grids = np.meshgrid(
@@ -391,7 +391,7 @@ class Gaze:
 
     @classmethod
     def fixed(cls, pose: Array, axis: tuple[float, float, float]) -> Gaze:
-        """Return the gaze of a camera which no neck turns, at a pose (4, 4) in the base link's frame."""
+        """Describe a camera without a neck, at a pose (4, 4) in the base link's frame."""
         gaze = cls.__new__(cls)
         gaze.joints = ()
         gaze._look(np.zeros((1, 0)), pose[None], axis)
@@ -405,9 +405,9 @@ class Gaze:
         self._square = np.einsum("ij,ij->i", self._origin, self._origin)
 
     def at_all(self, points: Array) -> tuple[Array, Array]:
-        """Return by how much the view misses points (n, 3) [rad], (n,), and the camera's places (n, 3); as :meth:`at`.
+        """Compute for points (n, 3) by how much the view misses them [rad] (n,), and the camera positions (n, 3).
 
-        The best of every fourth posture of each joint first, then the best around it.
+        Searches every fourth posture of each joint first, then around the best of them; otherwise as :meth:`at`.
         """
         every = np.arange(len(self._q)).reshape((GAZE_STEPS,) * len(self.joints))
         coarse = every[(slice(None, None, COARSE),) * len(self.joints)].ravel()
@@ -423,15 +423,15 @@ class Gaze:
         return np.arccos(np.clip(cosine, -1.0, 1.0)), self._origin[best]
 
     def _cosines(self, points: Array, postures: Array) -> Array:
-        """Return cosines between view and points (n, 3) in postures (n, k) of the table, (n, k)."""
+        """Compute cosines (n, k) between the view and points (n, 3) in postures (n, k) of the table."""
         arrows = points[:, None] - self._origin[postures]
         return np.asarray(
             np.einsum("nki,nki->nk", arrows, self._axis[postures]) / np.maximum(np.linalg.norm(arrows, axis=2), 1e-9)
         )
 
     def at(self, point: Array) -> tuple[Array, float, Array]:
-        """Neck joint values (k,), by how much the view misses a point (3,) [rad], and the camera's place (3,)."""
-        away = np.sqrt(np.maximum(point @ point - 2 * (self._origin @ point) + self._square, 1e-18))
-        cosine = (self._axis @ point - self._behind) / away
+        """Find neck joint values (k,) to view a point (3,), the remaining angle [rad], and the camera position (3,)."""
+        distances = np.sqrt(np.maximum(point @ point - 2 * (self._origin @ point) + self._square, 1e-18))
+        cosine = (self._axis @ point - self._behind) / distances
         best = int(np.argmax(cosine))
         return self._q[best], math.acos(float(np.clip(cosine[best], -1.0, 1.0))), self._origin[best]

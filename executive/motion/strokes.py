@@ -1,7 +1,7 @@
-"""Strokes: a tool goes through many places without a stop, as a spoon in a pot or a sponge on a table.
+"""Strokes: a tool passes many places without stopping, as a spoon in a pot or a sponge on a table.
 
-At each place constraints hold, and some throughout the stroke. Configurations at all places are optimised together;
-every row of the timed motion is checked, as those of a phase are (:mod:`executive.motion.constrained_motion`).
+Each place has its constraints, and some hold throughout the stroke. Configurations at all places are optimised
+together; every row of the timed motion is checked, as in a phase (:mod:`executive.motion.constrained_motion`).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from planlang.protocols import Trajectory
 Place = Sequence[MotionConstraint]
 
 MOST_UNEQUAL = 5000.0
-"""Largest ratio of the price of a joint's moves to the median: with that of a phase the torso of the PR2, at 13 mm/s,
-moved by 0.1 to 0.2 m on lanes that its arm wipes in 5 s without."""
+"""Largest ratio of the cost of a joint's moves to the median. With the ratio of a phase, the PR2's torso (13 mm/s)
+moved by 0.1 to 0.2 m in strokes that its arm alone wipes in 5 s."""
 
 
 def ends_at(problem: MotionProblem, start: Array, places: Sequence[Place]) -> Ends:
-    """Return the search for configurations at all places from joint values (n,)."""
+    """Set up the search for configurations at all places from joint values (n,)."""
     return Ends.of(replace(problem, rates=replace(problem.rates, most_unequal=MOST_UNEQUAL)), start, places)
 
 
@@ -40,24 +40,24 @@ def solve_stroke(
     *,
     closed: bool,
 ) -> tuple[Trajectory, Trajectory]:
-    """Return the way from joint values (n,) to the first place, and that through all, if closed back to the first.
+    """Plan the motion from joint values (n,) to the first place, and that through all, if closed back to the first.
 
-    ``kept`` holds throughout the second; ``to_first`` is the same problem, where more may not be touched. Raises
-    :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and :class:`MotionError` for features, tools or frames
-    of which nothing is known.
+    ``kept`` holds throughout the second; ``to_first`` is the same problem with stricter collision rules. Raises
+    :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and :class:`MotionError` for unknown features, tools or
+    frames.
     """
     ends = ends_at(problem, start, places)
     bounds = ends.functions.bounds
-    keeping = [number for number, bound in enumerate(bounds) if bound.constraint in kept]
-    every, tried = range(len(bounds)), []
-    for found in islice(ends.along(), MOST_ENDS):
-        rows = np.array(list(found.values()))
+    kept_numbers = [number for number, bound in enumerate(bounds) if bound.constraint in kept]
+    all_numbers, failures = range(len(bounds)), []
+    for configurations in islice(ends.along(), MOST_ENDS):
+        rows = np.array(list(configurations.values()))
         if closed:
             rows = ends.rounded(rows)
             rows = np.vstack([rows, rows[:1]])
         try:
-            begun = Way(to_first, ends.functions, start, rows[0], (), every, 0).timed()
-            return begun, Way(problem, ends.functions, rows[0], rows[-1], keeping, every, 0).through(rows)
+            approach = Way(to_first, ends.functions, start, rows[0], (), all_numbers, 0).timed()
+            return approach, Way(problem, ends.functions, rows[0], rows[-1], kept_numbers, all_numbers, 0).through(rows)
         except NoConstrainedPath as failure:
-            tried.append(failure)
-    raise tried[0] if tried else ConstraintsContradict(0, [bound.constraint for bound in bounds])
+            failures.append(failure)
+    raise failures[0] if failures else ConstraintsContradict(0, [bound.constraint for bound in bounds])

@@ -1,16 +1,16 @@
-"""A chain of joints as symbolic expressions of casadi: forward kinematics, Jacobian, one step of inverse kinematics.
+"""Chains of joints as casadi expressions: forward kinematics, Jacobian, one step of inverse kinematics.
 
-The step is one of Levenberg and Marquardt with joint limits. With e = (p* - p, w log(R* R^T)) and J weighted likewise,
-it is dq = J^T (J J^T + l I)^-1 e with the damping l = |e|^2 / 2 + bias of Sugihara (Solvability-unconcerned inverse
-kinematics by the Levenberg-Marquardt method, IEEE T-RO 2011). Columns of joints that stand at a limit and would leave
-it are taken out of J; the step is clipped, then the joints.
+The step is Levenberg-Marquardt with joint limits. With e = (p* - p, w log(R* R^T)) and J weighted likewise, it is dq =
+J^T (J J^T + l I)^-1 e with the damping l = |e|^2 / 2 + bias of Sugihara (Solvability-unconcerned inverse kinematics by
+the Levenberg-Marquardt method, IEEE T-RO 2011). Columns of joints that are at a limit and would leave it are removed
+from J; the step is clipped, then the joints are clamped.
 
-A function is applied to many rows at once on casadi's virtual machine (:class:`RowFunction`): nothing is compiled. That
-machine takes about 8 ns for an instruction on numbers, and about 80 ns and 1 ns a row for one on vectors. So for many
-rows the same instructions are written down once more, on vectors: a step of inverse kinematics of an arm of 8 joints
-(1,238 instructions) then takes 1.2 us a row instead of 10 us, little more than compiled C
-(docs/reference/benchmarks.md). Each row passes through the same operations in the same order in both, so that its
-result does not depend on how many rows there are.
+A function is applied to many rows at once on casadi's virtual machine (:class:`RowFunction`), without compilation. An
+instruction takes about 8 ns on numbers, and about 80 ns plus 1 ns per row on vectors. For many rows the same
+instructions are therefore rewritten for vectors: a step of inverse kinematics of an arm of 8 joints (1,238
+instructions) then takes 1.2 us per row instead of 10 us, little more than compiled C (docs/reference/benchmarks.md).
+Both forms apply the same operations in the same order to each row, so that its result does not depend on the number of
+rows.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from planlang.geometry.urdf import Joint, displacement
 from planlang.records import dataclass
 
 BLOCKS = ((256, 97), (32, 7), (1, 0))
-"""Rows of a call, and from how many rows on that are left it is made: where it begins to be the cheapest."""
+"""Rows of a block, and the number of remaining rows from which on that size is the cheapest."""
 
 
 WORTH = 500
-"""Rows after which a function is written down on vectors: that takes as long as to apply it to so many one by one."""
+"""Rows after which a function is rewritten for vectors: that costs as much as these rows one by one."""
 
 
 class RowFunction:
-    """A function of vectors, applied to each column of its arguments (rows of a batch lie along the last axis).
+    """Function of vectors, applied to each column of its arguments (rows of a batch lie along the last axis).
 
     The work arrays belong to the object: one thread at a time.
     """
 
     def __init__(self, function: Any) -> None:
-        """Wrap ``function``, of casadi's scalar expressions (SX), with dense vectors as arguments and results."""
+        """Wrap a casadi function of scalar expressions (SX) with dense vectors as arguments and results."""
         self._function = function
         self._rows = 0
         self._blocks: dict[int, tuple[list[Array], list[Array], Any, Any]] = {}
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """Return results (width, n) of arguments (width, n)."""
+        """Apply it to arguments (width, n); results have shape (width, n)."""
         count, parts = arguments[0].shape[1], list[list[Array]]()
         first = 0
         self._rows += count
@@ -79,9 +79,9 @@ class RowFunction:
 
 
 def _on_vectors(function: Any, size: int) -> Any:
-    """Return the same function with each number replaced by a vector of ``size`` rows.
+    """Rewrite a function with each number replaced by a vector of ``size`` rows.
 
-    It rounds as the function does, so casadi must not simplify it: it would replace a - (a + b) by -b.
+    Rounding must stay the same, so casadi's simplification is off: it would replace a - (a + b) by -b.
     """
     simplifies = casadi.GlobalOptions.getSimplificationOnTheFly()
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
@@ -116,16 +116,16 @@ def _instructions_on_vectors(function: Any, size: int) -> Any:
 ROTATION_WEIGHT = 0.5
 """Metres per radian in the error: about the length of a forearm, so that both parts change at the same rate."""
 BIAS = 1e-6
-"""Smallest damping: keeps steps finite where the Jacobian loses rank, and leaves convergence quadratic elsewhere."""
+"""Smallest damping: keeps steps finite at singularities, and convergence quadratic elsewhere."""
 LARGEST_STEP = 0.8
-"""Largest move of a joint in one step [rad, m]: beyond it the linearised rotation means nothing."""
+"""Largest joint change per step [rad, m]: beyond it the linearised rotation is meaningless."""
 HALF_TURN = 1e-6
-"""Nearer to half a turn than this the part of a rotation that gives the axis of other turns all but vanishes [rad]."""
+"""Distance from half a turn [rad] within which the antisymmetric part of a rotation vanishes and gives no axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """The source of a joint's position: ``multiplier * q[index] + offset``; index None is a fixed position."""
+    """Position of a joint: ``multiplier * q[index] + offset``; a constant if index is None."""
 
     index: int | None
     multiplier: float = 1.0
@@ -134,7 +134,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class SymbolicChain:
-    """Expressions of a chain in its base frame, the tip's ``jacobian`` (6, d): linear above angular velocity."""
+    """Expressions of a chain in its base frame; ``jacobian`` (6, d) is that of the tip, linear above angular."""
 
     q: Any
     rotation: Any
@@ -145,7 +145,7 @@ class SymbolicChain:
 
     @staticmethod
     def of(joints: Sequence[Joint], variables: Sequence[Variable], size: int) -> SymbolicChain:
-        """Return forward kinematics and geometric Jacobian of joints from base to tip as functions of q (size,)."""
+        """Derive forward kinematics and geometric Jacobian of joints from base to tip in terms of q (size,)."""
         q = casadi.SX.sym("q", size)
         rotation, position = casadi.SX.eye(3), casadi.SX.zeros(3)
         moving: list[tuple[Joint, Variable, Any, Any]] = []
@@ -180,29 +180,29 @@ class SymbolicChain:
         return SymbolicChain(q, rotation, position, casadi.horzcat(*columns), tuple(frames))
 
     def tip_function(self) -> Any:
-        """Return q -> the tip's rotation and, as a fourth column, its position, row by row (12)."""
+        """q -> rotation of the tip with its position as fourth column, row by row (12)."""
         return self._function("tip", _row_major(casadi.horzcat(self.rotation, self.position)))
 
     def jacobian_function(self) -> Any:
-        """Return q -> the Jacobian row by row (6 d)."""
+        """q -> Jacobian, row by row (6 d)."""
         return self._function("jacobian", _row_major(self.jacobian))
 
     def frames_function(self) -> Any:
-        """Return q -> the same for the child of each of j moving joints (12 j)."""
+        """q -> the same for the children of j moving joints (12 j)."""
         return self._function("frames", casadi.vertcat(*(_row_major(casadi.horzcat(*frame)) for frame in self.frames)))
 
     def _function(self, name: str, output: Any) -> Any:
         return casadi.Function(name, [self.q], [output], {"cse": True})
 
     def step_function(self, lower: Array, upper: Array) -> Any:
-        """Return (q, target) -> (q after one step, squared errors [m^2, rad^2] at q), within limits (d,), or infinite.
+        """(q, target) -> (q after one step, squared errors [m^2, rad^2] at q), with limits (d,), or infinite.
 
-        A target is a row of 12: the rotation row by row, the position.
+        A target has 12 rows: the rotation row by row, then the position.
         """
         q, target = self.q, casadi.SX.sym("target", 12)
-        wanted, place = casadi.reshape(target[:9], 3, 3).T, target[9:]
-        linear = place - self.position
-        angular = _log(wanted @ self.rotation.T)
+        goal_rotation, goal_position = casadi.reshape(target[:9], 3, 3).T, target[9:]
+        linear = goal_position - self.position
+        angular = _log(goal_rotation @ self.rotation.T)
         squares = casadi.vertcat(casadi.dot(linear, linear), casadi.dot(angular, angular))
 
         error = casadi.vertcat(linear, ROTATION_WEIGHT * angular)
@@ -222,14 +222,14 @@ class SymbolicChain:
 
 
 def _log(rotation: Any) -> Any:
-    """Return the rotation vector of a rotation matrix (3, 3); of half a turn one of the two."""
+    """Rotation vector of a rotation matrix (3, 3); for half a turn one of the two."""
     twice = casadi.vertcat(
         rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
     )
     sine = casadi.sqrt(casadi.dot(twice, twice) / 4 + 1e-20)
     cosine = (casadi.trace(rotation) - 1) / 2
     angle = casadi.atan2(sine, cosine)
-    column = _longest(rotation + casadi.SX.eye(3))  # of half a turn about n: 2 n n^T
+    column = _longest(rotation + casadi.SX.eye(3))  # 2 n n^T for half a turn about n
     return casadi.if_else(
         casadi.logic_and(sine < HALF_TURN, cosine < 0),
         column * (angle / casadi.norm_2(column)),
@@ -238,14 +238,14 @@ def _log(rotation: Any) -> Any:
 
 
 def _longest(matrix: Any) -> Any:
-    """Return the column of the greatest diagonal element of a matrix (3, 3)."""
+    """Column of the greatest diagonal element of a matrix (3, 3)."""
     first, second, third = (matrix[i, i] for i in range(3))
     rest = casadi.if_else(second >= third, matrix[:, 1], matrix[:, 2])
     return casadi.if_else(casadi.logic_and(first >= second, first >= third), matrix[:, 0], rest)
 
 
 def _constant(matrix: Array) -> Any:
-    """Return a sparse constant: what is within rounding of 0 or 1 is it, so that the expressions stay small."""
+    """Sparse constant, with values close to 0 or 1 rounded, so that expressions stay small."""
     whole = np.round(matrix)
     return casadi.SX(casadi.sparsify(casadi.DM(np.where(np.abs(matrix - whole) < 1e-12, whole, matrix))))
 

@@ -1,14 +1,15 @@
-"""Trajectories from waypoints: straight lines of the tip (an approach, a lift, a retreat), and timing.
+"""Trajectories: straight lines of the tip (approach, lift, retreat), and timing of waypoints.
 
-Waypoints are timed by one-DoF ruckig along the path, so that a motion never leaves the line that was checked.
+Timing uses one-DoF ruckig along the path, so that a motion never leaves the line that was checked.
 
 The path parameter s of a straight segment from a to b is measured in seconds at full speed, T = max_i |b_i - a_i| /
-v_i, so that ds/dt <= 1 is the velocity limit everywhere, and acceleration and jerk along s are limited by
-min_i limit_i T / |b_i - a_i|. Synchronising several degrees of freedom instead leaves the line when the limits are not
+v_i, so that ds/dt <= 1 is the velocity limit everywhere, and acceleration and jerk along s are limited by min_i limit_i
+T / |b_i - a_i|. Synchronising several degrees of freedom instead would leave the line if the limits are not
 proportional to each other.
 
-On a curve q(s), with derivatives q1, q2, q3 by s and s1, s2, s3 of s by time, joints move with velocity q1 s1,
-acceleration q1 s2 + q2 s1^2 and jerk q1 s3 + 3 q2 s1 s2 + q3 s1^3. Each term gets the same share of its limit.
+On a curve q(s), with derivatives q1, q2, q3 with respect to s and s1, s2, s3 of s with respect to time, joints have
+velocity q1 s1, acceleration q1 s2 + q2 s1^2 and jerk q1 s3 + 3 q2 s1 s2 + q3 s1^3. Each term gets an equal share of its
+limit.
 """
 
 from __future__ import annotations
@@ -27,26 +28,26 @@ from planlang.protocols import Trajectory
 from planlang.records import dataclass
 
 UNTURNED = 1e-12
-"""Poses turned against each other by no more than half of this have the same rotation [rad]."""
+"""Twice the angle up to which two rotations count as equal [rad]."""
 HALF_TURN = 1e-3
-"""Nearer to half a turn than half of this the antisymmetric part of a rotation is too small to give its axis [rad]."""
+"""Twice the distance from half a turn within which the antisymmetric part of a rotation gives no axis [rad]."""
 
 
 AHEAD = 9
-"""Poses whose inverse kinematics starts from the same configuration: at 0.1 m in all it converges in 3 to 5 steps."""
+"""Poses solved from the same configuration: over 0.1 m in total, inverse kinematics converges in 3 to 5 steps."""
 UNMOVED = 1e-18
-"""Squared lengths up to this are no way [m^2]."""
+"""Squared lengths up to this count as zero [m^2]."""
 LARGEST_STRAY = 1e-3
 """Largest distance of the tip from a straight line [m]."""
 LARGEST_TILT = 1e-2
-"""Largest rotation of the tip from the even one between the first rotation and the last [rad]."""
+"""Largest deviation of the tip from even rotation between the first and the last pose [rad]."""
 REFINED = 3
-"""So many times the steps of a line are halved if the tip leaves it between them."""
+"""Number of times that the steps of a line are halved if the tip leaves it in between."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TipLine:
-    """A straight line of the tip: its ``waypoints`` (n, d), or None and the ``reason`` why it cannot be followed."""
+    """Straight line of the tip: ``waypoints`` (n, d), or None and the ``reason`` why it cannot be followed."""
 
     waypoints: Array | None
     reason: str = ""
@@ -64,9 +65,9 @@ def cartesian_path(
 ) -> TipLine:
     """Move the tip straight from one pose (4, 4) to another in the chain's base frame, turning it evenly.
 
-    No step may move a joint by more than ``largest_step`` [rad, m]; every
-    configuration but ``start_q`` (d,) is checked. The line between two waypoints is straight in joint space; where the
-    tip would leave its own line by more than :func:`keeps_line` allows, steps are halved.
+    No step may move a joint by more than ``largest_step`` [rad, m]; every configuration but ``start_q`` (d,) is
+    checked. Between waypoints the motion is straight in joint space; if the tip then leaves its line by more than
+    :func:`keeps_line` allows, steps are halved.
     """
     start, goal = np.asarray(start_pose, float), np.asarray(goal_pose, float)
     counts = [steps * 2**halved for halved in range(REFINED + 1)]
@@ -81,19 +82,19 @@ def cartesian_path(
 
 
 def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
-    """Return True if poses (n, 4, 4) are on the line between two poses (4, 4), within both LARGEST_*.
+    """Check that poses (n, 4, 4) are on the line between two poses (4, 4), within both LARGEST_* tolerances.
 
-    Their positions along the line are not checked.
+    Their order along the line is not checked.
     """
-    way = goal[:3, 3] - start[:3, 3]
+    line = goal[:3, 3] - start[:3, 3]
     moved = poses[:, :3, 3] - start[:3, 3]
-    along = np.clip(moved @ way / max(float(way @ way), UNMOVED), 0.0, 1.0)
-    stray = np.linalg.norm(moved - along[:, None] * way, axis=1).max()
+    along = np.clip(moved @ line / max(float(line @ line), UNMOVED), 0.0, 1.0)
+    stray = np.linalg.norm(moved - along[:, None] * line, axis=1).max()
     turns = product(poses[:, :3, :3], start[:3, :3].T)
     axis, _ = _turn(start, goal)
     if axis is None:
         cosines = (np.trace(turns, axis1=1, axis2=2) - 1) / 2
-    else:  # turned about it alone, an axis stays where it is
+    else:  # rotations about the axis alone leave it unchanged
         cosines = rotated(turns, axis) @ axis
     return bool(stray <= LARGEST_STRAY and cosines.min() >= math.cos(LARGEST_TILT))
 
@@ -101,19 +102,19 @@ def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
 def _in_steps(
     ik: InverseKinematics, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float
 ) -> TipLine:
-    """Go from a configuration (d,) through poses (n, 4, 4)."""
+    """Follow poses (n, 4, 4) from a configuration (d,)."""
     waypoints, steps = [q], len(poses)
     for i in range(steps):
-        if i % AHEAD == 0:  # the next few start from here: near enough, and one call for all
+        if i % AHEAD == 0:  # solve the next few from here: close enough for a seed, and one call for all
             ahead = poses[i : i + AHEAD]
-            found, reached = ik.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
+            solutions, reached = ik.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
         if not reached[i % AHEAD]:
-            return TipLine(None, f"the tip does not reach step {i + 1} of {steps}")
-        jump = np.abs(found[i % AHEAD] - q)
+            return TipLine(None, f"the tip cannot reach step {i + 1} of {steps}")
+        jump = np.abs(solutions[i % AHEAD] - q)
         if jump.max() > largest_step:
             name = ik.chain.names[int(np.argmax(jump))]
             return TipLine(None, f"{name} would jump by {jump.max():.2f} at step {i + 1} of {steps}")
-        q = found[i % AHEAD]
+        q = solutions[i % AHEAD]
         if not is_free(q.copy()):
             return TipLine(None, f"in collision at step {i + 1} of {steps}")
         waypoints.append(q)
@@ -121,7 +122,7 @@ def _in_steps(
 
 
 def _between(start: Array, goal: Array, steps: int) -> Array:
-    """Return poses (steps, 4, 4) after the start up to the goal, evenly moved and turned."""
+    """Interpolate poses (steps, 4, 4) after the start up to the goal, evenly moved and turned."""
     shares = np.arange(1, steps + 1) / steps
     poses = np.repeat(start[None], steps, axis=0)
     poses[:, :3, 3] += shares[:, None] * (goal[:3, 3] - start[:3, 3])
@@ -136,7 +137,7 @@ def _between(start: Array, goal: Array, steps: int) -> Array:
 
 
 def _turn(start: Array, goal: Array) -> tuple[Array | None, float]:
-    """About which axis (3,) and how far [rad] one pose (4, 4) is turned against another; None where it is not."""
+    """Axis (3,) and angle [rad] of the rotation from one pose (4, 4) to another; None if there is none."""
     turn = product(goal[:3, :3], start[:3, :3].T)
     twice = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     cosine, double_sine = (np.trace(turn) - 1) / 2, math.sqrt(twice @ twice)
@@ -147,14 +148,14 @@ def _turn(start: Array, goal: Array) -> tuple[Array | None, float]:
 
 
 def _axis(turn: Array) -> Array:
-    """Return a rotation's (3, 3) axis (3,), as its eigenvector: where the antisymmetric part all but vanishes."""
+    """Axis (3,) of a rotation (3, 3) as its eigenvector, for angles whose antisymmetric part vanishes."""
     values, vectors = np.linalg.eig(turn)
     axis = np.real(vectors[:, int(np.argmin(np.abs(values - 1)))])
     return np.asarray(axis / np.linalg.norm(axis))
 
 
 STRAIGHT = 1e-6
-"""Segments whose directions differ by no more than this, in shares of the velocity limits, are one."""
+"""Difference of directions up to which segments are one, in shares of the velocity limits."""
 
 
 def time_path(
@@ -166,11 +167,11 @@ def time_path(
     jerk: ArrayLike,
     rate: int,
 ) -> Trajectory:
-    """Return the trajectory through waypoints (n, d), n >= 1, within limits (d,) or scalars, at ``rate`` rows/s.
+    """Time waypoints (n, d), n >= 1, within limits (d,) or scalars, at ``rate`` rows/s.
 
     Every row lies on the path; the first and the last row are the first and the last waypoint. The motion starts and
-    ends at rest, and stops at corners, at a row of its own. Waypoints that repeat cost no time; n = 1 or no motion
-    gives one row.
+    ends at rest, and stops at corners, at a row of its own. Repeated waypoints cost no time; n = 1 or no motion gives
+    one row.
     """
     points, (v, a, j) = _checked(names, waypoints, (velocity, acceleration, jerk), rate)
     times = (np.abs(np.diff(points, axis=0)) / v).max(axis=1)
@@ -204,11 +205,11 @@ def time_curve(
     jerk: ArrayLike,
     rate: int,
 ) -> Trajectory:
-    """Return a trajectory as :func:`time_path`, along the waypoints' natural cubic spline, with no stop between.
+    """Time waypoints as :func:`time_path`, along their natural cubic spline, without intermediate stops.
 
-    Rows are on the spline, not on straight lines between the waypoints: what has to be free has to be checked again.
-    Its parameter is centripetal (E. T. Y. Lee, Choosing nodes in parametric curve interpolation, 1989): measured in
-    time at full speed, it swings out far where a slow joint comes to rest at its limit and the others take over.
+    Rows are on the spline, not on straight lines between the waypoints, and have to be checked for collisions again.
+    The parameter is centripetal (E. T. Y. Lee, Choosing nodes in parametric curve interpolation, 1989): one measured in
+    time at full speed swings out far where a slow joint comes to rest at its limit and the others take over.
     """
     points, (v, a, j) = _checked(names, waypoints, (velocity, acceleration, jerk), rate)
     if len(points) <= 2:
@@ -228,7 +229,7 @@ def time_curve(
 def _checked(
     names: Sequence[str], waypoints: ArrayLike, limits: tuple[ArrayLike, ArrayLike, ArrayLike], rate: int
 ) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Return waypoints without repetitions, and the limits (d,) of velocity, acceleration and jerk."""
+    """Drop repeated waypoints, and expand the limits (d,) of velocity, acceleration and jerk."""
     points = np.array(waypoints, float)
     if points.ndim != 2 or not len(points) or points.shape[1] != len(names) or not np.isfinite(points).all():
         raise ValueError(f"expected finite waypoints (n, {len(names)}) of {tuple(names)}, got shape {points.shape}")
@@ -241,7 +242,7 @@ def _checked(
 
 
 def _bends(points: Array, lengths: Array) -> Array:
-    """Return the second derivatives (n, d) of the natural cubic spline at its waypoints."""
+    """Compute second derivatives (n, d) of the natural cubic spline at its waypoints."""
     count = len(points)
     matrix, right = np.eye(count), np.zeros_like(points)
     slopes = np.diff(points, axis=0) / lengths[:, None]
@@ -252,7 +253,7 @@ def _bends(points: Array, lengths: Array) -> Array:
 
 
 def _steepest(points: Array, lengths: Array, bends: Array) -> tuple[Array, Array, Array]:
-    """Return each joint's largest first, second and third derivative (d,), absolute, anywhere on the spline."""
+    """Compute each joint's largest absolute first, second and third derivative (d,) anywhere on the spline."""
     slopes = np.diff(points, axis=0) / lengths[:, None]
     before, after, h = bends[:-1], bends[1:], lengths[:, None]
     begin, end = slopes - h * (2 * before + after) / 6, slopes + h * (before + 2 * after) / 6
@@ -264,7 +265,7 @@ def _steepest(points: Array, lengths: Array, bends: Array) -> tuple[Array, Array
 
 
 def _on_spline(points: Array, lengths: Array, bends: Array, along: Array) -> Array:
-    """Return the spline (m, d) at parameters (m,)."""
+    """Evaluate the spline (m, d) at parameters (m,)."""
     marks = np.concatenate([[0.0], np.cumsum(lengths)])
     k = np.clip(np.searchsorted(marks, along, side="right") - 1, 0, len(lengths) - 1)
     h, x = lengths[k][:, None], (along - marks[k])[:, None]
@@ -286,12 +287,12 @@ def _limits(what: str, value: ArrayLike, names: Sequence[str]) -> Array:
 
 
 def _profile(length: float, velocity: float, acceleration: float, jerk: float, rate: int) -> Array:
-    """Return positions (n,) from 0 (left out) to length, at rest at both ends, slowed down to whole samples."""
-    given = ruckig.InputParameter(1)
-    given.max_velocity, given.max_acceleration, given.max_jerk = [velocity], [acceleration], [jerk]
-    given.current_position, given.target_position = [0.0], [length]
+    """Compute positions (n,) from 0 (excluded) to length, at rest at both ends, slowed down to whole samples."""
+    limits = ruckig.InputParameter(1)
+    limits.max_velocity, limits.max_acceleration, limits.max_jerk = [velocity], [acceleration], [jerk]
+    limits.current_position, limits.target_position = [0.0], [length]
     trajectory = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(given, trajectory)
+    result = ruckig.Ruckig(1).calculate(limits, trajectory)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise RuntimeError(
             f"ruckig finds no profile of length {length} with limits {velocity}, {acceleration}, {jerk}: {result}"

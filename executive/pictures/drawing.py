@@ -62,7 +62,7 @@ class Pen:
         around = 2 * FINE if halo else 0
         self._draw.text(at, text, fill, font(size), anchor, stroke_width=around, stroke_fill=PAPER)
         across = {"l": "start", "m": "middle", "r": "end"}[anchor[0]]
-        down = {"a": 0.76, "m": 0.3, "s": 0.0}[anchor[1]] * size * FINE
+        down = {"a": font(size).getmetrics()[0], "m": 0.3 * size * FINE, "s": 0.0}[anchor[1]]
         style = f'font-size="{size * FINE}" text-anchor="{across}" fill="{_hex(fill)}"'
         border = f' paint-order="stroke" stroke="{_hex(PAPER)}" stroke-width="{2 * around}"' if halo else ""
         self.elements.append(f'<text x="{at[0]:.1f}" y="{at[1] + down:.1f}" {style}{border}>{escape(text)}</text>')

@@ -188,10 +188,8 @@ class FloorPlan:
 
     def _regions(self) -> None:
         """Draw the outlines of the regions in which conjuncts hold."""
-        x_min, y_min, x_max, y_max = self.view
         step = STEP * FINE / self.scale
-        xs, ys = np.arange(x_min, x_max, step), np.arange(y_min, y_max, step)
-        points = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+        xs, ys, points = _lattice(self.view, step)
         for number, region in enumerate(self.scenery.regions):
             inside = np.asarray(region.inside(points), bool).reshape(len(xs), len(ys))
             colour = REGIONS[number % len(REGIONS)]
@@ -262,6 +260,13 @@ class FloorPlan:
         return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))
 
 
+def _lattice(bounds: Bounds, step: float) -> tuple[Array, Array, Array]:
+    """Return the columns (n,) and rows (m,) of points that are ``step`` apart [m], and the points (n * m, 2)."""
+    x_min, y_min, x_max, y_max = bounds
+    xs, ys = np.arange(x_min, x_max, step), np.arange(y_min, y_max, step)
+    return xs, ys, np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
 def outlines(scene: PlanningScene, meant: Collection[str] = ()) -> list[Outline]:
     """Return the bodies of a room from above as they are believed to be, those on top last; held ones are left out."""
     world = scene.world
@@ -329,6 +334,8 @@ LINE = 22
 """Height of a line of the legend [pixels]."""
 CLOSE = 0.45
 """A close view is drawn of places that fill less than this share of the room's width."""
+EMPTY = 0.05
+"""A region without one of the points that are so far apart is taken to have no part of the floor [m]."""
 MOST_LISTED = 6
 """Places and bodies that the legend names."""
 
@@ -425,23 +432,26 @@ class _Legend:
         for body, number in list(resolution.blocking.items())[:MOST_LISTED]:
             self._entry(f"{body}: {number}")
 
-    def regions(self, regions: Sequence[Region]) -> None:
-        """Name the outlines of regions."""
+    def regions(self, regions: Sequence[Region], bounds: Bounds) -> None:
+        """Name the outlines of regions, and those that have no part of the floor: nothing is drawn of them."""
         if regions:
             self._head("outlines: where a conjunct holds")
         for number, region in enumerate(regions):
             colour = REGIONS[number % len(REGIONS)]
             self.sheet.pen.line((0, self.used + 9 * FINE, 12 * FINE, self.used + 9 * FINE), fill=colour, width=2 * FINE)
-            self._write(region.words, shift=18 * FINE)
+            is_empty = not np.any(region.inside(_lattice(bounds, EMPTY)[2]))
+            self._write(region.words + (": nowhere on this floor" if is_empty else ""), shift=18 * FINE)
 
-    def scores(self) -> None:
-        """Show which colour means which score, and explain the marks of the map."""
-        self._head("score of a candidate")
-        self.sheet.scale((0, self.used), (160 * FINE, 12 * FINE), SCORES)
-        self.used += 16 * FINE
+    def marks(self, *, are_scored: bool) -> None:
+        """Explain the marks of the map, and which colour means which score if there are some."""
+        if are_scored:
+            self._head("score of a candidate")
+            self.sheet.scale((0, self.used), (160 * FINE, 12 * FINE), SCORES)
+            self.used += 16 * FINE
+            self._write("low ... high; where there is none: no candidate", 12, FAINT)
+        self.used += 0 if are_scored else LINE * FINE // 2
         marks = "ring: outline of what is placed, arrow: its heading; yellow: what is meant; a line for each metre"
-        for text in ("low ... high; where there is none: no candidate", marks):
-            self._write(text, 12, FAINT)
+        self._write(marks, 12, FAINT)
 
     def _head(self, text: str) -> None:
         self.used += LINE * FINE // 2
@@ -463,6 +473,6 @@ def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) 
     legend = _Legend()
     legend.places(resolution.places, resolution.details, resolution.message)
     legend.candidates(resolution, of)
-    legend.regions(scenery.regions)
-    legend.scores()
+    legend.regions(scenery.regions, scenery.bounds)
+    legend.marks(are_scored=any(len(scores) and scores.max() > 0 for _, scores in resolution.scored))
     return legend.sheet, legend.used

@@ -6,7 +6,7 @@ Importing it needs the package rerun-sdk; :func:`executive.pictures.drawn.missin
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from executive.pictures.pose_track import Placed, Tracks
 from executive.pictures.recorded_candidates import record_candidates
 from executive.pictures.recorded_plan import (
     FAILED,
+    FLASH,
     LANES,
     RECIPE,
     TREE,
@@ -90,7 +91,8 @@ class Recording:
     def event(self, step: int, text: str) -> None:
         """Keep a line about the record that was heard last."""
         record = self._records[-1] if self._records else {}
-        level = "ERROR" if "failure" in record else "WARN" if record.get("event") == "recovery" else "INFO"
+        # a recovery has the failure that it is about
+        level = "WARN" if record.get("event") == "recovery" else "ERROR" if "failure" in record else "INFO"
         self._lines.append((step, text, level))
 
     def search(self, location: object, log: Rejections) -> None:
@@ -113,7 +115,7 @@ class Recording:
         """Write the recording."""
         rate, end = self._world.rate, self._world.steps
         tree = RunTree(self._records)
-        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate))
+        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate + FLASH))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
         for name, stands in self._believed.items():
             thing = self._drawn.get(("bodies", name))
@@ -125,7 +127,7 @@ class Recording:
         record_tree(stream, tree, tasks)
         if self._recipe is not None:
             record_recipe(stream, self._recipe, tree)
-        self._write_lines(stream)
+        self._write_lines(stream, tree)
         stream.flush()
         stream.disconnect()
 
@@ -147,12 +149,24 @@ class Recording:
         first, believed = track.poses[0], stands[0].pose
         return first is None or believed is None or first.distance(believed) > APART
 
-    def _write_lines(self, stream: rerun.RecordingStream) -> None:
-        if not self._lines:
+    def _write_lines(self, stream: rerun.RecordingStream, tree: RunTree) -> None:
+        """Write the lines of the run, and at its end why it failed, with the causes."""
+        end = self._world.steps
+        why = [(end, text, "ERROR") for root in tree.roots if root.failure for text in _reasons(root.failure)]
+        lines = [*self._lines, *why]
+        if not lines:
             return
-        steps, texts, levels = zip(*self._lines, strict=True)
+        steps, texts, levels = zip(*lines, strict=True)
         columns = rerun.TextLog.columns(text=texts, level=levels, color=[COLOURS[level] for level in levels])
         stream.send_columns(TEXT, indexes=[times(steps, self._world.rate)], columns=columns)
+
+
+def _reasons(failure: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a failure, and each cause of the one before."""
+    lead, link = "", failure
+    while link:
+        yield f"{lead}{link['type']}: {link['message']}"
+        lead, link = "  because of ", link.get("cause", {})
 
 
 def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> Any:
@@ -177,9 +191,9 @@ def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> 
     )
     known = inspect.signature(blueprint.StateTimelineView.__init__).parameters
     ends = (rerun.TimeRangeBoundary.absolute(seconds=moment) for moment in (0.0, end))
-    whole = rerun.TimeRange(*ends)
-    # a viewer of 0.32 shows all of the time by itself
-    axis = {"time_view": archetypes.TimeAxis(view_range=whole)} if "time_view" in known else {}
+    # A viewer of 0.32 shows all of the time by itself. No link: this axis is the only one, and a linked one ignores
+    # its range, and centres on the cursor whenever that is set.
+    axis = {"time_view": archetypes.TimeAxis(view_range=rerun.TimeRange(*ends))} if "time_view" in known else {}
     lanes = blueprint.StateTimelineView(origin=LANES, name="Lanes", **axis)
     return blueprint.Blueprint(
         blueprint.Vertical(above, lanes, row_shares=[3, 2]),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,21 +51,30 @@ def box(size: Sequence[float] | Array, bevel: float = 0.0) -> Solid:
     """Return a box about the origin, with bevelled edges if ``bevel`` [m] is greater than 0."""
     half = np.asarray(size, float) / 2
     bevel = min(bevel, 0.45 * float(half.min()) * 2)
-    signs = [np.array(one) for one in np.ndindex(2, 2, 2)]
     if bevel <= FLAT:
-        points = np.array([np.where(one, half, -half) for one in signs])
+        return Solid(_SIGNS * half, _faces_of_box(False))
+    return Solid(_bevelled_corners(half, bevel), _faces_of_box(True))
+
+
+_SIGNS = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1
+"""Corners of a box about the origin whose edges are 2 long."""
+
+
+def _bevelled_corners(half: Array, bevel: float) -> Array:
+    """Three vertices (24, 3) at each corner, k of them on the side across axis k."""
+    inner = _SIGNS * (half - bevel)
+    return np.asarray(inner[:, None, :] + np.eye(3) * (bevel * _SIGNS)[:, None, :]).reshape(-1, 3)
+
+
+@cache
+def _faces_of_box(is_bevelled: bool) -> Faces:
+    """The triangles of a box; they depend on its vertices' numbers only."""
+    signs = [(a, b, c) for a, b, c in np.ndindex(2, 2, 2)]
+    if not is_bevelled:
         rings = [[k for k, one in enumerate(signs) if one[axis] == side] for axis in range(3) for side in (0, 1)]
-        return _convex(points, [[a, b, d, c] for a, b, c, d in rings])
-    corner = [np.where(one, half - bevel, bevel - half) for one in signs]
-    points = np.array(
-        [
-            at + np.eye(3)[k] * np.where(one, bevel, -bevel)
-            for at, one in zip(corner, signs, strict=True)
-            for k in range(3)
-        ]
-    )
-    number = {(*one.tolist(), k): 3 * index + k for index, one in enumerate(signs) for k in range(3)}
-    rings = [[number[(*one.tolist(), k)] for k in range(3)] for one in signs]
+        return _convex(_SIGNS, [[a, b, d, c] for a, b, c, d in rings])
+    number = {(*one, k): 3 * index + k for index, one in enumerate(signs) for k in range(3)}
+    rings = [[number[(*one, k)] for k in range(3)] for one in signs]
     for k in range(3):
         across, m = (k + 1) % 3, (k + 2) % 3
         for a in (0, 1):
@@ -73,7 +83,7 @@ def box(size: Sequence[float] | Array, bevel: float = 0.0) -> Solid:
             for b in (0, 1):
                 low, high = _placed(k, a, across, b, m, 0), _placed(k, a, across, b, m, 1)
                 rings.append([number[(*low, k)], number[(*high, k)], number[(*high, across)], number[(*low, across)]])
-    return _convex(points, rings)
+    return _convex(_bevelled_corners(np.ones(3), 0.1), rings)
 
 
 def _placed(k: int, a: int, across: int, b: int, m: int, c: int) -> tuple[int, int, int]:
@@ -82,15 +92,15 @@ def _placed(k: int, a: int, across: int, b: int, m: int, c: int) -> tuple[int, i
     return found[0], found[1], found[2]
 
 
-def _convex(points: Array, rings: Sequence[Sequence[int]]) -> Solid:
-    """Return a convex surface about the origin from its polygons, whichever way round they are given."""
+def _convex(points: Array, rings: Sequence[Sequence[int]]) -> Faces:
+    """Return the triangles of a convex surface about the origin from its polygons, whichever way round they are."""
     faces = []
     for ring in rings:
         a, b, c = points[list(ring[:3])]
         outside = float(np.cross(b - a, c - a) @ points[list(ring)].mean(axis=0)) > 0
         turned = list(ring) if outside else list(ring)[::-1]
         faces += [[turned[0], turned[k], turned[k + 1]] for k in range(1, len(turned) - 1)]
-    return Solid(points, np.array(faces, np.int64))
+    return np.array(faces, np.int64)
 
 
 def lathe(profile: Sequence[Sequence[float]], around: int = AROUND) -> Solid:
@@ -232,21 +242,23 @@ def shaded(solids: Sequence[Solid]) -> Solid:
 
 def _split(solid: Solid) -> tuple[Array, Faces]:
     """Return vertices and faces of a solid in which faces share a vertex only if they meet smoothly around it."""
-    normals, _ = normals_of(solid.vertices, solid.faces)
+    normals = normals_of(solid.vertices, solid.faces)[
+        0
+    ].tolist()  # numbers of Python: numpy is slow with three at a time
     corners = solid.faces.reshape(-1)
     order = np.argsort(corners, kind="stable")
     least = math.cos(CREASE)
-    vertices: list[Array] = []
+    sources: list[int] = []
     numbers = np.zeros(len(corners), np.int64)
     starts = np.flatnonzero(np.r_[True, np.diff(corners[order]) > 0, True])
     for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-        group: list[tuple[Array, int]] = []
+        group: list[tuple[float, float, float, int]] = []
         for at in order[begin:end].tolist():
-            normal = normals[at // 3]
-            known = next((number for other, number in group if float(other @ normal) >= least), None)
+            x, y, z = normals[at // 3]
+            known = next((number for a, b, c, number in group if a * x + b * y + c * z >= least), None)
             if known is None:
-                known = len(vertices)
-                vertices.append(solid.vertices[corners[at]])
-                group.append((normal, known))
+                known = len(sources)
+                sources.append(at)
+                group.append((x, y, z, known))
             numbers[at] = known
-    return np.array(vertices).reshape(-1, 3), numbers.reshape(-1, 3)
+    return solid.vertices[corners[sources]].reshape(-1, 3), numbers.reshape(-1, 3)

@@ -16,6 +16,7 @@ from executive.pictures.steps import Steps, column
 from executive.pictures.viewpoints import Moment, best_direction, fitting, moment_of, overview, subjects
 from planlang.geometry import Array, Pose
 from planlang.outputs import MARK
+from planlang.progress import Report, unreported
 
 if TYPE_CHECKING:
     from sim.truth import Truth
@@ -60,7 +61,7 @@ class Video:
         if len(self._kept) >= 4 * MOST:  # a long run is played faster
             self._kept, self._every = self._kept[::2], 2 * self._every
 
-    def save(self, path: File, names: Collection[str], ending: Sequence[str] = ()) -> None:
+    def save(self, path: File, names: Collection[str], ending: Sequence[str] = (), report: Report = unreported) -> None:
         """Write an animated WebP; ``names`` are the bodies that the plan is about.
 
         The last frame stays for a while, with lines about the ``ending``.
@@ -70,7 +71,11 @@ class Video:
         kept = [self._kept[number] for number in chosen.tolist()]
         views = self._views([poses for _, poses in kept], names)
         endings = [()] * (len(kept) - 1) + [ending]
-        frames = [self._frame(*one, *more) for one, *more in zip(kept, views, endings, strict=True)]
+        frames = []
+        for number, (one, *more) in enumerate(zip(kept, views, endings, strict=True)):
+            report(f"drawing frame {number + 1} of {len(kept)} of {path.name}", number / len(kept))
+            frames.append(self._frame(*one, *more))
+        report("", 1.0)
         frames[0].save(
             path,
             format="WEBP",

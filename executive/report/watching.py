@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.pictures import viewpoints
 from executive.pictures.drawn import drawn_in
 from executive.pictures.floor_plan import Outline, outlines
 from executive.report.places import Questions
@@ -21,6 +22,17 @@ from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.modules.platform import Platform
+
+VIEW = {
+    "around": viewpoints.AROUND,
+    "tilts": [round(math.radians(tilt), 4) for tilt in viewpoints.TILTS],
+    "level": viewpoints.LEVEL,
+    "near": viewpoints.NEAR,
+    "calm": viewpoints.CALM,
+    "border": viewpoints.BORDER,
+    "least": viewpoints.LEAST_RADIUS,
+}
+"""How the page chooses a viewpoint: as pictures do, angles [rad]."""
 
 
 class Watching:
@@ -57,7 +69,7 @@ class Watching:
         radius = self._platform.scene.base_radius
         room = {"bounds": bounds, "outlines": self._outlines, "radius": round(radius, 3), "start": list(self._start)}
         parts = {
-            "scene": {"bounds": bounds, "meshes": shapes.meshes, **tracks},
+            "scene": {"bounds": bounds, "meshes": shapes.meshes, "view": VIEW, **tracks},
             "map": room,
             "questions": self._questions.model(self.told.tree),
         }

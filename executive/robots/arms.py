@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from planlang.diagnostics import note
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
+from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim import Body, PlanningWorld, Scene
@@ -256,11 +258,11 @@ TORSO = 0.3
 HERE = (0.0, 0.0, 0.0)
 
 
-def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = ()) -> Robot:
+def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), report: Report = unreported) -> Robot:
     """Return the robot with a carrying posture: without contact, hands level, as narrow as possible.
 
     ``held`` are the things that it holds: the link, the body, and its pose in the frame of the link. The posture that
-    the robot has is left to it if these touch nothing there.
+    the robot has is left to it if these touch nothing there. ``report`` is given the progress of the search.
     """
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
@@ -276,7 +278,8 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = ()) -> 
             low, high = world.robot.limits[robot.torso]
             joints[robot.torso] = low + TORSO * (high - low)
         for arm in robot.arms:
-            joints |= _best(robot, arm, joints, world)
+            joints |= _best(robot, arm, joints, world, partial(report, f"posture to drive in: {arm.name} arm"))
+            report("", 1.0)
     finally:
         world.close()
     assumed = note(
@@ -287,7 +290,7 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = ()) -> 
     return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, assumed))
 
 
-def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld) -> dict[str, float]:
+def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld, share: Share) -> dict[str, float]:
     """Return the joints of an arm, others fixed: least penetration first, then the narrowest, then of a good height."""
     chain = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip, locked=fixed)
     rng = np.random.default_rng(0)
@@ -296,7 +299,8 @@ def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWor
     shoulder = world.link_pose(arm.base_link, Configuration(HERE, fixed)).position[2]
     best: tuple[tuple[float, float, float], dict[str, float]] | None = None
     for rows in (candidates, chain.sample(rng, STRAY)):
-        for row in rows:
+        for number, row in enumerate(rows):
+            share(number / len(rows))
             joints = dict(zip(chain.names, map(float, row), strict=True))
             world.set_configuration(Configuration(HERE, {**fixed, **joints, **free}))
             depth = round(sum(contact.depth for contact in world.contacts(moving=arm.joints)), 3)

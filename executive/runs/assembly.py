@@ -38,6 +38,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
+from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
 from sim import PlanningWorld, Scene, perturb
 
@@ -111,13 +112,13 @@ def platform_of(
     interface: RobotInterface,
     believed: PlanningWorld,
     seed: int,
-    say: Callable[[str], None] = lambda line: None,
+    report: Report = unreported,
     *,
     trusts_map: bool = False,
     unknown: Iterable[str] = (),
     models: Iterable[str] | None = None,
 ) -> Platform:
-    """Return a robot, by its interface, and what it believes; ``say`` hears of reachability maps that have to be built.
+    """Return a robot, by its interface, and what it believes; with the progress of its reachability maps.
 
     With ``trusts_map`` the poses of the map count as seen; of things that are ``unknown`` they are not known.
     ``models``: classes of which there are recognition models beside those of the robot file; None: of all.
@@ -139,7 +140,7 @@ def platform_of(
         robot,
         belief,
         planning_scene,
-        Resolver(planning_scene, say),
+        Resolver(planning_scene, report),
         lambda cls: ancestors_of(cls, vocabulary),
         frozenset(map(shorten, declared(ontology).ending("holding"))),
         np.random.default_rng(seed),

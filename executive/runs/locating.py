@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
@@ -28,6 +28,7 @@ from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
+from planlang.progress import Report, unreported
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
 from sim import PyBulletWorld
@@ -55,7 +56,10 @@ class LocateOptions:
     """Units in which the result is written for people, other than m and rad."""
     drawn: bool = False
     """Draw the room with the candidates, too, which takes part of a second."""
-    progress: Callable[[str], None] = lambda line: None
+    long_work: Report = unreported
+    """Given the progress of long work: of maps that have to be built."""
+    waiting: Callable[[Callable[[], str]], AbstractContextManager[None]] = lambda what: nullcontext()
+    """Entered while poses are searched; given what returns words for the search at any time."""
 
 
 @dataclass(slots=True)
@@ -85,7 +89,9 @@ def locate(options: LocateOptions) -> Located:
         lexicon = lexicon_of(semantic_map)
         location = read_location(options.phrase, lexicon)
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
-        robot = with_carrying(bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies))
+        robot = with_carrying(
+            bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies), report=options.long_work
+        )
         found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
@@ -94,7 +100,7 @@ def locate(options: LocateOptions) -> Located:
         world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
         stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, world, 0, options.progress)
+        platform = platform_of(robot, semantic_map, truth, world, 0, options.long_work)
         meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, found)
         found.extend(_choices(meant, lexicon, platform))
         try:
@@ -120,7 +126,8 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
         question.found.extend(_idle(question.location, used))
         question.location, frame = used, _frame(used, question.body, platform)
         search = _bases(question, log) if question.what is None else _things(question, frame, log)
-        poses.extend(islice(search, options.count))
+        with options.waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
+            poses.extend(islice(search, options.count))
     except LocationMeaningless:
         raise
     except LocationUnresolvable as problem:

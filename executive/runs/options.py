@@ -15,6 +15,7 @@ from executive.runs.final_state import Tilts
 from executive.runs.settings import RunSettings
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import framed
+from planlang.progress import Report, unreported
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.runs.trace import Listener
@@ -61,6 +62,8 @@ class RunOptions(RunSettings):
     inner_actions: bool = False
     """Tell the progress of actions that process modules perform inside of others, too."""
     progress: Callable[[str], None] = lambda line: None
+    long_work: Report = unreported
+    """Given the progress of long work: of maps that have to be built, of a video."""
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Given the diagnostics once, before the plan runs."""
     watchers: tuple[Callable[[Truth], None], ...] = ()

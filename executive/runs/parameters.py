@@ -18,7 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
-from planlang.spelling import similar
+from planlang.spelling import guess, similar
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
 """Classes of actions on furniture and devices."""
@@ -173,7 +173,11 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
             continue
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
-        advice = f"--set {names[0]}=NAME says which" if names else "the recipe may name it by its IRI in the map"
+        advice = (
+            f"--set {names[0]}={fitting[0].name} says which"
+            if names
+            else "the recipe may name it by its IRI in the map"
+        )
         yield warning("X029", f"{message}: the nearest {what.type} to the robot is meant, of {known}", help=advice)
 
 
@@ -194,7 +198,7 @@ def _named(
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
         alike = similar(wanted, settings)
-        guess = f"did you mean {alike[0]}? " if alike else ""
+        guess = f"did you mean --set {alike[0]}={text}? " if alike else ""
         problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
 
 
@@ -271,8 +275,11 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
     for word in words:
         meant = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
         if not meant:
-            known = _listed([one.name for one in things])
-            raise BadInput([error("X005", f"{word!r} is not in the map", help=f"--unknown may be all, or {known}")])
+            names = [one.name for one in things]
+            types = dict.fromkeys(cls for one in things for cls in one.types)
+            classes = (local_name(above) for cls in types for above in semantic_map.ontology.ancestors(cls))
+            advice = f"{guess(word, (*names, *classes))}--unknown may be all, or {_listed(names)}"
+            raise BadInput([error("X005", f"{word!r} is not in the map", help=advice)])
         found.update(dict.fromkeys(meant))
     return tuple(found)
 
@@ -323,7 +330,7 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
     if alike:
-        said = f"did you mean {alike[0]}? {said}"
+        said = f"did you mean --set {parameter.setting}={alike[0]}? {said}"
     if fitting and others:
         said += f"; the map also has {_listed(others)}"
     if there := environments_with((absent,)):

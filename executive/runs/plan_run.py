@@ -54,13 +54,14 @@ from executive.runs.plan_files import (
     stated_waiting,
     without_module,
 )
+from executive.runs.remedies import able_robots, absent_things, command_of
 from executive.runs.settings import stated
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.failures import ActionUnresolvable, MissingCapability, ObjectUnresolvable
+from planlang.failures import ActionUnresolvable, AmbiguousPerception, MissingCapability, ObjectUnresolvable
 from planlang.language.performing import module_for
 from planlang.language.plans import Plan
 from planlang.language.replaying import Replay, replay
@@ -146,7 +147,7 @@ class Run:
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
-            return replay(self._body(bound, lambda: None), recorded)
+            return replay(self._body(bound), recorded)
         except ValueError as problem:
             raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
 
@@ -172,21 +173,25 @@ class Run:
         earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left, looks_on=options.repeats)
         held = in_hands(robot, asked.map, asked.scene)
         if not assessment.missing or options.force:
-            robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held])
+            robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held], options.long_work)
         blind = self._blind(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(options.plan), *blind)
         self._shown = partial(self._context, asked, tuple(found), blind, bool(assessment.missing))
         found += notes
+        if self._lacks(assessment):
+            found += able_robots(options, lambda one: not self._assessed(asked, one).missing)
         options.announce(found)
         if self._lacks(assessment):
             return self._refused(assessment.missing)
         platform, truth = self._assembled(asked, robot, given, held)
         executive = RobotExecutive(platform, self._modules)
+        if not isinstance(earlier, Past):  # steps that are taken over may have destroyed what a parameter means
+            self._check_things(asked, executive)
         options.around(executive)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
         header = self._header(asked, platform, assessment, given)
-        body = self._body(asked.bound, partial(self._bind_all, asked, executive, earlier))
+        body = self._body(asked.bound)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
@@ -246,7 +251,11 @@ class Run:
         """Return the advice for a robot that lacks what the plan needs and has no camera."""
         if not assessment.missing or robot.camera is not None or self.options.trust_map:
             return []
-        advice = "with --trust-map things count as seen where the map has them"
+        options = self.options
+        trusting = command_of(
+            replace(options, trust_map=True), options.start, options.bindings or {}, forced=options.force, folders=True
+        )
+        advice = f"with --trust-map things count as seen where the map has them: {trusting}"
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assembled(
@@ -265,7 +274,7 @@ class Run:
             truth,
             believed,
             options.seed,
-            options.progress,
+            options.long_work,
             trusts_map=options.trust_map,
             unknown=unknown_things(asked.map, options.unknown or ()),
             models=None if given is None else [cls for one in given for cls in one.recognises],
@@ -298,23 +307,25 @@ class Run:
         infeasible = [alternative.name for alternative, _ in assessment.infeasible]
         return header | settings | ({"infeasible": infeasible} if infeasible else {})
 
-    def _bind_all(self, asked: _Asked, executive: RobotExecutive, earlier: Past | Repetition | None) -> None:
-        """Raise ObjectUnresolvable for a parameter that means nothing here or later, before anything moves.
+    def _check_things(self, asked: _Asked, executive: RobotExecutive) -> None:
+        """Raise BadInput for parameters that mean nothing here or later, or one of several things that are alike.
 
-        Steps that are taken over may have destroyed what one means. What only recipes need that modules stand in for
-        need not be there.
+        What only recipes need that modules stand in for need not be there.
         """
-        if isinstance(earlier, Past):
-            return
-        actions = asked.needs.actions
+        actions, failures = asked.needs.actions, dict[str, PlanFailure]()
         for name, value in asked.bound.items():
             for what in things_of(value):
                 try:
                     executive.platform.scene.bodies.bind(what)
-                except ObjectUnresolvable:
+                except ObjectUnresolvable as failure:
                     appears = executive.may_create(what, actions) or executive.may_find(what, actions)
                     if name not in asked.made and not appears and name in self._read(executive):
-                        raise
+                        failures.setdefault(name, failure)
+                except AmbiguousPerception as failure:
+                    failures.setdefault(name, failure)
+        if failures:
+            parameters = plan_parameters(self.plan)
+            raise BadInput([*absent_things(failures, asked.bound, parameters, asked.map, self.options)])
 
     def _read(self, executive: RobotExecutive) -> frozenset[str]:
         """Return the parameters that the plan reads with the modules of this run."""
@@ -331,11 +342,10 @@ class Run:
         seed = self.options.seed
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
-    def _body(self, bound: Mapping[str, Bound], first: Callable[[], object]) -> Callable[[], Awaitable[Any]]:
+    def _body(self, bound: Mapping[str, Bound]) -> Callable[[], Awaitable[Any]]:
         """Return the plan with its parameters and budget; executed and replayed alike."""
 
         async def body() -> Any:
-            first()
             return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
 
         body.__name__ = self.plan.name
@@ -438,7 +448,7 @@ class Run:
         header: Mapping[str, Any],
     ) -> Context:
         """Return what a page shows beside trace and world; notes are those that a repeated run has, too."""
-        from executive.runs.reporting import command_of, context_of  # most runs write no page
+        from executive.runs.reporting import context_of  # most runs write no page
 
         options = self.options
         bindings = stated_bindings(self.plan, asked.bound, asked.map)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.runs.options import RunOptions
 from executive.runs.plan_files import compiled
-from executive.runs.settings import in_header
 from planlang.diagnostics import BadInput
-from planlang.files import Bundled, decode, read_file
-from planlang.ontology import load
+from planlang.files import decode, read_file
+from planlang.ontology import Ontology, load
 from planlang.outputs import LONGEST, header
 from planlang.report import Context
-from planlang.report.sources import labels_of, plan_source, recipe_source
+from planlang.report.sources import labels_of, plan_source, recipe_source, vocabulary_of
 
 if TYPE_CHECKING:
     from planlang.compiler.compile import CompiledPlan
@@ -52,47 +49,31 @@ def context_of(
     if made is None:
         return shown
     source = None if recipe is None else _text(recipe)
+    ontology = None if recipe is None else _ontology(recipe, folders)
     return replace(
         shown,
-        recipe=None if recipe is None or source is None else recipe_source(made.recipes, recipe.name, source),
+        recipe=None
+        if recipe is None or source is None or ontology is None
+        else recipe_source(made.recipes, ontology, recipe.name, source),
         labels=labels_of(made.recipes),
+        vocabulary={} if ontology is None else vocabulary_of(ontology),
         graph=made.graph.graph,
     )
-
-
-def command_of(options: RunOptions, start: Sequence[float], bindings: Mapping[str, str], *, forced: bool) -> str:
-    """Return the command line that repeats a run; files that do not come with planlang are named without folders.
-
-    ``bindings`` are those of the plan's parameters that are not its own, ``forced`` runs lack something.
-    """
-    words = ["planlang", "run"]
-    words += [_named(path, Bundled.RECIPE) for path in (options.plan or options.recipe,) if path is not None]
-    words += ["--task", options.task] if options.task is not None else []
-    for option, kind, path in (
-        ("--robot", Bundled.ROBOT, options.robot),
-        ("--environment", Bundled.ENVIRONMENT, options.environment),
-    ):
-        words += [] if path is None else [option, _named(path, kind)]
-    words += [word for path in options.additions for word in ("--environment", path.name)]
-    words += [f"--start={','.join(f'{number:g}' for number in start)}", "--seed", str(options.seed)]
-    words += [] if options.schedule is None else ["--schedule", str(options.schedule)]
-    words += [word for name, value in bindings.items() for word in ("--set", f"{name}={value}")]
-    for setting in in_header():
-        values, option = getattr(options, setting) or (), f"--{setting.replace('_', '-')}"
-        stated = [one.name if isinstance(one, Path) else str(one) for one in (() if values is True else values)]
-        words += [option] if values is True else [word for one in stated for word in (option, one)]
-    return shlex.join([*words, *(["--force"] if forced else [])])
-
-
-def _named(path: Path, kind: Bundled) -> str:
-    return path.name.partition(".")[0] if path.parent == kind.folder else path.name
 
 
 def _compiled(
     recipe: Path, task: str | None, performed: frozenset[str], folders: Sequence[Path]
 ) -> CompiledPlan | None:
+    ontology = _ontology(recipe, folders)
     try:
-        return compiled(load(recipe, folders=folders), task, performed)
+        return None if ontology is None else compiled(ontology, task, performed)
+    except BadInput:
+        return None
+
+
+def _ontology(recipe: Path, folders: Sequence[Path]) -> Ontology | None:
+    try:
+        return load(recipe, folders=folders)
     except BadInput:
         return None
 

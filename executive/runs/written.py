@@ -163,7 +163,7 @@ class Written:
 
     def _save_video(self, bound: Mapping[str, Bound], video: Video, path: Path) -> None:
         names = tuple(bodies_of(bound, self._belief, self._truth))
-        video.save(path, names, self._ending(names))
+        video.save(path, names, self._ending(names), self._options.long_work)
 
     def _ending(self, names: Sequence[str]) -> tuple[str, ...]:
         from executive.runs.ending import ending_of  # most runs write no picture

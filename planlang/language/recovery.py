@@ -84,7 +84,7 @@ class Recovery:
     is not called and ``otherwise`` decides: None lets the failure propagate, a failure class or a function of the
     failure gives what is raised from it, ``Return(value)`` leaves with a value. Left out, it is the attribute
     ``otherwise`` of ``do``, which strategies have that always end in the same failure
-    (:func:`planlang.recoveries.recovery_strategy`); without that attribute it is None.
+    (:func:`planlang.recovery_strategy`); without that attribute it is None.
     """
 
     on: type[PlanFailure] | tuple[type[PlanFailure], ...]

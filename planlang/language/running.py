@@ -85,7 +85,7 @@ def run(
     ``resumable``: the trace notes each step of the top-level plan that has completed, with its result and the state
     in which the executive has left the world, so that the run can be resumed. ``resume`` is such a trace's past: its
     completed steps give their recorded results instead of running, and plan time goes on where it stood; the trace
-    begins with what the past keeps. The world has to be as it was left: see :func:`planlang.runs.restore`.
+    begins with what the past keeps. The world has to be as it was left: see ``planlang.runs.restore``.
 
     Raises what leaves the plan; DeadlockError, StepLimit, NoProgress or StuckTask when it cannot go on, with the
     tasks and lines; KeyboardInterrupt after Ctrl-C, when all cleanups have run.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field
-from difflib import get_close_matches
 
 from planlang.designators import GRASPS, Device, Object, Person, local_name
 from planlang.ontology import Literal, Ontology, expand, shorten
 from planlang.ontology.terms import RDFS
 from planlang.records import dataclass
 from planlang.relations import RELATIONS, Sense
+from planlang.spelling import similar
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {
     "side": ("from the side", "with a side grasp"),
@@ -138,11 +138,14 @@ class Lexicon:
         return self._written.get(what)
 
     def similar(self, words: str) -> str | None:
-        """Return the known noun that looks most like words that are none: of a map one for something in it."""
-        classes = (name for name, what in self.classes.items() if not self.things or what.type in self._there)
-        names = {plain(name): name for name in (*classes, *self.present, *self.things)}
-        close = get_close_matches(plain(words), list(names), n=1, cutoff=0.7)
-        return names[close[0]] if close else None
+        """Return the known noun that looks most like words that are none: of a map rather one for something in it."""
+        there = (name for name, what in self.classes.items() if what.type in self._there)
+        is_thing = words[-1:].isdigit()  # bottle7 is a thing's name, and no class was meant
+        for known in ((*there, *self.present, *self.things), () if is_thing and self.things else self.classes):
+            names = {plain(name): name for name in known}
+            if alike := similar(plain(words), names, least=0.7):
+                return names[alike[0]]
+        return None
 
     def known(self) -> Iterable[str]:
         """Return what to tell somebody who looks for nouns: the things of the map, or else the classes."""

@@ -35,7 +35,7 @@ from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.readers import loose_parts, made, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.records import dataclass
-from planlang.spelling import similar
+from planlang.spelling import guess
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -134,12 +134,10 @@ def named_action(actions: Actions, wanted: str, span: Span) -> str:
     if len(matches) > 1:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
     if not ontology.defined(task):
-        known = {local_name(name): name for name in stated}
-        alike = similar(wanted, known)
-        guess = f"did you mean {alike[0]}? " if alike else ""
-        raise BadInput(
-            [error("R001", f"there is no task {wanted}", span, f"{guess}this file states {', '.join(known) or 'none'}")]
-        )
+        known = [local_name(name) for name in stated]
+        alike = guess(wanted, known) or guess(wanted, map(local_name, ontology.subclasses(expand("Action"))))
+        advice = f"{alike}this file states {', '.join(known) or 'none'}"
+        raise BadInput([error("R001", f"there is no task {wanted}", span, advice)])
     return task
 
 

@@ -19,7 +19,7 @@ from typing import Any
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = (
     *("model", "clock", "list", "tree", "details", "failures", "story", "search", "lanes"),
-    *("tracks", "scene", "map", "graph", "keys", "live", "main"),
+    *("tracks", "scene", "aim", "legend", "map", "graph", "keys", "live", "main"),
 )
 """Files of the page's script, in their order: each uses what those before it define."""
 SERVED = "; connect-src 'self'"

@@ -14,6 +14,7 @@ from planlang.report.failures import Failures, cards_of, reason_in
 from planlang.report.sources import Source
 from planlang.report.story import story_of
 from planlang.report.tree import lanes_of, marks_of, nodes_of, pose_text, shown
+from planlang.report.wording import Wording
 from planlang.runs.run_tree import RunTree
 
 if TYPE_CHECKING:
@@ -64,7 +65,8 @@ class Told:
 class Context:
     """What a page shows beside a trace: texts of plan and recipe, and the recipe's words and graph.
 
-    ``labels`` has the recipe's words for classes of actions (local names), ``missing`` says in sentences what the page
+    ``labels`` has the recipe's words for classes of actions (local names), ``vocabulary`` those of the ontologies
+    that it imports, ``missing`` says in sentences what the page
     lacks and why, ``facts`` are shown beside those of the header. ``notes`` were given before the run, ``remedies`` say
     what to change for a part (local name) that the robot lacks.
     """
@@ -72,6 +74,7 @@ class Context:
     plan: Source | None = None
     recipe: Source | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
+    vocabulary: Mapping[str, str] = field(default_factory=dict)
     graph: TaskGraph | None = None
     missing: Sequence[str] = ()
     facts: Mapping[str, object] = field(default_factory=dict)
@@ -85,12 +88,17 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
     tree, rate = told.tree, told.tree.rate
     end = round(told.last / rate, 4)
     failures = Failures(tree, told.reasons, context.remedies)
+    wording = Wording(context.labels, context.vocabulary)
     nodes = nodes_of(tree, context.labels, failures.index)
     sources = [source for source in (context.plan, context.recipe) if source is not None]
     places = _places(tree, context.plan)
     for node in nodes:
-        lines = [[k, line] for k, one in enumerate(sources) if (line := _line(one, node)) is not None]
-        lines += [[0, places[node["id"]]]] if node["id"] in places else []
+        lines = [[k, *found] for k, one in enumerate(sources) if (found := _extent(one, node)) is not None]
+        if node["id"] in places and context.plan is not None:
+            line = places[node["id"]]
+            lines += [[0, line, line]]
+            drive = None if context.recipe is None else context.recipe.extent(context.plan.drives.get(line, ""))
+            lines += [] if drive is None else [[1, *drive]]
         node |= {"lines": lines} if lines else {}
     name = str(told.header.get("plan", tree.roots[0].name if tree.roots else "run"))
     return {
@@ -102,10 +110,10 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
         "end": end,
         "nodes": nodes,
         "failures": failures.table,
-        "cards": cards_of(tree, failures),
+        "cards": cards_of(tree, failures, wording),
         "lanes": lanes_of(tree),
         "marks": marks_of(tree),
-        "story": story_of(tree, context.labels, failures, end),
+        "story": story_of(tree, wording, failures, end),
         "sources": [{"name": one.name, "text": one.text} for one in sources],
         "graph": None if context.graph is None else _graph(context.graph),
         "missing": list(context.missing),
@@ -158,10 +166,10 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
     return found
 
 
-def _line(source: Source, node: Mapping[str, Any]) -> int | None:
-    if (line := source.lines.get(node.get("class", ""))) is not None:
-        return line
-    return source.lines.get(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
+def _extent(source: Source, node: Mapping[str, Any]) -> tuple[int, int] | None:
+    if (found := source.extent(node.get("class", ""))) is not None:
+        return found
+    return source.extent(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
 
 
 def _outcome(told: Told, failures: Failures) -> dict[str, Any]:

@@ -6,16 +6,20 @@ import ast
 import functools
 import inspect
 import linecache
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
 from planlang.designators import local_name
+from planlang.ontology import BNode, Ontology, Term
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.records import dataclass
 from planlang.report.tree import names
 
 LONGEST = 200_000
 """Characters of a text that a page has; a longer one is cut at a line."""
+_CLOSING = re.compile(r"\s*(</(?!\w*:RDF)[^>]*>|[])}.;,][])}.;,\s]*)\s*$")
+"""A line that ends a definition in RDF/XML or Turtle, and states nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,15 @@ class Source:
     lines: Mapping[str, int]
     places: Mapping[str, Sequence[int]] = field(default_factory=dict)
     """Of a plan: the lines at which each of its functions names ``at_location``, in their order."""
+    drives: Mapping[int, str] = field(default_factory=dict)
+    """Of a plan: the class (local name) of the drives to a location, by the line that names ``at_location``."""
+    ends: Mapping[str, int] = field(default_factory=dict)
+    """Of a recipe: the last line of a class' definition, which begins at its line."""
+
+    def extent(self, cls: str) -> tuple[int, int] | None:
+        """Find the first and the last line about a class."""
+        line = self.lines.get(cls)
+        return None if line is None else (line, self.ends.get(cls, line))
 
 
 def plan_source(name: str, text: str) -> Source:
@@ -48,7 +61,19 @@ def plan_source(name: str, text: str) -> Source:
         for function in ast.walk(tree)
         if isinstance(function, ast.AsyncFunctionDef)
     }
-    return Source(name, cut(text), lines, {function: found for function, found in places.items() if found})
+    places = {function: found for function, found in places.items() if found}
+    return Source(name, cut(text), lines, places, drives=dict(_drives(tree)))
+
+
+def _drives(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Yield the lines where calls name ``at_location``, and the last part of what their argument ``by`` names."""
+    for node in ast.walk(tree):
+        if not isinstance(node, ast.Call):
+            continue
+        called = [one for one in (node.func, *node.args[:1]) if isinstance(one, ast.Name) and one.id == "at_location"]
+        by = [one.value for one in node.keywords if one.arg == "by"]
+        names = [cls for _, _, cls in _named(ast.Module([ast.Expr(one) for one in by], []))]
+        yield from ((one.lineno, cls) for one in called for cls in names)
 
 
 def source_of(function: object) -> Source | None:
@@ -88,13 +113,53 @@ def _named(tree: ast.Module) -> Iterator[tuple[bool, int, str]]:
                 yield False, node.lineno, node.name
 
 
-def recipe_source(recipes: RecipeSet, name: str, text: str) -> Source:
-    """Return a recipe with the lines of its tasks and steps, as far as they are in that file."""
+def recipe_source(recipes: RecipeSet, ontology: Ontology, name: str, text: str) -> Source:
+    """Return a recipe with the lines of its tasks and steps: their definitions, else where a task names them.
+
+    ``ontology`` has the file of the recipe as its main document; what other files define has no line.
+    """
     lines: dict[str, int] = {}
+    ends: dict[str, int] = {}
+    defined = _definitions(ontology.alone(), text)
     for one in _described(recipes):
-        if one.span is not None and names([one.span.file]) == names([recipes.source.file]):
-            lines.setdefault(local_name(one.iri), one.span.line)
-    return Source(name, cut(text), lines)
+        cls = local_name(one.iri)
+        if cls in lines:
+            continue
+        if one.iri in defined:
+            lines[cls], ends[cls] = defined[one.iri]
+        elif one.span is not None and names([one.span.file]) == names([recipes.source.file]):
+            lines[cls] = one.span.line
+    return Source(name, cut(text), lines, ends=ends)
+
+
+def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
+    """Return the first and last line of the definition of each name (IRI) of a document."""
+    about: dict[Term, list[tuple[int, Term]]] = {}
+    for triple in document.triples():
+        about.setdefault(triple.subject, []).append((triple.span.line, triple.object))
+    found = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
+    begins = {iri: span.line for iri, span in found if span is not None}
+    starts, rows = sorted(set(begins.values())), text.splitlines()
+    following = dict(zip(starts, [*starts[1:], len(rows) + 1], strict=True))
+    extents = {}
+    for iri, first in begins.items():
+        last = max(line for line in _lines_about(iri, about) if first <= line < following[first])
+        while last + 1 < following[first] and _CLOSING.match(rows[last]):
+            last += 1
+        extents[iri] = first, last
+    return extents
+
+
+def _lines_about(iri: str, about: Mapping[Term, Sequence[tuple[int, Term]]]) -> Iterator[int]:
+    """Yield the lines of what is stated about a name, and about the nodes without a name that it refers to."""
+    pending: list[Term] = [iri]
+    known = set(pending)
+    while pending:
+        for line, value in about.get(pending.pop(), ()):
+            yield line
+            if isinstance(value, BNode) and value not in known:
+                known.add(value)
+                pending.append(value)
 
 
 def labels_of(recipes: RecipeSet) -> dict[str, str]:
@@ -103,6 +168,15 @@ def labels_of(recipes: RecipeSet) -> dict[str, str]:
     for one in _described(recipes):
         if one.label:
             labels.setdefault(local_name(one.iri), one.label)
+    return labels
+
+
+def vocabulary_of(ontology: Ontology) -> dict[str, str]:
+    """Return the labels of all classes, by their local names; of several with one name that of the first."""
+    labels: dict[str, str] = {}
+    for iri in ontology.class_names():
+        if (label := ontology.label(iri)) is not None:
+            labels.setdefault(local_name(iri), label)
     return labels
 
 

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from planlang.report.failures import Failures
-from planlang.report.tree import belief_text, class_of, is_origin, pose_text, shown
+from planlang.report.tree import belief_text, is_origin, pose_text, shown
+from planlang.report.wording import Wording, duration
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
-_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 
-
-def story_of(tree: RunTree, labels: Mapping[str, str], failures: Failures, end: float) -> list[list[Any]]:
+def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) -> list[list[Any]]:
     """Return the sentences in the order of the trace: [time s, node or None, words, kind].
 
-    ``labels`` has the words of a recipe for a class of actions. What process modules do inside of an action is left
-    out. A step that fails has a sentence where it begins, and one with its cause where it ends.
+    What process modules do inside of an action is left out. A step that fails has a sentence where it begins, and one
+    with its cause where it ends.
     """
     found = [one for root in tree.roots for one in _ends(root, failures, end)]
     for node in tree.numbered.values():
         found += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
-            found += _steps(node, labels, failures)
+            found += _steps(node, wording, failures)
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
@@ -45,7 +43,7 @@ def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
         case "succeeded":
             text = f"The plan is done after {time:.1f} s."
         case "failed":
-            text = f"The plan fails after {time:.1f} s: {_lowered(failures, root)}."
+            text = f"The plan fails after {time:.1f} s: {failures.lowered(root)}."
         case "running":
             text = "The trace ends here, before the plan does."
         case _:
@@ -53,23 +51,21 @@ def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
     yield root.last, [time, root.number, text, "closing"]
 
 
-def _steps(node: TaskNode, labels: Mapping[str, str], failures: Failures) -> Iterator[_Placed]:
+def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Placed]:
     if node.kind == "perform":
-        what = labels.get(class_of(node) or "") or words(node.name)
-        where = _target(node)
         how = {
-            "succeeded": f"done in {_duration(node)}",
+            "succeeded": f"done in {duration(node)}",
             "running": "not ended when the trace does",
-            "evaporated": f"stopped after {_duration(node)}",
-            "failed": f"begins, and fails after {_duration(node)}",
+            "evaporated": f"stopped after {duration(node)}",
+            "failed": f"begins, and fails after {duration(node)}",
         }.get(node.status, node.status)
         mood = "done" if node.status == "succeeded" else "begin"
         if node.status != "failed" or node.end != node.start:
-            text = _sentence(f"{shown(what, 160)}{where}: {how}")
+            text = _sentence(f"{wording.of(node)}: {how}")
             yield node.first, [round(node.start or 0.0, 4), node.number, text, mood]
     if node.failure is not None and node.parent is not None and (node.kind == "perform" or _is_bare(node)):
         name = "the search for a place" if node.kind == "at_location" else shown(node.name.partition("#")[0], 80)
-        why = _sentence(f"{name} fails: {_lowered(failures, node)}")
+        why = _sentence(f"{name} fails: {failures.lowered(node)}")
         yield node.last, [round(node.end or 0.0, 4), node.number, why, "cause"]
 
 
@@ -79,11 +75,6 @@ def _is_bare(node: TaskNode) -> bool:
     while around is not None and around.kind != "perform" and around.ended == node.ended:
         around = around.parent
     return is_origin(node) and not (around is not None and around.kind == "perform" and around.ended == node.ended)
-
-
-def _target(node: TaskNode) -> str:
-    match = re.fullmatch(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)", str(node.parameters.get("action", "")))
-    return f" (to {pose_text([float(one) for one in match.groups()])})" if match else ""
 
 
 def _happened(node: TaskNode, rate: float) -> Iterator[_Placed]:
@@ -108,21 +99,6 @@ def _event(one: Happened) -> tuple[str, str] | None:
         case "no more poses", _:
             return "There is no other place to stand", "cause"
     return None
-
-
-def _duration(node: TaskNode) -> str:
-    return f"{(node.end or 0.0) - (node.start or 0.0):.1f} s"
-
-
-def _lowered(failures: Failures, node: TaskNode) -> str:
-    message = str(failures.table[failures.index[node.number]]["headline"])
-    return message[:1].lower() + message[1:] if message[1:2].islower() else message
-
-
-def words(name: str) -> str:
-    """Return a name of a class or function in words: ``MoveBaseToGraspPose#2`` as ``move base to grasp pose``."""
-    parts = _WORDS.findall(name.partition("#")[0])
-    return " ".join(part if part.isupper() and len(part) > 1 else part.lower() for part in parts) or name
 
 
 def _sentence(text: str) -> str:

@@ -50,9 +50,9 @@ class Trace:
     Every record begins with ``step`` (plan time in world steps) and ``event``; the first one is the header. What
     happens in a node of the tree has its number as ``node`` and its path element as ``name``; when a node starts or
     ends, ``parent`` is the number of the node around it and ``kind`` what it is. Numbers count from 1, the root, in the
-    order in which nodes come; so a record is as long at any depth. :func:`with_paths` gives back the paths.
+    order in which nodes come; so a record is as long at any depth. ``planlang.runs.with_paths`` gives back the paths.
 
-    Without ``out`` the records are kept in :attr:`events`. ``header`` is what the caller knows: versions, hashes.
+    Without ``out`` the records are kept in ``events``. ``header`` is what the caller knows: versions, hashes.
     """
 
     is_compared = False

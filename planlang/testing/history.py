@@ -30,7 +30,7 @@ class History:
 
     def __init__(self, events: Sequence[Event], rate: int) -> None:
         self.events = events
-        """The trace, one mapping per record; :func:`planlang.runs.with_paths` adds the paths."""
+        """The trace, one mapping per record; ``planlang.runs.with_paths`` adds the paths."""
         self.rate = rate
         self._tree = RunTree()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +21,8 @@ from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel, arm_models, gaze_of
 from executive.runs.assembly import RobotExecutive
+from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.plan_run import run_plan_file
 from planlang import SimulationHost, Trace, run
 from planlang.designators import an_object
 from planlang.files import bundled
@@ -91,6 +94,41 @@ class MakeStage(Protocol):
 def amigo() -> Robot:
     """The bundled robot."""
     return bind_robot("amigo")
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """The bundled recipe, run once: its result, its lines of progress, and its folder.
+
+    In the folder are run.jsonl, poses.jsonl and scene.png, to be read only: all tests of the session share them.
+    """
+
+    result: RunResult
+    folder: Path
+    progress: Sequence[str]
+
+    @property
+    def trace(self) -> Path:
+        """The trace."""
+        return self.folder / "run.jsonl"
+
+
+BUNDLED = RunOptions(
+    recipe=bundled("recipes") / "serve_a_drink.omn",
+    robot=bundled("ontologies") / "robots" / "amigo.omn",
+    environment=bundled("ontologies") / "environments" / "hospital_room.omn",
+)
+"""What runs the bundled recipe."""
+
+
+@pytest.fixture(scope="session")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Served:
+    """A run in a world that differs from its map, and in which a first grasp is in collision."""
+    folder, lines = tmp_path_factory.mktemp("served"), list[str]()
+    files = {"trace": folder / "run.jsonl", "poses": folder / "poses.jsonl", "picture": folder / "scene.png"}
+    result = run_plan_file(replace(BUNDLED, seed=3, progress=lines.append, **files))
+    assert result.outcome is Outcome.DONE, result.message
+    return Served(result, folder, lines)
 
 
 @pytest.fixture(scope="session")

@@ -66,4 +66,4 @@ def test_a_thing_that_nothing_makes_is_missed_before_anything_moves(cook: tuple[
     text = KITCHEN.with_name("pancake_kitchen.omn").read_text(encoding="utf-8")
     path.write_text(text.replace("Types: knowrob:WheatFlour", "Types: knowrob:Cup"), encoding="utf-8")
     found = answer("run", *(path if one is KITCHEN else one for one in cook))
-    assert (found["failure"]["class"], found["duration"]) == ("ObjectUnresolvable", 0.0)
+    assert (found["exit_code"], found["diagnostics"][-1]["code"]) == (2, "X031")

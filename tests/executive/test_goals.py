@@ -1,4 +1,4 @@
-"""Recipes reach their goals in the simulator's truth; ``make test-long`` runs those that take longer.
+"""Recipes reach their goals in the simulator's truth.
 
 Where a page shows what the command prints, the goal is asked of the same run by ``tests/repository``.
 """
@@ -16,17 +16,17 @@ from executive.modules.tools.wiping import Wiping
 from executive.runs.options import Outcome
 from planlang.failures import ManipulationGoalInCollision
 from planlang.protocols import Trajectory
-from tests.repository.test_documentation import shown_outputs
 from tests.support.extras import skip_without_pr2
+from tests.support.pages import shown_commands
 from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "recipes.md"
-SHOWN = [shlex.split(command) for command in shown_outputs()]
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "published_recipes.md"
+SHOWN = [shlex.split(command)[1:] for command in shown_commands() if command.startswith("planlang run")]
 OTHERS = [one for one in scenarios().values() if not any(map(one.is_run_by, SHOWN))]
-MARKED = [pytest.param(one, id=one.name, marks=() if one.is_quick else pytest.mark.long) for one in OTHERS]
 
 
-@pytest.mark.parametrize("scenario", MARKED)
+@pytest.mark.long
+@pytest.mark.parametrize("scenario", OTHERS, ids=lambda one: one.name)
 def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
     if scenario.needs_corpus and not CORPUS.is_dir():
         pytest.skip("the corpus of real OWL files is not beside this checkout")

@@ -16,9 +16,8 @@ from planlang import now, par, perform, sleep
 from planlang.designators import a_person, a_posture, action
 from planlang.failures import GraspSlipped, ObjectLost
 from sim import PyBulletWorld
-from tests.executive.conftest import WARD, MakeStage, Stage, hold_bottle
+from tests.executive.conftest import BUNDLED, WARD, MakeStage, Stage, hold_bottle
 from tests.executive.modules.test_navigation import to
-from tests.executive.test_whole_runs import BUNDLED
 
 STEP = PyBulletWorld.step
 SOON = 0.25
@@ -39,19 +38,17 @@ def drop(monkeypatch: pytest.MonkeyPatch, name: str, when: float) -> list[float]
     return dropped
 
 
-longer = partial(pytest.param, marks=pytest.mark.long)
-
-
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("when", "ends_well", "within"),
     [
-        longer(19.3, True, 1.0, id="over the table"),
+        pytest.param(19.3, True, 1.0, id="over the table"),
         pytest.param(27.0, False, SOON, id="on the way"),
-        longer(17.5, True, 3.0, id="as it is lifted"),  # it stands between the fingers until these have gone
-        longer(23.0, False, SOON, id="as the arm is tucked"),
-        longer(31.0, False, SOON, id="at a turn"),
-        longer(36.0, False, 3.5, id="before the patient"),  # while the head looks for the patient
-        longer(42.0, True, SOON, id="as it is offered"),
+        pytest.param(17.5, True, 3.0, id="as it is lifted"),  # it stands between the fingers until these have gone
+        pytest.param(23.0, False, SOON, id="as the arm is tucked"),
+        pytest.param(31.0, False, SOON, id="at a turn"),
+        pytest.param(36.0, False, 3.5, id="before the patient"),  # while the head looks for the patient
+        pytest.param(42.0, True, SOON, id="as it is offered"),
     ],
 )
 def test_a_bottle_that_is_dropped_is_served_in_the_end_or_truthfully_given_up(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
@@ -156,13 +158,32 @@ def test_the_suffix_tells_the_format(name: str, start: str, tmp_path: Path) -> N
     assert result.stdout.startswith('"""Serve a drink.'), "the plan goes to stdout as without --graph"
 
 
-@pytest.mark.parametrize("name", ["g.png", "graph", "g.svg.txt", "g.html"])
+def test_a_graph_is_written_as_png_in_the_size_of_its_svg_and_equal_runs_give_equal_bytes(tmp_path: Path) -> None:
+    for name in ("g.png", "h.PNG", "g.svg"):
+        assert compile_with("serve_a_drink", "--graph", tmp_path / name).exit_code == 0
+    assert (tmp_path / "g.png").read_bytes() == (tmp_path / "h.PNG").read_bytes()
+    size = re.search(r'width="([\d.]+)" height="([\d.]+)"', (tmp_path / "g.svg").read_text(encoding="utf-8"))
+    assert size is not None
+    with Image.open(tmp_path / "g.png") as image:
+        assert image.size == pytest.approx([float(one) for one in size.groups()], abs=1)
+        colours = {colour for _, colour in image.getcolors(image.width * image.height) or ()}
+    assert {(0xF5, 0xF8, 0xFB), (0xFB, 0xF9, 0xF3)} <= colours, "steps and recipes"
+
+
+def test_a_graph_that_is_too_large_for_a_picture_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.pictures.graph_picture.LARGEST", 1000)
+    result = compile_with("serve_a_drink", "--graph", tmp_path / "g.png", "-o", tmp_path / "plan.py")
+    assert (result.exit_code, "error C014" in result.stderr, ".svg" in result.stderr) == (2, True, True)
+    assert not (tmp_path / "g.png").exists()
+
+
+@pytest.mark.parametrize("name", ["g.pdf", "graph", "g.svg.txt", "g.html"])
 def test_an_unknown_suffix_is_refused_with_the_valid_ones_and_nothing_is_written(name: str, tmp_path: Path) -> None:
     result = compile_with("serve_a_drink", "--graph", tmp_path / name, "-o", tmp_path / "plan.py")
     assert result.exit_code == 2
     assert "error C014" in result.stderr
     assert f"unknown graph format {Path(name).suffix or name}" in result.stderr
-    assert "known: .svg, .dot, .mmd" in result.stderr
+    assert "known: .svg, .dot, .mmd, .png" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
 

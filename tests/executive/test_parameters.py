@@ -118,11 +118,16 @@ def test_a_place_may_be_told_by_a_phrase(put: Plan[..., object], room: SemanticM
     [
         ("Put.toLocation", "on the", "P003", None),
         ("Put.toLocation", "on the refrigerator", "P008", None),
-        ("Put.toLocation", "cabinet3", "X005", "did you mean cabinet"),
+        ("Put.toLocation", "cabinet3", "X005", "did you mean --set Put.toLocation=cabinet"),
         ("Tell.recipient", "bed1", "X006", "Tell.recipient may be patient1"),
         ("Tell.recipient", "on the bed", "X005", None),
         ("thing", "patient1", "X006", f"thing may be {PLACED}"),
-        ("Put.toLocatoin", "bed1", "X004", "did you mean Put.toLocation? its parameters: cup, Put.toLocation,"),
+        (
+            "Put.toLocatoin",
+            "bed1",
+            "X004",
+            "did you mean --set Put.toLocation=bed1? its parameters: cup,",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_with_what_would(
@@ -153,7 +158,7 @@ def test_all_that_is_not_set_is_told_with_what_of_the_map_fits(put: Plan[..., ob
     ("cls", "said"),
     [
         ("DrinkingBottle", ("note", "bottle1 is meant, its only DrinkingBottle", None)),
-        ("Cabinet-PieceOfFurniture", ("warning", "is meant, of cabinet1, cabinet2", "--set thing=NAME says which")),
+        ("Cabinet-PieceOfFurniture", ("warning", "is meant, of cabinet1, cabinet2", "--set thing=cabinet1 says which")),
         ("Refrigerator", None),
     ],
 )

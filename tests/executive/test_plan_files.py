@@ -125,12 +125,16 @@ def test_a_thing_of_a_class_beside_that_of_the_recipes_individual_will_do_with_a
 @pytest.mark.parametrize(
     ("bindings", "code", "said"),
     [
-        ({"botle": "bottle2"}, "X004", "did you mean bottle? its parameters: bottle, any_bottle, patient"),
+        (
+            {"botle": "bottle2"},
+            "X004",
+            "did you mean --set bottle=bottle2? its parameters: bottle, any_bottle, patient",
+        ),
         (
             {"bottle": "botle1"},
             "X005",
-            "did you mean bottle1? bottle may be bottle1, cup2, bottle2; the map also has room1, bed1, patient1,"
-            " bedside_table1, cabinet1, cabinet2, chair1, door1, visitor1",
+            "did you mean --set bottle=bottle1? bottle may be bottle1, cup2, bottle2; the map also has room1, bed1,"
+            " patient1, bedside_table1, cabinet1, cabinet2, chair1, door1, visitor1",
         ),
         ({"any_bottle": "cup2"}, "X006", "any_bottle may be bottle1, bottle2"),
         ({"patient": "bed1"}, "X006", "patient may be patient1, visitor1"),

@@ -23,7 +23,8 @@ from planlang import SimulationHost, StepLimit, Trace, at_location, perform, pla
 from planlang.designators import a_location, a_person, a_posture, action
 from planlang.runs import Past, RecordedRun, restore
 from sim.truth import held_by
-from tests.executive.conftest import PLACE, THE_BOTTLE, WARD, MakeStage, Stage
+from tests.executive.conftest import PLACE, THE_BOTTLE, WARD, MakeStage, Served, Stage
+from tests.support.examples import some
 from tests.support.extras import skip_without_pr2
 
 PLAN = '''"""Take the bottle, then bring it, in steps of their own."""
@@ -83,19 +84,9 @@ def lines(path: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """The folder of trace and poses of a bundled run in a world that differs from its map; what it answered."""
-    folder = tmp_path_factory.mktemp("whole")
-    files = ("--trace", folder / "run.jsonl", "--poses", folder / "poses.jsonl")
-    found = answer("run", "serve_a_drink", "--seed", 3, *files)
-    assert found["exit_code"] == 0
-    return folder, found
-
-
-@pytest.fixture(scope="module")
-def whole(logged: tuple[Path, dict[str, Any]]) -> Path:
+def whole(served: Served) -> Path:
     """The trace of a bundled run that was not interrupted."""
-    return logged[0] / "run.jsonl"
+    return served.trace
 
 
 def killed_with_poses(logged: Path, to: Path, records: int) -> Path:
@@ -108,9 +99,9 @@ def killed_with_poses(logged: Path, to: Path, records: int) -> Path:
     return part
 
 
-def exported(trace: Path) -> list[str]:
+def exported(trace: Path, to: Path) -> list[str]:
     """What ``export`` writes of a trace and the log of poses beside it, without the digest of the trace."""
-    poses, to = trace.with_name("poses.jsonl"), trace.with_name("neem")
+    poses = trace.with_name("poses.jsonl")
     assert answer("export", trace, "--to", "neem", "-o", to, "--poses", poses)["exit_code"] == 0
     digest = hashlib.sha256(trace.read_bytes()).hexdigest()
     files = (to / "narrative.ttl", to / "poses.jsonl")
@@ -121,18 +112,18 @@ def exported(trace: Path) -> list[str]:
     "later", [20, *(pytest.param(one, marks=pytest.mark.long) for one in (-40, 0, 1, 40, 61, 62, 63))]
 )
 def test_a_resumed_run_tells_tilts_poses_and_experience_of_all_of_it(
-    later: int, logged: tuple[Path, dict[str, Any]], tmp_path: Path
+    later: int, served: Served, tmp_path: Path
 ) -> None:
     """It is killed so many records later than the bottle was grasped, which the first step has done."""
-    folder, whole = logged
-    part = killed_with_poses(folder, tmp_path, completions(folder / "run.jsonl")[0] + later)
+    folder, tilts = served.folder, served.result.tilts.degrees()
+    part = killed_with_poses(folder, tmp_path, completions(served.trace)[0] + later)
     ended = answer("run", "--resume", part, "--poses", tmp_path / "poses.jsonl")
     assert codes(ended) == []
     assert not list(tmp_path.glob(".*")), "nothing is left over"
-    assert (ended["final_state"], ended["largest_tilts"]) == (whole["final_state"], whole["largest_tilts"])
-    assert whole["largest_tilts"], "something was carried"
+    assert (ended["final_state"], ended["largest_tilts"]) == (list(served.result.final_state), tilts)
+    assert tilts, "something was carried"
     assert (tmp_path / "poses.jsonl").read_bytes() == (folder / "poses.jsonl").read_bytes()
-    assert exported(part) == exported(folder / "run.jsonl")
+    assert exported(part, tmp_path / "part") == exported(served.trace, tmp_path / "whole")
 
 
 @pytest.mark.long
@@ -226,11 +217,14 @@ def test_a_run_killed_before_any_step_has_completed_begins_anew(whole: Path, tmp
 
 @pytest.mark.parametrize(
     ("options", "told"),
-    [
-        (("--seed", "4"), "the seed differs: 3 in the trace, 4 now"),
-        (("--schedule", "1"), "the schedule differs: None in the trace, 1 now"),
-        (("--start", "0.5,0,0"), "the robot's start differs: [0.0, 0.0, 0.0] in the trace, [0.5, 0.0, 0.0] now"),
-    ],
+    some(
+        [
+            (("--seed", "4"), "the seed differs: 3 in the trace, 4 now"),
+            (("--schedule", "1"), "the schedule differs: None in the trace, 1 now"),
+            (("--start", "0.5,0,0"), "the robot's start differs: [0.0, 0.0, 0.0] in the trace, [0.5, 0.0, 0.0] now"),
+        ],
+        every=3,
+    ),
 )
 def test_what_must_agree_is_told_when_it_differs(
     options: tuple[str, ...], told: str, whole: Path, tmp_path: Path
@@ -289,7 +283,7 @@ def test_a_result_that_does_not_survive_stops_no_resumption_unless_it_came_from_
 
 @pytest.mark.parametrize(
     ("old", "new", "event"),
-    [('"position": [-2.9', '"position": [-2.8', "belief"), ('"seed": 3', '"seed": 4', None)],
+    some([('"position": [-2.9', '"position": [-2.8', "belief"), ('"seed": 3', '"seed": 4', None)], every=2),
     ids=["one number", "the seed"],
 )
 def test_a_trace_that_was_altered_is_refused_at_the_first_record_that_differs(

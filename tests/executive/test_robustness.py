@@ -16,8 +16,6 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
-from executive.cli.console import show
-from planlang.diagnostics import note, warning
 from planlang.files import Bundled, bundled
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -180,18 +178,6 @@ def test_a_usage_error_is_a_json_object_too(tmp_path: Path) -> None:
     assert result.stderr == ""
 
 
-def test_many_notes_before_a_result_are_counted_by_code(capsys: pytest.CaptureFixture[str]) -> None:
-    notes = [*(note("M005", f"size {number}") for number in range(9)), note("B010", "assumed"), note("B010", "too")]
-    show([*notes, warning("M014", "inside")], all_notes=False)
-    assert capsys.readouterr().err.splitlines() == [
-        "warning M014 inside",
-        "11 notes: 9 M005, 2 B010 (--verbose lists them)",
-        "1 warning, 11 notes",
-    ]
-    show(notes[:10], all_notes=False)
-    assert len(capsys.readouterr().err.splitlines()) == 10, "few are listed"
-
-
 def test_summaries_of_commands_are_whole_sentences() -> None:
     lines = " ".join(invoke("--help").stdout.split())
     assert "Find poses that match a phrase, for the robot's base or for a thing." in lines
@@ -204,7 +190,7 @@ def test_a_misspelt_parameter_is_told_before_the_robot_is_bound(monkeypatch: pyt
 
     monkeypatch.setattr("executive.runs.plan_run.bind_robot", bound)
     result = invoke("run", "serve_a_drink", "--set", "botle=bottle1")
-    assert (result.exit_code, "did you mean bottle?" in result.stderr) == (2, True), result.stderr
+    assert (result.exit_code, "did you mean --set bottle=bottle1?" in result.stderr) == (2, True), result.stderr
 
 
 RECIPE = (bundled("recipes") / "serve_a_drink.omn").read_text(encoding="utf-8")
@@ -289,17 +275,17 @@ def test_a_robot_without_a_gripper_lacks_a_capability(tmp_path: Path) -> None:
     found = answer("run", "serve_a_drink", "--robot", robot, "--urdf", urdf)
     assert (found["exit_code"], found["failure"]["class"]) == (3, "MissingCapability")
     assert "MissingCapability: capability GripperMotionCapability: " in found["message"]
+    (able,) = (one for one in found["diagnostics"] if one["code"] == "X032")
+    assert able["help"].startswith("planlang run serve_a_drink --robot amigo --environment hospital_room")
 
 
 @pytest.mark.parametrize(
     ("text", "failure"),
     [
-        (without(MAP, "bottle1"), "ObjectUnresolvable"),
-        (without(MAP, "patient1"), "ObjectUnresolvable"),
         (MAP.replace("knowrob:m03 -2.72", "knowrob:m03 -12.72"), "ObjectUnreachable"),
         (re.sub(r"(depth|width)OfObject 0\.065", r"\1OfObject 0.365", MAP), "ObjectUnreachable"),
     ],
-    ids=["no bottle", "no patient", "bottle outside the room", "bottle wider than the hand"],
+    ids=["bottle outside the room", "bottle wider than the hand"],
 )
 def test_a_map_that_does_not_fit_the_recipe_ends_in_a_typed_failure(text: str, failure: str, tmp_path: Path) -> None:
     path = tmp_path / "map.omn"
@@ -307,6 +293,17 @@ def test_a_map_that_does_not_fit_the_recipe_ends_in_a_typed_failure(text: str, f
     found = answer("run", "serve_a_drink", "--environment", path)
     assert (found["exit_code"], found["failure"]["class"]) == (1, failure)
     assert "serve_a_drink" in found["failure"]["where"], "the failure says where in the plan it arose"
+
+
+@pytest.mark.parametrize("thing", ["bottle1", "patient1"])
+def test_a_map_without_a_thing_of_the_plan_is_refused_with_a_command_that_runs(thing: str, tmp_path: Path) -> None:
+    path = tmp_path / "map.omn"
+    path.write_text(without(MAP, thing), encoding="utf-8")
+    found = answer("run", "serve_a_drink", "--environment", path)
+    assert (found["exit_code"], errors(found)) == (2, ["X031"])
+    assert found["diagnostics"][-1]["message"].startswith(f"{thing} (")
+    command = "planlang run serve_a_drink --robot amigo --environment hospital_room (or visiting_hours)"
+    assert found["diagnostics"][-1]["help"] == command
 
 
 @pytest.mark.long

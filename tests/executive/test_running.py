@@ -33,22 +33,22 @@ from planlang import Trace, VirtualHost, a_constraint, a_feature, par, perform, 
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput
 from planlang.failures import NavigationGoalNotReached, ObjectUnreachable
-from planlang.files import bundled
+from planlang.files import Bundled, bundled
 from planlang.ontology import load
 from planlang.report import Told
 from planlang.testing import Script, ScriptedExecutive
 from sim import PyBulletWorld
+from tests.executive.conftest import BUNDLED, Served
 from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 RECIPE = bundled("recipes") / "serve_a_drink.omn"
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 AMIGO = bundled("ontologies") / "robots" / "amigo.omn"
-BUNDLED = RunOptions(recipe=RECIPE, robot=AMIGO, environment=ROOM)
 MAP = ROOM.read_text(encoding="utf-8")
 ROOM_IRI = "http://planlang.org/kb/hospital_room.owl#"
 
-Served = Callable[..., RunResult]
+Serve = Callable[..., RunResult]
 
 
 def records_of(trace: Path) -> list[dict[str, Any]]:
@@ -79,61 +79,50 @@ def changed_map(folder: Path, *changes: tuple[str, str]) -> Path:
     return path
 
 
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path, list[str]]:
-    """The bundled recipe, run once: its result, its folder with run.jsonl and scene.png, its lines of progress."""
-    folder, lines = tmp_path_factory.mktemp("served"), []
-    options = replace(BUNDLED, seed=3, trace=folder / "run.jsonl", picture=folder / "scene.png", progress=lines.append)
-    return run_plan_file(options), folder, lines
-
-
-@pytest.mark.long
-def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(
-    served: tuple[RunResult, Path, list[str]],
-) -> None:
-    result, _, _ = served
+def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(served: Served) -> None:
+    result = served.result
     assert (result.outcome, result.message, result.failures) == (Outcome.DONE, "done", ())
     assert result.final_state == ("bottle1: held by patient1",)
     assert 10 < result.duration < 120
 
 
-def test_the_trace_is_complete_and_its_header_says_what_was_run(served: tuple[RunResult, Path, list[str]]) -> None:
-    records = records_of(served[1] / "run.jsonl")
+def test_the_trace_is_complete_and_its_header_says_what_was_run(served: Served) -> None:
+    records = records_of(served.trace)
     assert_complete(records)
     header = records[0]
     assert (header["plan"], header["robot"], header["seed"], header["rate"]) == ("serve_a_drink", "amigo", 3, 30)
     assert {"planlang", "pybullet", "casadi", "ruckig", "numpy"} <= set(header["versions"])
 
 
-def test_the_trace_tells_what_was_learnt_and_held(served: tuple[RunResult, Path, list[str]]) -> None:
-    changes = [r["change"] for r in records_of(served[1] / "run.jsonl") if r["event"] == "belief"]
+def test_the_trace_tells_what_was_learnt_and_held(served: Served) -> None:
+    changes = [r["change"] for r in records_of(served.trace) if r["event"] == "belief"]
     assert [change for change in changes if change in ("grasped", "released")] == ["grasped", "released"]
     assert "seen" in changes, "with seed 3 the bottle is elsewhere than in the map"
 
 
-def test_progress_tells_people_what_is_done_in_order(served: tuple[RunResult, Path, list[str]]) -> None:
-    text = "\n".join(served[2])
+def test_progress_tells_people_what_is_done_in_order(served: Served) -> None:
+    text = "\n".join(served.progress)
     order = ["ReachForBottle", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 released"]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
-    assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served[2])
+    assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served.progress)
 
 
-def test_the_picture_of_the_end_is_left(served: tuple[RunResult, Path, list[str]]) -> None:
-    with Image.open(served[1] / "scene.png") as image:
+def test_the_picture_of_the_end_is_left(served: Served) -> None:
+    with Image.open(served.folder / "scene.png") as image:
         assert (image.format, image.width, image.height > 640) == ("PNG", 960, True), "what was done stands below it"
-    assert sorted(path.name for path in served[1].iterdir()) == ["run.jsonl", "scene.png"]
+    left = sorted(path.name for path in served.folder.iterdir())
+    assert left == ["poses.jsonl", "run.jsonl", "scene.png"]
 
 
-def test_one_seed_gives_one_trace_in_a_process_that_orders_hashes_differently(
-    served: tuple[RunResult, Path, list[str]], tmp_path: Path
-) -> None:
+@pytest.mark.long
+def test_one_seed_gives_one_trace_in_a_process_that_orders_hashes_differently(served: Served, tmp_path: Path) -> None:
     """This process has a random seed of hashes."""
     trace = tmp_path / "run.jsonl"
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT), "PYTHONHASHSEED": "99"}
     command = [sys.executable, "-m", "executive", "run", "serve_a_drink", "--seed", "3", "--trace", str(trace)]
     subprocess.run(command, env=environment, capture_output=True, check=True)
-    assert trace.read_bytes() == (served[1] / "run.jsonl").read_bytes()
+    assert trace.read_bytes() == served.trace.read_bytes()
 
 
 # Real input
@@ -149,19 +138,21 @@ def of_corpus(corpus: Path, environment: str) -> RunOptions:
 
 
 def test_a_kitchen_without_a_bottle_says_so_and_lists_what_there_is(corpus: Path) -> None:
-    result = run_plan_file(of_corpus(corpus, "ias_semantic_map@hydro.owl"))
-    assert (result.outcome, result.failures) == (Outcome.FAILED, ("ObjectUnresolvable",))
-    assert "bottle1 (DrinkingBottle) is not in the map; there are" in result.message
+    with pytest.raises(BadInput, match="bottle1 \\(DrinkingBottle\\) is not in the map; there are"):
+        run_plan_file(of_corpus(corpus, "ias_semantic_map@hydro.owl"))
 
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "map_hospital_room@re_stack.owl.in",
-        "ias_hospital_room@re_stack.owl.in",
-        "ias_hospital_room_with_objects@re_stack.owl.in",
-        "ias_semantic_map@hydro.owl",
-    ],
+    some(
+        [
+            "map_hospital_room@re_stack.owl.in",
+            "ias_hospital_room@re_stack.owl.in",
+            "ias_hospital_room_with_objects@re_stack.owl.in",
+            "ias_semantic_map@hydro.owl",
+        ],
+        every=4,
+    ),
 )
 def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
     world = PyBulletWorld(scene_of(read_map(load(corpus / "environments" / name))))
@@ -193,13 +184,16 @@ def test_all_wrong_bindings_are_told_at_once_with_what_would_be_right() -> None:
 
 @pytest.mark.parametrize(
     ("start", "said"),
-    [
-        ((-2.6, -0.8, 0.0), "collide with bottle1, cabinet1"),
-        ((1.95, 0.6, 0.0), "collide with bed1, patient1"),
-        ((40.0, 0.0, 0.0), "off the map"),
-        ((-3.0, 0.0, 0.0), "off the map"),
-        ((2.9, -2.0, 0.0), "collide with room1"),
-    ],
+    some(
+        [
+            ((-2.6, -0.8, 0.0), "collide with bottle1, cabinet1"),
+            ((1.95, 0.6, 0.0), "collide with bed1, patient1"),
+            ((40.0, 0.0, 0.0), "off the map"),
+            ((-3.0, 0.0, 0.0), "off the map"),
+            ((2.9, -2.0, 0.0), "collide with room1"),
+        ],
+        every=2,
+    ),
 )
 def test_a_start_where_the_robot_cannot_stand_is_refused_with_the_reason(
     start: tuple[float, float, float], said: str
@@ -227,13 +221,31 @@ def test_a_room_without_free_floor_has_no_place_to_start(tmp_path: Path) -> None
 # Maps that do not fit
 
 
-def test_a_map_without_a_bottle_fails_with_what_there_is(tmp_path: Path) -> None:
+def test_a_map_without_a_bottle_is_refused_with_what_there_is(tmp_path: Path) -> None:
     frames = MAP.split("\n\n")
     path = tmp_path / "map.omn"
     path.write_text("\n\n".join(f for f in frames if "bottle1" not in f.split("\n")[0]), encoding="utf-8")
-    result = run_plan_file(replace(BUNDLED, environment=path))
-    assert (result.outcome, result.failures) == (Outcome.FAILED, ("ObjectUnresolvable",))
-    assert "patient1" in result.message, "it lists what there is"
+    with pytest.raises(BadInput, match=r"X031 bottle1 .* there are .*patient1"):
+        run_plan_file(replace(BUNDLED, environment=path))
+
+
+@pytest.mark.parametrize(
+    ("environment", "changes", "said"),
+    [
+        (None, (("knowrob:Patient", "knowrob:Person"), ("patient1", "guest7")), "--set patient=guest7"),
+        ("day_room", (), "--environment hospital_room (or visiting_hours)"),
+    ],
+    ids=["a person of another class", "a bundled room without persons"],
+)
+def test_what_would_do_is_a_command(
+    tmp_path: Path, environment: str | None, changes: tuple[tuple[str, str], ...], said: str
+) -> None:
+    path = changed_map(tmp_path, *changes) if environment is None else Bundled.ENVIRONMENT.find(environment)
+    with pytest.raises(BadInput) as caught:
+        run_plan_file(replace(BUNDLED, environment=path))
+    (problem,) = caught.value.diagnostics
+    where = f"--environment {path} " if environment is None else ""
+    assert (problem.code, problem.help) == ("X031", f"planlang run serve_a_drink --robot amigo {where}{said}")
 
 
 def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
@@ -246,10 +258,8 @@ def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     assert fingers.sum() > 10, "the robot is in the picture"
 
 
-def test_the_ending_of_a_run_has_the_reason_of_the_page_or_the_steps_and_the_state(
-    served: tuple[RunResult, Path, list[str]],
-) -> None:
-    lines = (served[1] / "run.jsonl").read_text(encoding="utf-8").splitlines()
+def test_the_ending_of_a_run_has_the_reason_of_the_page_or_the_steps_and_the_state(served: Served) -> None:
+    lines = served.trace.read_text(encoding="utf-8").splitlines()
     told = Told.of(map(json.loads, lines))
     first, steps, state = ending_of(told, "done", "done", 31.5, ["bottle1: held by patient1", "door1: closed"])
     assert (first, state) == ("done after 31.50 s", "bottle1: held by patient1; door1: closed")
@@ -291,7 +301,7 @@ class _After:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("step", some([425, 1]))
+@pytest.mark.parametrize("step", some([1, 425]))
 def test_an_interrupt_in_any_step_of_the_world_ends_the_run_with_a_complete_trace(
     step: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

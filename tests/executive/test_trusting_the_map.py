@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from tests.support.examples import some
 from tests.support.extras import HAS_PR2
 
 
@@ -41,10 +40,12 @@ def test_a_robot_without_camera_is_refused_with_what_lets_it_work(words: tuple[s
     found = run(*words, "--robot", "panda")
     assert (found["exit_code"], found["failure"]["class"]) == (3, "MissingCapability")
     (advice,) = (one for one in found["diagnostics"] if one["code"] == "X013")
-    assert "--trust-map" in advice["help"]
+    assert f": planlang run {words[0]} --robot panda " in advice["help"]
+    assert advice["help"].endswith(" --trust-map")
 
 
-@pytest.mark.parametrize(("recipe", "holder"), some([("serve_a_drink", "patient1"), ("pass_a_drink", "guest1")]))
+@pytest.mark.long
+@pytest.mark.parametrize(("recipe", "holder"), [("serve_a_drink", "patient1"), ("pass_a_drink", "guest1")])
 def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
     tmp_path: Path, recipe: str, holder: str
 ) -> None:
@@ -73,6 +74,7 @@ def test_a_robot_with_a_camera_looks_unless_it_trusts_the_map(tmp_path: Path) ->
     assert "trusts_map" not in header(looking)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
 def test_the_pr2_passes_the_drink_without_moving_its_base(tmp_path: Path) -> None:
     trace = tmp_path / "run.jsonl"

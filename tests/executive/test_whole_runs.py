@@ -18,18 +18,16 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.options import Outcome, RunResult
 from executive.runs.plan_run import run_plan_file
 from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
-from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.language.conditions import holds
 from planlang.protocols import Detection, Solution
 from sim import Body, Scene
-from tests.executive.conftest import THE_BOTTLE, WARD, MakeStage, Stage, stand
+from tests.executive.conftest import BUNDLED, THE_BOTTLE, WARD, MakeStage, Stage, stand
 from tests.executive.modules.test_navigation import to
-from tests.support.examples import some
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -72,18 +70,16 @@ IN_THE_BACKGROUND = ("sh", "-c", 'trap "" INT; exec "$@"', "sh")
 """Starts a command as a shell script does that puts it into the background: SIGINT is ignored."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("number", "code", "started_by"),
-    some(
-        [
-            (signal.SIGTERM, 143, IN_THE_BACKGROUND),
-            (signal.SIGTERM, 143, ()),
-            (signal.SIGINT, 130, ()),
-            (signal.SIGHUP, 129, IN_THE_BACKGROUND),
-            (signal.SIGHUP, 129, ()),
-        ],
-        every=5,
-    ),
+    [
+        (signal.SIGTERM, 143, IN_THE_BACKGROUND),
+        (signal.SIGTERM, 143, ()),
+        (signal.SIGINT, 130, ()),
+        (signal.SIGHUP, 129, IN_THE_BACKGROUND),
+        (signal.SIGHUP, 129, ()),
+    ],
 )
 def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     number: int, code: int, started_by: tuple[str, ...], tmp_path: Path
@@ -97,7 +93,7 @@ def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     ) as process:
         assert process.stderr is not None
         for line in process.stderr:
-            if "ApproachBottle" in line:
+            if "MoveBaseToGraspPose" in line:
                 process.send_signal(number)
                 break
         _, rest = process.communicate()
@@ -111,11 +107,6 @@ def test_a_signal_ends_a_run_with_cleanup_a_complete_trace_and_valid_files(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.jsonl", "s.png"]
 
 
-BUNDLED = RunOptions(
-    recipe=bundled("recipes") / "serve_a_drink.omn",
-    robot=bundled("ontologies") / "robots" / "amigo.omn",
-    environment=bundled("ontologies") / "environments" / "hospital_room.omn",
-)
 Run = Callable[[Callable[[Scene], Scene]], tuple[RunResult, list[dict[str, Any]]]]
 
 

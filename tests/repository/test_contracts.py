@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -97,7 +98,7 @@ def process_modules_imported(folder: Path) -> list[tuple[str, str]]:
 
     The registry may have a user's module for the same actions, which would be passed over.
     """
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((folder / "executive").rglob("*.py"))}
+    trees = {path: _parsed(path.read_text(encoding="utf-8")) for path in sorted((folder / "executive").rglob("*.py"))}
     classes = {
         ".".join(path.relative_to(folder).with_suffix("").parts): {
             node.name for node in tree.body if isinstance(node, ast.ClassDef) and any(map(_marks, node.decorator_list))
@@ -112,6 +113,12 @@ def process_modules_imported(folder: Path) -> list[tuple[str, str]]:
         for module, name in _imported(tree)
         if name in forbidden.get(module, ())
     ]
+
+
+@cache
+def _parsed(text: str) -> ast.Module:
+    """Return the syntax of a file; most files are the same in each copy of the checkout."""
+    return ast.parse(text)
 
 
 def _marks(decorator: ast.expr) -> bool:
@@ -155,7 +162,7 @@ def true_worlds_imported(folder: Path) -> list[tuple[str, str]]:
         (file, f"{module}:{name}")
         for path in sorted((folder / "executive").rglob("*.py"))
         if not (file := path.relative_to(folder).as_posix()).startswith(ASSEMBLED)
-        for module, name in _imported(ast.parse(path.read_text(encoding="utf-8")))
+        for module, name in _imported(_parsed(path.read_text(encoding="utf-8")))
         if module in TRUTH or (module == "sim" and name in TRUTH)
     ]
 

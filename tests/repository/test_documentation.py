@@ -1,165 +1,149 @@
-"""The documentation shows what the program does: outputs of commands, diagnostic codes, folders, links.
+"""The documentation shows what the program does: blocks of code, diagnostic codes, folders, links.
 
-``python tests/repository/test_documentation.py`` writes the outputs and the table of codes anew. A line ``...`` in an
-output stands for any number of lines. Numbers are compared only when the pages are written.
+``python -m tests.repository.test_documentation [PAGE...]`` writes the outputs of pages anew, of all if none is named.
 """
 
 from __future__ import annotations
 
 import re
-import runpy
-import shlex
-from contextlib import chdir
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 import pytest
-from typer.testing import CliRunner
 
-from executive.cli.app import app
-from executive.runs.options import RunOptions, RunResult
+from tests.support.page_runs import Found, PageRun, renewed
+from tests.support.pages import CHECKOUT, all_pages, blocks, commands, fitted, shape
+from tests.support.servers import running_server
 
-CHECKOUT = Path(__file__).resolve().parents[2]
-README = CHECKOUT / "README.md"
-PAGES = {page.name: page.read_text(encoding="utf-8") for page in (README, *sorted(CHECKOUT.glob("docs/**/*.md")))}
-OF_THEIR_OWN = ("knowledge.md", "locations.md")
-"""Pages whose outputs another test compares."""
+PAGES = {str(page.relative_to(CHECKOUT)): page.read_text(encoding="utf-8") for page in all_pages()}
 PACKAGES = ("planlang", "executive", "sim")
-
-CODES = re.findall(r"^\| `([A-Z]\d{3})` \| .+? \|$", PAGES["codes.md"], flags=re.MULTILINE)
+CODES = re.findall(r"^\| `([A-Z]\d{3})` \| .+? \|$", PAGES["docs/reference/codes.md"], flags=re.MULTILINE)
 """The codes of diagnostics that are explained."""
-BLOCK = re.compile(r"```console\n\$ planlang (.+)\n((?:(?!```).*\n)*)```")
-ELISION = "...\n"
-FIRST_RUN_ONLY = "building the reachability map"
-"""How lines about what is kept for later runs begin; pages show a second run."""
+LONG = tuple(
+    f"docs/{name}.md"
+    for name in (
+        *(
+            f"guides/{one}"
+            for one in ("compiling", "cooking", "knowledge", "modules", "published_recipes", "recording")
+        ),
+        *(f"guides/{one}" for one in ("report", "resuming", "running", "searching", "sweeping", "testing")),
+        "reference/formats",
+    )
+)
+"""Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""
+WITH_NOTHING: dict[str, tuple[str, ...]] = {
+    "docs/reference/architecture.md": ("recipe.owl | .omn | .ttl", "planlang/*.py"),
+    "docs/reference/formats.md": ('name = "amigo"',),
+    "docs/guides/knowledge.md": ("robot cannot do it; its alternatives",),
+}
+"""How blocks begin that are no code of the page: a drawing, and folders, whose names another test compares; the keys of
+robot files, with placeholders; an answer about entries that are in tests/executive/enabling/test_alternatives.py.
+"""
 
 
-def output(command: str, folder: Path) -> str:
-    """Return what ``planlang`` with these arguments prints in a folder, stdout and stderr in the order of writing."""
-    with chdir(folder):
-        ended = CliRunner().invoke(app, shlex.split(command), prog_name="planlang")
-    lines = ended.output.splitlines(keepends=True)
-    return "".join(line for line in lines if not line.startswith(FIRST_RUN_ONLY))
+@contextmanager
+def knowledge_base(folder: Path) -> Iterator[Mapping[str, str]]:
+    """The server of the page about the knowledge base, with the keys of two authors."""
+    with running_server(folder / "kb.sqlite") as server:
+        (folder / "ben.key").write_text(server.key("ben"))
+        settings = {
+            "PLANLANG_SERVER": server.url,
+            "PLANLANG_KEY": server.key("ada"),
+            "XDG_CACHE_HOME": str(folder / "cache"),
+        }
+        with patch.dict("os.environ", settings):
+            yield {"https://knowledge.example.org": server.url}
 
 
-def agrees(shown: str, real: str) -> bool:
-    """Return whether an output is as a page shows it, ``...`` standing for any lines."""
-    parts = [re.escape(part) for part in shown.split(ELISION)]
-    return re.fullmatch(r"(?:.*\n)*?".join(parts), real) is not None
+STAGES: dict[str, Callable[[Path], AbstractContextManager[Mapping[str, str]]]] = {
+    "docs/guides/knowledge.md": knowledge_base
+}
+"""What stands around a page while it runs: maps what the page shows to what stands for it here."""
 
 
-def shape(text: str) -> str:
-    """An output without its numbers, which may differ in the last digits from machine to machine, and times."""
-    return re.sub(r" +", " ", re.sub(r"(?<![\w@.])-?\d+(\.\d+)?|(?<=\dT)\d+", "#", text))
+def ran(name: str, folder: Path, *, dry: bool = False) -> Found:
+    """What comes of running a page in a folder."""
+    stage = nullcontext({}) if dry else STAGES.get(name, lambda _: nullcontext({}))(folder)
+    with stage as aliases:
+        return PageRun(PAGES[name], folder, dry=dry, exempt=WITH_NOTHING.get(name, ()), aliases=aliases).run()
 
 
-def fitted(shown: str, real: str) -> str:
-    """A new output in the place of an old one; where that left lines out, the new one leaves the same ones out.
-
-    As many lines as before are kept at each end; an excerpt between two ``...`` is looked for, numbers aside, and
-    LookupError tells one that is no longer there.
-    """
-    first, *excerpts = shown.split(ELISION)
-    if not excerpts:
-        return real
-    lines = real.splitlines(keepends=True)
-    *middle, last = excerpts
-    end = first.count("\n")
-    parts = ["".join(lines[:end])]
-    for excerpt in middle:
-        number, shapes = excerpt.count("\n"), shape(excerpt)
-        places = range(end, len(lines) - number + 1)
-        start = next((place for place in places if shape("".join(lines[place : place + number])) == shapes), None)
-        if start is None:
-            raise LookupError(f"choose an excerpt of the new output by hand, in the place of\n{excerpt}")
-        end = start + number
-        parts.append("".join(lines[start:end]))
-    parts.append("".join(lines[len(lines) - last.count("\n") :]))
-    return ELISION.join(parts)
+MARKED = [pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in PAGES]
 
 
-def prepare(command: str, folder: Path, corpus: Path) -> bool:
-    """Put what a command reads into its folder: a trace, real OWL files; False when these are not at hand."""
-    if command.startswith(("replay", "report")) and not (folder / "run.jsonl").exists():
-        output("run serve_a_drink --trace run.jsonl", folder)
-    if command.startswith("sweep-merge") and not (folder / "first.jsonl").exists():
-        output("sweep serve_a_drink --worlds 2 --shard 1/2 --out first.jsonl", folder)
-    if "serve.py" in command and not (folder / "serve.py").exists():
-        edit_plan_and_recipe(folder)
-    for name, there in (("corpus", corpus), ("docs", CHECKOUT / "docs")):
-        if f"{name}/" in command and not (folder / name).exists():
-            (folder / name).symlink_to(there)
-    for name in re.findall(r"\S+@\S+", command):
-        found = next(corpus.rglob(name), None)
-        if found is None:
-            return False
-        if not (folder / name).exists():
-            (folder / name).symlink_to(found)
-    return True
+@pytest.mark.parametrize("name", MARKED)
+def test_the_blocks_of_a_page_run_and_print_what_it_shows(name: str, tmp_path: Path) -> None:
+    found = ran(name, tmp_path)
+    assert found.wrong == [], "\n\n".join([name, *found.wrong])
+    if found.skipped:
+        pytest.skip(f"all else agrees; {', '.join(sorted(set(found.skipped)))}")
 
 
-def edit_plan_and_recipe(folder: Path) -> None:
-    """Leave a plan that a person has edited, of a recipe that has changed since."""
-    recipe, plan = folder / "serve.omn", folder / "serve.py"
-    text = (CHECKOUT / "recipes" / "serve_a_drink.omn").read_text(encoding="utf-8")
-    recipe.write_text(text, encoding="utf-8")
-    output("compile serve.omn -o serve.py", folder)
-    compiled = plan.read_text(encoding="utf-8")
-    plan.write_text(compiled.replace('"""Grasp a bottle."""', '"""Grasp a bottle gently."""'), encoding="utf-8")
-    recipe.write_text(text.replace("let go of the bottle when", "give the bottle away once"), encoding="utf-8")
+@pytest.mark.parametrize("name", LONG)
+def test_the_blocks_of_a_long_page_can_be_read(name: str, tmp_path: Path) -> None:
+    found = ran(name, tmp_path, dry=True)
+    assert found.wrong == [], "\n\n".join([name, *found.wrong])
 
 
-def shown_outputs() -> dict[str, list[str]]:
-    """Command -> its output as the pages show it; a command stands on several pages, and runs once."""
-    commands: dict[str, list[str]] = {}
-    for name, page in PAGES.items():
-        for command, shown in BLOCK.findall(page) if name not in OF_THEIR_OWN else ():
-            commands.setdefault(command, []).append(shown)
-    return commands
+def test_an_output_without_its_command_is_no_transcript() -> None:
+    with pytest.raises(ValueError, match="no command prints this"):
+        commands(blocks("```console\nKilled\n```\n")[0])
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder where all commands run: what one writes another reads."""
-    return tmp_path_factory.mktemp("commands")
+def test_code_stands_between_fences() -> None:
+    with pytest.raises(ValueError, match="line 3: code stands between fences"):
+        blocks("words\n\n    code\n")
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Try each command that README shows; ``make test-long`` scenarios that take longer and those of other pages."""
-    if "command" in metafunc.fixturenames:
-        from tests.support.scenarios import run_by  # as a script this file sees no other tests
-
-        here = dict(BLOCK.findall(PAGES["README.md"]))
-        ran = {command: run_by(shlex.split(command)) for command in shown_outputs()}
-        short = [one for one, scenario in ran.items() if one in here and (scenario is None or scenario.is_quick)]
-        marked = [one if one in short else pytest.param(one, marks=pytest.mark.long) for one in ran]
-        metafunc.parametrize("command", marked, ids=str)
+def test_what_is_counted_in_words_has_to_agree() -> None:
+    assert shape("equal to the end: 211 lines") != shape("equal to the end: 212 lines")
+    assert shape("x 1.5  211 lines at 3.25 s") == shape("x 2.5  211 lines at 4.5 s")
 
 
-@pytest.mark.xdist_group("documentation")  # in one process: they share the folder
-def test_an_output_in_the_documentation_is_what_its_command_prints(
-    command: str, folder: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The goal of a scenario with the same command is reached as well: the run is the same."""
-    from tests.support.extras import skip_without_pr2
-    from tests.support.scenarios import Judged, judged_run, run_by
+@pytest.mark.parametrize(
+    ("page", "wrong"),
+    [
+        ("```console\n$ planlang check --no-such-option x.omn\n```\n", "No such option"),
+        ("```console\n$ rm x\n```\n", "no command that pages use"),
+        ("```console\n$ make nothing\n```\n", "no target nothing"),
+        ("```console\n$ cat missing\n...\n```\n", "exit code 1"),
+        ("```python\nprint(1)\n```\n", "shows what it prints"),
+        ("```python\nprint('a')\n```\n\n```text\nb\n```\n", "this prints\na"),
+        ("```toml\nno_such_key = 3\n```\n", "neither an output nor"),
+    ],
+)
+def test_a_page_that_shows_what_is_not_so_is_refused(page: str, wrong: str, tmp_path: Path) -> None:
+    assert wrong in "\n".join(PageRun(page, tmp_path).run().wrong)
 
-    skip_without_pr2(command)
-    scenario = run_by(shlex.split(command))
-    ended: list[Judged] = []
 
-    def run(options: RunOptions) -> RunResult:
-        assert scenario is not None
-        ended.append(judged_run(scenario, options))
-        return ended[0].result
+def test_files_commands_and_programs_of_a_page_see_each_other(tmp_path: Path) -> None:
+    page = (
+        '```python title="five.py"\nprint(5)\n```\n```console\n$ python five.py\n5\n$ cat none; echo $?\n...\n1\n```\n'
+        "```python\nx = 2\n```\n```python\nprint(x)\n```\n```text\n2\n```\n"
+    )
+    assert PageRun(page, tmp_path).run().wrong == []
+    stale = page.replace("\n5\n", "\n6\n").replace("text\n2", "text\n3\n4")
+    found = PageRun(stale, tmp_path).run()
+    assert renewed(stale, found) == page
 
-    if scenario is not None:
-        monkeypatch.setattr("executive.cli.run.run_plan_file", run)
-    corpus = request.getfixturevalue("corpus") if "@" in command or "corpus/" in command else folder
-    assert prepare(command, folder, corpus), "the corpus lacks a file that the documentation uses"
-    real = output(command, folder)
-    for shown in shown_outputs()[command]:
-        assert agrees(shape(shown), shape(real)), f"planlang {command} prints:\n{real}"
-    assert scenario is None or [one.reached for one in ended] == [True], ended
+
+def test_published_files_are_listed_and_pages_that_use_them_say_where_they_are() -> None:
+    listed = (CHECKOUT / "docs" / "examples" / "published_files.txt").read_text(encoding="utf-8")
+    names = {line.split()[0].rpartition("/")[2] for line in listed.splitlines() if not line.startswith("#")}
+    for page, text in PAGES.items():
+        used = set(re.findall(r"[\w-]+@[\w-]+\.(?!fixed)[\w.]*\w", text))
+        assert sorted(used - names) == [], page
+        assert not used or "published_recipes" in page or "published_recipes.md)" in text, page
+
+
+def test_every_page_is_in_the_table_of_contents() -> None:
+    listed = re.findall(r"^[a-z_]+/[a-z_]+$", PAGES["docs/index.md"], flags=re.MULTILINE)
+    pages = sorted(name.removeprefix("docs/").removesuffix(".md") for name in PAGES if name.count("/") == 2)
+    assert sorted(listed) == pages
 
 
 def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
@@ -170,29 +154,6 @@ def test_a_new_output_keeps_what_was_shown_of_the_old_one() -> None:
     assert fitted("a 1\n", new) == new
     with pytest.raises(LookupError, match="by hand"):
         fitted("...\nx 1\n...\n", new)
-
-
-def test_the_recipes_in_the_documentation_are_bundled_ones() -> None:
-    files = ("recipes/serve_a_drink.omn", "ontologies/environments/hospital_room.omn", "ontologies/searching.omn")
-    bundled = "".join((CHECKOUT / file).read_text(encoding="utf-8") for file in files)
-    blocks = re.findall(r"```manchester\n(.+?)```", "".join(PAGES.values()), flags=re.DOTALL)
-    assert blocks
-    for block in blocks:
-        for part in block.split("...\n"):
-            assert part in bundled
-
-
-def test_the_plan_tests_in_the_readme_pass(tmp_path: Path) -> None:
-    blocks = re.findall(r"```python\n(.+?)```", PAGES["README.md"], flags=re.DOTALL)
-    tests = [block for block in blocks if "def test_" in block]
-    assert tests
-    for number, block in enumerate(tests):
-        path = tmp_path / f"test_readme_{number}.py"
-        path.write_text(block, encoding="utf-8")
-        names = runpy.run_path(str(path))
-        for name, value in names.items():
-            if name.startswith("test_"):
-                value()
 
 
 def test_the_table_of_codes_explains_each_once_in_order() -> None:
@@ -209,11 +170,11 @@ def test_every_code_that_the_program_says_is_explained_and_every_explained_code_
 
 
 def test_every_file_and_folder_that_a_page_names_is_there() -> None:
-    for page in (README, CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "SECURITY.md", *CHECKOUT.glob("docs/**/*.md")):
+    for page in (*all_pages(), CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "SECURITY.md"):
         text = page.read_text(encoding="utf-8")
         links = {link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text) if "://" not in link}
         assert [link for link in sorted(links) if link and not (page.parent / link).exists()] == [], page.name
-    listed = re.findall(r"^([a-z_]+/[a-z_/]*) {2,}", PAGES["architecture.md"], flags=re.MULTILINE)
+    listed = re.findall(r"^([a-z_]+/[a-z_/]*) {2,}", PAGES["docs/reference/architecture.md"], flags=re.MULTILINE)
     assert listed
     assert [folder for folder in listed if not (CHECKOUT / folder).is_dir()] == []
 
@@ -233,24 +194,14 @@ def test_each_guide_of_contributing_is_followed_by_a_test(thing: str) -> None:
         assert [line for line in shown if line not in lines and "project.entry-points" not in line] == []
 
 
-def rewrite() -> None:
-    """Write outputs that no longer agree, and the table of codes, into the pages."""
-    import tempfile
-
-    corpus = CHECKOUT.parent / "shared" / "corpus"
-
-    def renewed(block: re.Match[str]) -> str:
-        command, shown = block.groups()
-        with tempfile.TemporaryDirectory() as folder:
-            if not prepare(command, Path(folder), corpus):
-                return block.group()
-            real = output(command, Path(folder))
-        return block.group() if agrees(shown, real) else f"```console\n$ planlang {command}\n{fitted(shown, real)}```"
-
-    for page in (README, *CHECKOUT.glob("docs/**/*.md")):
-        if page.name not in OF_THEIR_OWN:
-            page.write_text(BLOCK.sub(renewed, PAGES[page.name]), encoding="utf-8")
+def rewrite(names: list[str]) -> None:
+    """Run pages and write outputs that no longer agree."""
+    for name in names or PAGES:
+        with TemporaryDirectory() as folder:
+            found = ran(name, Path(folder))
+        sys.stdout.write("\n".join([f"{name}: {dict(found.kinds)}", *found.wrong, ""]))
+        (CHECKOUT / name).write_text(renewed(PAGES[name], found), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    rewrite()
+    rewrite(sys.argv[1:])

@@ -202,7 +202,7 @@ sys.stdout.write(trace.text())
 """
 
 
-def test_a_plan_with_physics_in_the_loop_has_one_trace_in_six_processes() -> None:
+def test_a_plan_with_physics_in_the_loop_has_one_trace_in_three_processes() -> None:
     processes = [
         subprocess.Popen(
             [sys.executable, "-c", PROGRAM],
@@ -210,10 +210,10 @@ def test_a_plan_with_physics_in_the_loop_has_one_trace_in_six_processes() -> Non
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         )
-        for hash_seed in ("0", "1", "2", "42", "4711", "random")
+        for hash_seed in ("0", "42", "random")
     ]
     ended = [process.communicate(timeout=120) for process in processes]
-    assert [process.returncode for process in processes] == [0] * 6, ended[0][1].decode()
+    assert [process.returncode for process in processes] == [0] * 3, ended[0][1].decode()
     traces = [output[output.index(b'{"step"') :] for output, _ in ended]  # PyBullet greets on the same channel
     assert len(set(traces)) == 1
     assert traces[0].count(b'"missed"') not in (0, 100), "some steps are in time, some are not"

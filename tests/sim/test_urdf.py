@@ -70,7 +70,7 @@ def test_one_warning_counts_and_names_the_meshes(tmp_path: Path) -> None:
     meshes = "".join(MESH.format("visual", f"m{k}.dae") for k in range(9)) + MESH.format("collision", "m0.dae")
     (warning,) = read_description(write(tmp_path, f'<link name="base">{meshes}</link>')).diagnostics
     assert warning.code == "B013"
-    assert warning.message.startswith("9 meshes are not there")
+    assert warning.message.startswith("9 meshes are missing")
     assert "cart_description/meshes/m0.dae" in warning.message
     assert "a link has no usable inertia either" in warning.message
 
@@ -209,7 +209,7 @@ def test_a_robot_without_shapes_for_contacts_touches_with_those_for_looks(tmp_pa
     assert shapes(description, "collision") == shapes(description, "visual")
     ((code, message),) = [(one.code, one.message) for one in description.diagnostics]
     assert code == "B015"
-    assert "those for looks (<visual>) are used" in message
+    assert "<visual>" in message
     (problem,) = read_description(write(tmp_path, '<link name="base"/>')).diagnostics
     assert (problem.code, problem.message) == ("B015", "no link has a shape (<collision> or <visual>)")
 
@@ -371,7 +371,7 @@ def test_geometry_of_no_urdf_is_told_and_replaced_like_an_absent_mesh(tmp_path: 
     path = write(tmp_path, f'<link name="base">{INERTIAL}{field}</link>')
     description = read_description(path)
     (warning,) = description.diagnostics
-    assert (warning.code, "<cdf> (no geometry of URDF)" in warning.message) == ("B013", True)
+    assert (warning.code, "<cdf>" in warning.message) == ("B013", True)
     assert [shape["tag"] for shape in shapes(description, "collision")] == ["box"]
     world_of(path).close()
 

@@ -26,14 +26,23 @@ SERVED = RunOptions(
 )
 
 
+def raised_bottle(folder: Path) -> Path:
+    """Write a map in which the bottle is out of reach."""
+    tower = folder / "tower.omn"
+    tower.write_text(ROOM.read_text().replace("knowrob:m23 0.9,", "knowrob:m23 2.3,"))
+    return tower
+
+
 def picture(browser: Any, page: Path, scheme: str, *actions: str) -> Image.Image:
-    """Return a picture of a page after some clicks; ``t=SECONDS`` seeks."""
+    """Return a picture of a page after some clicks on tabs and ``#elements`` or ``.elements``; ``t=SECONDS`` seeks."""
     shown = browser.new_context(viewport=SIZE, color_scheme=scheme).new_page()
     shown.goto(page.as_uri())
     shown.wait_for_selector("html[data-ready=all]")
     for action in actions:
         if action.startswith("t="):
             shown.evaluate(f"planlang.clock.seek({float(action[2:])})")
+        elif action.startswith(("#", ".")):
+            shown.locator(action).click()
         else:
             shown.get_by_role("tab", name=action, exact=True).click()
     shown.wait_for_timeout(500)  # until the scene is drawn
@@ -44,12 +53,10 @@ def main() -> None:
     """Write the pictures of a run that recovers, and of one that fails."""
     with tempfile.TemporaryDirectory() as name, started_browser() as browser:
         folder = Path(name)
-        tower = folder / "tower.omn"
-        tower.write_text(ROOM.read_text().replace("knowrob:m23 0.9,", "knowrob:m23 2.3,"))
         run_plan_file(replace(SERVED, report=folder / "done.html"))
-        run_plan_file(replace(SERVED, environment=tower, seed=0, report=folder / "failed.html"))
+        run_plan_file(replace(SERVED, environment=raised_bottle(folder), seed=0, report=folder / "failed.html"))
         for file, page, scheme, actions in (
-            ("report.png", "done.html", "light", ("t=46.5",)),
+            ("report.png", "done.html", "light", ("#aim", "t=30", ".legend")),
             ("report_map.png", "done.html", "dark", ("Map", "Story", "t=10")),
             ("report_failed.png", "failed.html", "light", ()),
             ("report_failed_dark.png", "failed.html", "dark", ("Map",)),

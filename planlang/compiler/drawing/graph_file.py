@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from planlang.compiler.drawing.markup import dot, mermaid
 from planlang.compiler.drawing.svg import svg
 from planlang.compiler.drawing.task_graph import TaskGraph
 from planlang.diagnostics import BadInput, Diagnostic, error
-from planlang.outputs import check_outputs, write_text
+from planlang.outputs import PNG, check_outputs, replace, write_text
 from planlang.records import dataclass
 
 FORMATS = {".svg": svg, ".dot": dot, ".mmd": mermaid}
@@ -38,7 +40,7 @@ class GraphDrawing:
         return mermaid(self.graph)
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
-        """Write it in the format of the path's suffix, .svg, .dot or .mmd, and return the path.
+        """Write it in the format of the path's suffix, .svg, .dot, .mmd or .png, and return the path.
 
         ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
         """
@@ -46,7 +48,11 @@ class GraphDrawing:
         problems = [*unknown_format(target), *check_outputs({"graph": target}, {}, force=force)]
         if problems:
             raise BadInput(problems)
-        write_text(target, FORMATS[target.suffix.lower()](self.graph))
+        if target.suffix.lower() in PNG:
+            # by its name: the compiler does without the executive, which has what draws pictures and is slow to import
+            replace(target, partial(import_module("executive.pictures.graph_picture").save_graph, self.graph))
+        else:
+            write_text(target, FORMATS[target.suffix.lower()](self.graph))
         return target
 
     def _repr_svg_(self) -> str:
@@ -55,7 +61,8 @@ class GraphDrawing:
 
 def unknown_format(path: Path) -> list[Diagnostic]:
     """Return an error if the suffix of a file is that of no format of graphs."""
-    if path.suffix.lower() in FORMATS:
+    known = (*FORMATS, *PNG)
+    if path.suffix.lower() in known:
         return []
-    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(FORMATS)}"
+    message = f"unknown graph format {path.suffix or path.name}; known: {', '.join(known)}"
     return [error("C014", message, help=f"name a file such as {path.stem or 'graph'}.svg")]

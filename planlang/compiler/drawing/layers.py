@@ -9,9 +9,8 @@ from __future__ import annotations
 from bisect import bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import field
+from graphlib import TopologicalSorter
 from itertools import pairwise
-
-import networkx as nx
 
 from planlang.records import dataclass
 
@@ -60,12 +59,15 @@ def layered(
 ) -> Layers:
     """Lay out boxes of the given sizes (width, height); edges are pairs of indices.
 
-    Boxes without any edge stand to the right, in columns. Raises networkx.NetworkXUnfeasible if the edges have a cycle.
+    Boxes without any edge stand to the right, in columns. Raises graphlib.CycleError if the edges have a cycle.
     """
     linked = {index for edge in edges for index in edge}
-    graph = nx.DiGraph(edges)
-    graph.add_nodes_from(range(len(sizes)))
-    ranks = {index: rank for rank, layer in enumerate(nx.topological_generations(graph)) for index in layer}
+    above: dict[int, list[int]] = {index: [] for index in range(len(sizes))}
+    for before, after in edges:
+        above[after].append(before)
+    ranks: dict[int, int] = {}
+    for index in TopologicalSorter(above).static_order():
+        ranks[index] = max((ranks[before] + 1 for before in above[index]), default=0)
     items = [_Item(width, height, ranks[index]) for index, (width, height) in enumerate(sizes)]
     chains = _chains(items, edges)
     for chain in chains:

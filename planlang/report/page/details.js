@@ -1,32 +1,33 @@
 // What is known of the selected step: when it ran, what happened in it, why it failed, its lines in plan and recipe.
 
-const AROUND = 3;
+const AROUND = 3;  // lines before and behind those that are marked
 
 function moment(time, id, text = seconds(time)) {
   return el("button", { class: "moment", type: "button", onclick: () => clock.goTo(time, id) }, text);
 }
 
-function excerpt(source, line, isBad = false) {
+function excerpt(source, line, end, isBad = false) {
   const lines = source.text.split("\n"), first = Math.max(0, line - 1 - AROUND);
-  const rows = lines.slice(first, line + AROUND).map((text, k) => el("div",
-    { class: `row${first + k + 1 === line ? ` at${isBad ? " bad" : ""}` : ""}` },
+  const rows = lines.slice(first, end + AROUND).map((text, k) => el("div",
+    { class: `row${first + k + 1 >= line && first + k + 1 <= end ? ` at${isBad ? " bad" : ""}` : ""}` },
     el("span", { class: "number" }, String(first + k + 1)), el("span", { class: "text", title: text }, text || " ")));
-  return el("figure", { class: "source" },
-    el("figcaption", { class: "said" }, ...broken(`${source.name}, line ${line}`)),
-    el("div", { class: "excerpt mono", tabindex: "0", role: "group", "aria-label": `${source.name}, line ${line}` }, ...rows));
+  const called = `${source.name}, line${end > line ? "s" : ""} ${line}${end > line ? ` to ${end}` : ""}`;
+  const box = el("div", { class: "excerpt mono", tabindex: "0", role: "group", "aria-label": called }, ...rows);
+  fading(box);
+  return el("figure", { class: "source" }, el("figcaption", { class: "said" }, ...broken(called)), box);
 }
 
 function excerptsOf(node, failure) {
-  const found = new Map((node?.lines ?? []).map(([number, line]) => [number, [line, false]]));
+  const found = new Map((node?.lines ?? []).map(([number, ...lines]) => [number, [...lines, false]]));
   for (const link of failure?.chain ?? []) {
     const number = model.sources.findIndex((source) => source.name === link.file);
-    if (number >= 0) found.set(number, [link.line, true]);
+    if (number >= 0) found.set(number, [link.line, link.line, true]);
   }
   for (let above = node?.above; above; above = above.above) {
-    for (const [number, line] of above.lines ?? []) if (!found.has(number)) found.set(number, [line, false]);
+    for (const [number, ...lines] of above.lines ?? []) if (!found.has(number)) found.set(number, [...lines, false]);
   }
   return [...found].sort((a, b) => a[0] - b[0])
-    .map(([number, [line, isBad]]) => excerpt(model.sources[number], line, isBad || failure !== undefined));
+    .map(([number, [line, end, isBad]]) => excerpt(model.sources[number], line, end, isBad || failure !== undefined));
 }
 
 function chainOf(failure) {
@@ -74,6 +75,7 @@ function showDetails(node) {
       ...node.events.map(([time, , text]) => el("li", {}, moment(time, node.id), el("span", {}, text))))] : []),
     ...excerptsOf(node, at === "failed" ? failure : undefined));
 }
+fading(details);
 clock.onSelect(showDetails);
 clock.onTime((time) => {
   const node = nodes.get(clock.node);

@@ -15,7 +15,7 @@ function card(one, isFirst) {
       el("div", {}, el("h3", {}, "Why"), chainOf(failure), ...countsOf(failure),
         ...(one.tried.length ? [el("h3", {}, "What was tried"), el("ul", { class: "events" },
           ...one.tried.map(([time, id, text]) => el("li", {}, moment(time, id), el("span", {}, text))))] : [])),
-      el("div", {}, el("p", {}, el("button", { type: "button", class: "show", onclick: () => { clock.goTo(one.time ?? 0, one.node); tree.flash(one.node); } },
+      el("div", {}, el("p", {}, el("button", { type: "button", class: "show", onclick: (event) => show(one, event.target) },
         "Show the moment")), ...excerptsOf(node, failure)));
   };
   whole.addEventListener("toggle", fill);
@@ -23,9 +23,26 @@ function card(one, isFirst) {
   return whole;
 }
 
+// Goes to the moment of a card, and lets everything that shows it flash: the clock may have been there before.
+function show(one, button) {
+  clock.goTo(one.time ?? 0, one.node);
+  tree.flash(one.node);
+  aim.at(clock.time);
+  flash(byId("now"));
+  button.textContent = `Shown: ${seconds(clock.time)}`;
+  setTimeout(() => { button.textContent = "Show the moment"; }, 1500);
+  document.querySelector(".panels").scrollIntoView({ block: "nearest" });
+}
+
 const sentence = (text) => `${text[0]?.toUpperCase() ?? ""}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;
 
-const cards = byId("cards");
+const cards = byId("cards"), whole = byId("whole");
+fading(cards, (is) => { whole.hidden = cards.hidden || (!is && !cards.classList.contains("whole") && cards.scrollTop === 0); });
+whole.addEventListener("click", () => {
+  const is = cards.classList.toggle("whole");
+  whole.setAttribute("aria-expanded", String(is));
+  whole.textContent = is ? "▴ less of it" : "▾ all of it";
+});
 function showCards() {
   const fatal = model.cards.filter((one) => !one.recovered), others = model.cards.filter((one) => one.recovered);
   const notes = model.notes.map((one) => el("li", {}, el("span", { class: "type" }, `${one.severity} ${one.code}`),

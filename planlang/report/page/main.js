@@ -36,9 +36,12 @@ const worldTabs = new Tabs(["scene", "map", "graph"], (id) => {
   if (id === "map" && model.map) { if (floorPlan.ready) floorPlan.move(clock.time); else floorPlan.build(); }
   if (id === "graph" && model.graph) { if (graph.ready) graph.move(clock.time); else graph.build(); }
   for (const label of ["ghosts-label", "candidates-label"]) byId(label).hidden = id === "graph";
+  for (const label of ["room", "aim-label", "names-label"]) byId(label).hidden = id !== "scene";
 });
 const planTabs = new Tabs(["tree-view", "story"], (id) => {
-  if (id === "story" && !story.items.length) story.build();
+  if (id !== "story") return;
+  if (!story.items.length) story.build();
+  story.reveal();
 });
 
 function head() {
@@ -115,7 +118,7 @@ async function begin() {
   paintTheme();
   if (!clock.recall()) {
     const fatal = model.cards.find((one) => !one.recovered);
-    clock.seek(fatal?.time ?? 0, { quiet: true });
+    clock.seek(fatal?.time ?? (model.outcome.status === "succeeded" ? 0 : clock.end), { quiet: true });
     if (fatal) clock.select(fatal.node, { keep: true });
   }
   document.documentElement.dataset.ready = "page";
@@ -135,5 +138,5 @@ async function begin() {
   document.documentElement.dataset.ready = "all";
   document.documentElement.dataset.scene = performance.now().toFixed(0);
 }
-globalThis.planlang = { model, clock, grow };
+globalThis.planlang = { model, clock, scene, grow };
 begin();

@@ -75,8 +75,27 @@ const broken = (text) => text.split(/(?<=\/)/).flatMap((part) => [part, document
 // The moment at which a node is best looked at: where it failed, else where it began.
 const momentOf = (node) => (node.status === "failed" ? node.end : node.start) ?? node.end ?? 0;
 
+// Lets a box that scrolls fade at its lower edge while there is more below; "more" is told of it, too.
+function fading(box, more = () => {}) {
+  const look = () => {
+    const is = box.scrollHeight - box.scrollTop - box.clientHeight > 3;
+    box.classList.toggle("fading", is);
+    more(is);
+  };
+  box.addEventListener("scroll", look, { passive: true });
+  new ResizeObserver(look).observe(box);
+  new MutationObserver(look).observe(box, { childList: true, subtree: true, attributeFilter: ["open"] });
+}
+
 // Colours of the page's style, for what is drawn on a canvas.
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+// Lets an element flash once more, so that the eye finds it.
+function flash(element) {
+  element.classList.remove("flash");
+  void element.offsetWidth;  // else the animation would not begin anew
+  element.classList.add("flash");
+}
 
 const tip = byId("tip");
 function showTip(text, x, y) {

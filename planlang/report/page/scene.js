@@ -23,7 +23,11 @@ const scene = {
     this.aim(three);
     new ResizeObserver(() => this.resize()).observe(this.box);
     this.box.addEventListener("wheel", (event) => { this.controls.enableZoom = mayZoom(event, this.canvas); }, { capture: true, passive: true });
-    this.canvas.addEventListener("pointerdown", () => this.canvas.focus({ preventScroll: true }));
+    this.canvas.addEventListener("pointerdown", (event) => { this.pressed = [event.clientX, event.clientY]; this.canvas.focus({ preventScroll: true }); });
+    this.canvas.addEventListener("click", (event) => {
+      const entity = Math.hypot(event.clientX - this.pressed[0], event.clientY - this.pressed[1]) < 4 && this.under(event)?.object.userData.entity;
+      if (entity) legend.pin(legend.nameOf(entity));
+    });
     this.canvas.addEventListener("pointermove", (event) => this.point(event));
     this.canvas.addEventListener("pointerleave", () => showTip(""));
     this.canvas.addEventListener("dblclick", (event) => {
@@ -31,9 +35,11 @@ const scene = {
       if (hit) { this.isTurned = true; this.controls.target.copy(hit.point); this.controls.update(); }
     });
     this.ready = true;
+    legend.build();
     this.recolour();
     this.resize();
     this.move(clock.time);
+    aim.at(clock.time);
   },
   async fill(three) {
     this.root = new three.Scene();
@@ -81,7 +87,9 @@ const scene = {
         if (shape.at) { mesh.position.set(...shape.at.slice(0, 3)); mesh.quaternion.set(...shape.at.slice(3)); }
         if (shape.kind !== "mesh") mesh.scale.set(...shape.size.map((one) => Math.max(one, 1e-4)));
         mesh.castShadow = mesh.receiveShadow = !isGhost;
-        mesh.name = isGhost ? `belief: ${one.name}` : one.label ?? one.name;
+        const called = legend.nameOf(one);
+        mesh.name = isGhost ? `believed: ${one.name}` : one.kind === "link" ? `${called}: ${one.name}` : called;
+        mesh.userData.entity = one;
         group.add(mesh);
       }
       return group;
@@ -128,27 +136,42 @@ const scene = {
     this.controls.maxPolarAngle = Math.PI * 0.495;
     this.controls.addEventListener("change", () => this.ask());
   },
-  // Moves the camera so far away that the whole room is in view, whatever the shape of the panel.
-  fit() {
-    const { Vector3 } = this.three, [x0, y0, x1, y1] = model.scene.bounds;
-    const corners = [x0, x1].flatMap((x) => [y0, y1].flatMap((y) => [-0.1, 1.6].map((z) => new Vector3(x, y, z))));
-    const target = this.middle.clone(), toward = new Vector3(-0.2, -0.72, 0.66).normalize(), right = new Vector3(), up = new Vector3();
-    let away = this.extent * 1.5;
+  // The eye and the point that it looks at, so that points fill the panel, whatever its shape, seen from a direction.
+  fitted(points, toward) {
+    const { Box3, Vector3 } = this.three, { border, calm, least } = model.scene.view, right = new Vector3(), up = new Vector3();
+    const box = new Box3().setFromPoints(points), target = box.getCenter(new Vector3()), eye = new Vector3();
+    const radius = box.getSize(new Vector3()).length() / 2, tall = Math.tan((this.camera.fov * Math.PI) / 360);
+    const nearest = Math.max(least / tall, this.view ? calm * radius : 0), seen = new Vector3();
+    let away = Math.max(nearest, 3 * radius);
     for (let turn = 0; turn < 8; turn++) {
       this.camera.position.copy(target).addScaledVector(toward, away);
       this.camera.lookAt(target);
       this.camera.updateMatrixWorld();
-      const seen = corners.map((corner) => corner.clone().project(this.camera));
-      const [left, most] = [Math.min(...seen.map((one) => one.x)), Math.max(...seen.map((one) => one.x))];
-      const [low, high] = [Math.min(...seen.map((one) => one.y)), Math.max(...seen.map((one) => one.y))];
-      const half = Math.tan((this.camera.fov * Math.PI) / 360) * away;
+      let left = Infinity, most = -Infinity, low = Infinity, high = -Infinity;
+      for (const point of points) {
+        seen.copy(point).project(this.camera);
+        left = Math.min(left, seen.x); most = Math.max(most, seen.x); low = Math.min(low, seen.y); high = Math.max(high, seen.y);
+      }
       this.camera.matrixWorld.extractBasis(right, up, new Vector3());
-      target.addScaledVector(right, ((left + most) / 2) * half * this.camera.aspect).addScaledVector(up, ((low + high) / 2) * half);
-      away *= Math.max(most - left, high - low) / 2 / 0.93;
+      target.addScaledVector(right, ((left + most) / 2) * tall * away * this.camera.aspect).addScaledVector(up, ((low + high) / 2) * tall * away);
+      away = Math.max(nearest, away * Math.max(most - left, high - low) / 2 / border);
     }
-    this.camera.position.copy(target).addScaledVector(toward, away);
+    return { eye: eye.copy(target).addScaledVector(toward, away), target };
+  },
+  // Looks at points from a direction, or at the whole room, and keeps doing so when the panel changes its shape.
+  look(view) {
+    this.view = view;
+    this.isTurned = false;
+    this.fit();
+  },
+  fit() {
+    const { Vector3 } = this.three, [x0, y0, x1, y1] = model.scene.bounds;
+    const corners = () => [x0, x1].flatMap((x) => [y0, y1].flatMap((y) => [-0.1, 1.6].map((z) => new Vector3(x, y, z))));
+    const { eye, target } = this.fitted(this.view?.points ?? corners(), this.view?.toward ?? new Vector3(-0.2, -0.72, 0.66).normalize());
+    this.camera.position.copy(eye);
     this.controls.target.copy(target);
     this.controls.update();
+    this.ask();
   },
   resize() {
     const { clientWidth: wide, clientHeight: high } = this.box;
@@ -187,6 +210,8 @@ const scene = {
     this.box.dataset.ghosts = differing;
     this.places(time);
     this.frames(time);
+    legend.named = aim.names(time).names;
+    legend.explain(differing, this.question, this.framed.length);
     this.ask();
   },
   // Red frames around the things that a failure at this moment is about.
@@ -243,7 +268,7 @@ const scene = {
   ask() {
     if (this.asked || this.box.hidden) return;
     this.asked = true;
-    requestAnimationFrame(() => { this.asked = false; this.renderer.render(this.root, this.camera); });
+    requestAnimationFrame(() => { this.asked = false; this.renderer.render(this.root, this.camera); legend.place(); });
   },
 };
 clock.onTime((time) => { if (!scene.box.hidden) scene.move(time); });

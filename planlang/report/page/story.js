@@ -5,6 +5,7 @@ const story = {
   build() {
     this.items = [];
     this.box.replaceChildren(this.list(this.items));
+    this.current = undefined;
     this.move(clock.time);
   },
   list(items = []) {
@@ -23,10 +24,13 @@ const story = {
       item.classList.toggle("current", k === current);
     });
     this.current = current;
-    const item = this.items[current], { scrollTop, clientHeight } = this.box;
-    if (this.box.hidden || !item || !byId("follow").checked) return;
-    const top = item.offsetTop - this.box.offsetTop;
-    if (top < scrollTop || top + item.offsetHeight > scrollTop + clientHeight) this.box.scrollTop = top - clientHeight / 3;
+    if (byId("follow").checked) this.reveal();
+  },
+  // Scrolls to the sentence of the clock's moment, if it is out of view.
+  reveal() {
+    const item = this.items[this.current], { scrollTop, clientHeight } = this.box;
+    if (this.box.hidden || !item) return;
+    if (item.offsetTop < scrollTop || item.offsetTop + item.offsetHeight > scrollTop + clientHeight) this.box.scrollTop = item.offsetTop - clientHeight / 3;
   },
 };
 clock.onTime((time) => { if (story.items.length) story.move(time); });

@@ -53,7 +53,7 @@ const tree = {
     while (shown && !this.place.has(shown.id)) shown = shown.above;
     this.flashed = shown?.id;
     this.list.draw(true);
-    setTimeout(() => { this.flashed = null; }, 900);
+    setTimeout(() => { this.flashed = null; }, 1200);
   },
   fold(node, isClosed) {
     if (isClosed) this.closed.add(node.id); else this.closed.delete(node.id);

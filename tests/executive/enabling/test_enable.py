@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from planlang.files import Bundled
+from tests.support.examples import some
 from tests.support.knowledge_bases import PIECES, hospital
 from tests.support.servers import running_server
 
@@ -46,6 +47,7 @@ TAKEN = {
 }
 
 
+@pytest.mark.long
 def test_a_robot_that_has_nothing_takes_exactly_what_it_needs_and_serves_the_drink(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,7 +78,7 @@ def test_a_store_gives_what_a_server_gives_and_the_cache_what_it_gave_before(
     assert (code, [one["code"] for one in found["diagnostics"]]) == (2, ["K031"])
 
 
-@pytest.mark.parametrize(("piece", "uid"), PIECES.items())
+@pytest.mark.parametrize(("piece", "uid"), some(PIECES.items(), every=4))
 def test_whatever_one_piece_is_not_there_is_named_and_nothing_is_taken(tmp_path: Path, piece: str, uid: str) -> None:
     hospital(tmp_path / "kb.sqlite", without=uid).close()
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo", "--run")
@@ -122,7 +124,10 @@ def test_a_task_is_found_by_its_class_its_label_and_a_class_above_it(tmp_path: P
 
 @pytest.mark.parametrize(
     ("task", "meant"),
-    [("serve_a_drnk", "serve a drink"), ("ServADrink", "ServeADrink"), ("ServingFoodOrDrnk", "ServingFoodOrDrink")],
+    some(
+        [("serve_a_drnk", "serve a drink"), ("ServADrink", "ServeADrink"), ("ServingFoodOrDrnk", "ServingFoodOrDrink")],
+        every=3,
+    ),
 )
 def test_names_like_that_of_an_unknown_task_are_proposed(tmp_path: Path, task: str, meant: str) -> None:
     hospital(tmp_path / "kb.sqlite").close()

@@ -35,7 +35,7 @@ from tests.executive.conftest import (
     stand,
 )
 from tests.executive.locations.conftest import MakeJudge
-from tests.support.examples import some
+from tests.support.examples import examples, some
 
 THE_PATIENT, THE_BED = a_person("Patient"), an_object("Bed-PieceOfFurniture")
 GRASPED, BEFORE = a_location(in_center_of=THE_BOTTLE), a_location(in_front_of=THE_BOTTLE)
@@ -84,7 +84,7 @@ def assert_reaches(stage: Stage, judge_of: MakeJudge, solutions: list[Solution],
             a_location(visible_from=THE_BOTTLE),
             a_location(in_front_of=an_object("Cabinet-PieceOfFurniture")),
         ],
-        2,
+        every=6,
     ),
     ids=str,
 )
@@ -260,7 +260,7 @@ def moved(stage: Stage, poses: Iterable[BasePose]) -> None:
     stage.platform.sync()
 
 
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=examples(500), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(st.tuples(points, points, points), points, st.lists(asked, min_size=1, max_size=3))
 def test_where_a_place_satisfies_a_location_one_is_found(
     furnish: MakeStage,

@@ -24,6 +24,7 @@ from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration
 from sim import Body, ComfortZone
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage
+from tests.support.examples import some
 
 angle, length, size = st.floats(-math.pi, math.pi), st.floats(-3.0, 3.0), st.floats(0.02, 2.0)
 blocks = st.builds(
@@ -198,7 +199,7 @@ def closed_on(stage: Stage, way: HandSolution) -> str | None:
     return held
 
 
-@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("gap", some(GAPS, every=4))
 def test_fingers_close_on_a_bottle_before_a_wall_by_every_way_that_is_offered(
     make_stage: MakeStage, gap: float
 ) -> None:

@@ -6,13 +6,14 @@ import re
 from contextlib import ExitStack
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from planlang.designators import a_location
+from planlang.designators import a_location, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from sim import Body
-from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage, Stage
+from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, Stage
 from tests.support.leaves import Room, room, thing
 
 TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
@@ -27,6 +28,7 @@ def said(stage: Stage) -> str:
     return caught.value.figures
 
 
+@pytest.mark.long
 def test_a_thing_far_back_on_a_table_is_reached_as_much_nearer_to_its_edge_as_the_failure_says(
     make_stage: MakeStage,
 ) -> None:
@@ -51,6 +53,7 @@ def test_a_body_around_a_thing_is_named_if_without_it_the_thing_is_reached(make_
     assert next(make_stage(stand, BOTTLE).resolver.bases(TO_GRASP)) is not None
 
 
+@pytest.mark.long
 def test_a_thing_on_the_floor_of_a_deep_shelf_is_reached_at_the_height_that_is_told(make_stage: MakeStage) -> None:
     low = Body("low", Pose((2.0, 0.0, 0.05)), (1.2, 1.2, 0.1), type="KitchenTable")
     lid = Body("lid", Pose((2.0, 0.0, 0.4)), (1.2, 1.2, 0.02), type="KitchenTable")
@@ -114,6 +117,7 @@ def shelved(stack: ExitStack, height: float) -> Room:
     return stage
 
 
+@pytest.mark.long
 def test_a_cupboard_that_is_too_high_is_served_as_much_lower_as_the_failure_says() -> None:
     with ExitStack() as stack:
         stage = shelved(stack, 1.9)
@@ -123,3 +127,39 @@ def test_a_cupboard_that_is_too_high_is_served_as_much_lower_as_the_failure_says
         assert told is not None, caught.value.figures
         stage = shelved(stack, 1.9 - float(told[1]))
         assert next(stage.platform.resolver.bases(a_location(in_reach_of=stage.designator("cup")))) is not None
+
+
+def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_use(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BED, BOTTLE)
+    arm = stage.platform.robot.arms[0]
+    stage.truth.set_pose("bottle", stage.truth.link_pose(arm.tip))
+    stage.truth.attach(arm.tip, "bottle")
+    stage.belief.grasped("bottle", arm.name, arm.tip, Pose((0.0, 0.0, 0.0)))
+    stage.platform.sync()
+    cabinet, bed = (an_object(body.type, PLACE + body.name) for body in (CABINET, BED))
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.bases(a_location(in_reach_of=a_location(on=cabinet, behind=bed))))
+    assert list(caught.value.counts) == ["not behind bed"]
+    number = caught.value.counts["not behind bed"]
+    assert caught.value.figures == f"none of the {number} candidates is behind bed: another place or relation is needed"
+
+
+@pytest.mark.parametrize(
+    ("pose", "why"),
+    [
+        (
+            Pose((2.5, 0.0, 0.9)),
+            r"bottle is 2\.50 m away from the middle of the base; the left arm reaches 0\.\d\d m at",
+        ),
+        (Pose((0.6, 0.2, 2.0)), r"bottle is at \d\.\d\d m, \d\.\d\d m too high; the left arm grasps from"),
+    ],
+)
+def test_a_hand_that_gets_nowhere_near_from_where_the_base_is_states_what_is_missing(
+    make_stage: MakeStage, pose: Pose, why: str
+) -> None:
+    stage = make_stage(replace(BOTTLE, pose=pose))
+    arm = next(arm for arm in stage.platform.scene.arms.all if arm.name == "left")
+    seed = np.zeros(len(arm.joints))
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, seed))
+    assert re.match(why, caught.value.figures), caught.value.figures

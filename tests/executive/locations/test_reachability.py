@@ -196,10 +196,25 @@ def test_neither_has_one_of_few_joints(tmp_path: Path, monkeypatch: pytest.Monke
     assert [kind for kind, number in zip(kinds, found, strict=True) if number] == [(GraspClass.SIDE, 1)]
 
 
+def refused(what: str, share: float) -> None:
+    pytest.fail(what)
+
+
+def test_the_progress_of_a_map_that_is_built_grows_from_nothing_to_the_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    shares: list[float] = []
+    reachability_map(arm_of(tmp_path, GANTRY), GraspClass.SIDE, report=lambda what, share: shares.append(share))
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert shares == sorted(shares)
+    assert len(set(shares)) > 20
+
+
 def test_maps_are_kept_and_those_of_another_arm_are_not_taken_for_them(
     arm: ArmModel, maps: Maps, tmp_path: Path
 ) -> None:
-    again = {grasp: reachability_map(arm, grasp, say=pytest.fail) for grasp in GraspClass}
+    again = {grasp: reachability_map(arm, grasp, report=refused) for grasp in GraspClass}
     assert all(np.array_equal(again[grasp].rows, maps[grasp].rows) for grasp in GraspClass)
     assert not again[GraspClass.SIDE].rows.flags.writeable
     other = arm_of(tmp_path, torso="lift")
@@ -249,6 +264,12 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm, said = arm_of(tmp_path, GANTRY), list[str]()
+
+    def hear(what: str, share: float) -> None:
+        assert 0.0 <= share <= 1.0
+        if what not in said[-1:]:
+            said.append(what)
+
     monkeypatch.setattr(reachability_maps, "MAPS", tmp_path)
     name, content = bundled_file(arm, GraspClass.SIDE, "gantry")
     (tmp_path / name).write_bytes(content)
@@ -256,7 +277,7 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
     def rows_of_a_new_home(home: str, robot: str = "gantry") -> list[tuple[float, ...]]:
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / home))
         own = arm if robot == "gantry" else replace(arm, seeds=arm.seeds[:1])
-        return list(reachability_map(own, GraspClass.SIDE, robot, said.append).rows.tolist())
+        return list(reachability_map(own, GraspClass.SIDE, robot, hear).rows.tolist())
 
     rows = rows_of_a_new_home("first")
     assert rows_of_a_new_home("zeroth", "another") == rows
@@ -266,7 +287,7 @@ def test_a_map_that_came_along_is_taken_and_one_that_did_not_is_built_with_the_r
     assert said[-1].endswith(f"side grasps, once for this robot: {tmp_path / name} is damaged")
     (tmp_path / name).rename(tmp_path / name.replace(map_key(arm, GraspClass.SIDE)[:16], "0" * 16))
     assert rows_of_a_new_home("third") == rows
-    assert said[-1].endswith("once for this robot: the URDF is not the one of which planlang has maps")
+    assert said[-1].endswith("once for this robot: the URDF differs from that of the bundled maps")
     assert rows_of_a_new_home("fourth", "another") == rows
     assert said[-1] == "building the reachability map of arm arm, side grasps, once for this robot"
     assert rows_of_a_new_home("fourth", "another") == rows

@@ -46,6 +46,7 @@ def test_second_door_is_opened_where_a_thing_does_not_pass_the_first_alone() -> 
         assert str(caught.value.door) == "right"
 
 
+@pytest.mark.long
 def test_second_door_stays_shut_where_a_thing_passes_the_first() -> None:
     with ExitStack() as stack:
         stage = cupboard(stack, 0.06)

@@ -66,12 +66,12 @@ def check_export(path: Path, folder: Path, target: Target = Target.MANCHESTER) -
         assert before == after == ["M009"]
 
 
-@pytest.mark.parametrize("name", some(REAL or ["none"]))
+@pytest.mark.parametrize("name", some(REAL or ["none"], 6))
 def test_a_real_map_or_model_is_the_same_world_when_exported(corpus: Path, name: str, tmp_path: Path) -> None:
     check_export(corpus / name, tmp_path)
 
 
-@pytest.mark.parametrize("name", some(BUNDLED))
+@pytest.mark.parametrize("name", some(BUNDLED, 6))
 def test_a_bundled_map_is_the_same_world_when_exported(name: str, tmp_path: Path) -> None:
     check_export(bundled("ontologies") / "environments" / name, tmp_path)
 

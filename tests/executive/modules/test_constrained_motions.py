@@ -41,6 +41,7 @@ def test_a_motion_that_does_not_say_what_it_is_about_is_refused() -> None:
         constraints_of(action("PouringMotion", object_acted_on=CUP, constrained_by=(ABOVE,)))
 
 
+@pytest.mark.long
 def test_constraints_that_contradict_each_other_are_named_and_no_others(make_stage: MakeStage) -> None:
     """Not from where the base is, and no place to which it could drive is any better."""
     stage = make_stage(TABLE)

@@ -45,7 +45,7 @@ def stack() -> Iterator[ExitStack]:
 
 @pytest.mark.parametrize(
     ("robot", "seed"),
-    some([("panda", DOOR), ("panda", DRAWER), ("amigo", DOOR), ("amigo", DRAWER)]),
+    some([("panda", DOOR), ("panda", DRAWER), ("amigo", DOOR), ("amigo", DRAWER)], every=4),
 )
 def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, robot: str, seed: int) -> None:
     stage = room(stack, drawn(seed), robot)
@@ -182,6 +182,7 @@ def test_a_leaf_without_handle_is_out_of_reach_for_this_reason(stack: ExitStack)
         stage.do(OPEN, "leaf")
 
 
+@pytest.mark.long
 def test_a_handle_that_no_arm_reaches_is_named(stack: ExitStack) -> None:
     case, leaf, grip = drawn(DRAWER)
     up = Pose((0.0, 0.0, 1.5))
@@ -196,6 +197,7 @@ def test_a_handle_that_no_arm_reaches_is_named(stack: ExitStack) -> None:
     assert re.search(figures, explain(caught.value).splitlines()[0])
 
 
+@pytest.mark.long
 def test_a_body_without_which_the_base_would_have_room_before_a_handle_is_named(stack: ExitStack) -> None:
     bed = thing("bed", "Bed-PieceOfFurniture", Pose((-0.1, 0.0, 0.2)), (1.3, 6.0, 0.4))
     stage = room(stack, (*drawn(DRAWER), bed))
@@ -241,6 +243,7 @@ def test_a_hand_that_is_needed_for_a_door_does_not_take_what_goes_behind_it_befo
     assert doors == (["leaf"] if is_opened else [])
 
 
+@pytest.mark.long
 def test_a_thing_in_a_drawer_is_in_reach_once_the_drawer_is_open(stack: ExitStack) -> None:
     case, leaf, grip = drawn(DRAWER)
     assert leaf.pose is not None
@@ -264,6 +267,7 @@ def test_of_doors_and_drawers_drawn_by_seeds_nearly_all_are_opened_and_the_other
     assert all(is_open or reason.startswith(("HandleNotReachable", "ContainerStuck")) for is_open, reason, _ in results)
 
 
+@pytest.mark.long
 def test_a_hand_that_opened_a_door_gets_away_from_its_handle(stack: ExitStack) -> None:
     faces = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
     parts = (

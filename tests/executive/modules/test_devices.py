@@ -74,6 +74,7 @@ def test_what_cuts_has_no_button_unless_the_map_states_one(cls: str) -> None:
     assert (control.device, control.body) == ("blade", "button")
 
 
+@pytest.mark.long
 def test_of_a_button_that_is_too_far_from_the_edge_is_reported_where_it_would_be_reached(stack: ExitStack) -> None:
     """Constraints of the stroke, which "contradict each other" there, tell nobody what to change."""
     wide = thing("table", "KitchenTable", Pose((1.4, 0.0, 0.375)), (2.0, 4.0, 0.75))
@@ -135,6 +136,7 @@ def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> No
     assert stage.truth.changes.matter.is_on("maker")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
 def test_a_knob_is_turned_and_turned_back(stack: ExitStack) -> None:
     oven = thing("oven", "Oven", Pose((0.9, 0.0, 0.5)) @ BACK, (0.6, 0.6, 1.0), "knob")

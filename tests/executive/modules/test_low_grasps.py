@@ -60,7 +60,7 @@ WIDE = {
 THINGS |= WIDE
 
 
-@pytest.mark.parametrize("name", WIDE)
+@pytest.mark.parametrize("name", some(WIDE))
 def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(make_stage: MakeStage, name: str) -> None:
     stage = make_stage(CABINET, WIDE[name], BED)
     what, handle = an_object(WIDE[name].type, PLACE + name), WIDE[name].handles[0]
@@ -71,6 +71,7 @@ def test_what_is_too_wide_is_gripped_at_its_handle_with_the_hand_off_the_rest(ma
         assert not stage.platform.scene.collisions.contacts(base, one.arm, one.joints[1], fingers=one.plan.fingers)
 
 
+@pytest.mark.long
 def test_what_stands_in_something_open_above_is_lifted_over_its_rim_before_the_hand_goes_back(
     make_stage: MakeStage,
 ) -> None:
@@ -84,7 +85,7 @@ def test_what_stands_in_something_open_above_is_lifted_over_its_rim_before_the_h
         assert back >= lifted >= grasped + 0.8 - (0.66 - 0.035)
 
 
-@pytest.mark.parametrize("name", some(["mug", "bowl", "plate", "napkin", "fork", "bottle"]))
+@pytest.mark.parametrize("name", some(["mug", "bowl", "plate", "napkin", "fork", "bottle"], every=6))
 def test_what_no_gripper_spans_or_what_lies_is_taken(make_stage: MakeStage, name: str) -> None:
     stage = make_stage(CABINET, THINGS[name], BED)
     what = an_object(THINGS[name].type, PLACE + name)
@@ -129,7 +130,7 @@ def test_what_is_flat_is_not_taken_from_the_side(make_stage: MakeStage) -> None:
     assert is_low(stage.platform.scene.bodies.block("fork"))
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.bases(a_location(in_reach_of=what, grasp=GraspClass.SIDE.value)))
-    assert caught.value.counts["too low for a grasp but from above"]
+    assert caught.value.counts["too low for a grasp except from above"]
 
 
 def test_tilted_fingers_go_beside_what_lies_flat_as_deep_as_their_lowest_corner_is_in_the_support() -> None:
@@ -148,7 +149,7 @@ def test_what_is_heavier_than_the_hand_carries_is_refused_before_anything_moves(
     assert (caught.value.mass, caught.value.payload) == (40.0, 1.5)
 
 
-@pytest.mark.parametrize("covered", [False, True])
+@pytest.mark.parametrize("covered", some([False, True]))
 def test_a_cloth_is_taken_where_nothing_lies_on_it(make_stage: MakeStage, covered: bool) -> None:
     cloth = lying("cloth", "PlaceMat", (0.28, 0.36, 0.004), soft=True)
     size = (0.3, 0.4, 0.012) if covered else (0.1, 0.16, 0.012)

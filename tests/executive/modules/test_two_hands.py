@@ -20,7 +20,6 @@ from sim import Body, PlanningWorld, Scene
 from sim.scene import Handle
 from sim.truth import at_rest_on, held_by
 from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
-from tests.support.examples import some
 from tests.support.extras import skip_without_pr2
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
@@ -64,7 +63,8 @@ TRAYS = {
 }
 
 
-@pytest.mark.parametrize("kind", some(TRAYS))
+@pytest.mark.long
+@pytest.mark.parametrize("kind", TRAYS)
 def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeStage, kind: str) -> None:
     tray = TRAYS[kind]
     cup = replace(CUP, pose=Pose((1.2, 0.06, tray.pose.position[2] + (0.036 if tray.wall else 0.0601))))
@@ -82,6 +82,7 @@ def test_a_tray_is_brought_to_another_table_with_the_cup_on_it(stage_of: MakeSta
         assert stage.belief.pose(name).distance(stage.truth.pose(name)) < 0.01
 
 
+@pytest.mark.long
 def test_a_tray_is_carried_lowered_and_released_in_steps_and_no_arm_moves_alone_meanwhile(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, OTHER, TRAYS["wide"], CUP)
     taken(stage)
@@ -120,6 +121,7 @@ def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> No
         next(stage.resolver.bases(a_location(in_reach_of=THE_TRAY)))
 
 
+@pytest.mark.long
 def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, OTHER, TRAYS["turned"], CUP)
     taken(stage)

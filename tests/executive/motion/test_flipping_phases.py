@@ -79,7 +79,8 @@ def _local(iri: str) -> str:
     return iri.rsplit("#", 1)[-1]
 
 
-@pytest.mark.parametrize("ahead", [0.6, pytest.param(0.7, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("ahead", [0.6, 0.7])
 def test_all_active_constraints_hold_at_the_end_of_each_phase_on_the_pr2(corpus: Path, ahead: float) -> None:
     try:
         robot = arms_of("pr2", 2)

@@ -147,7 +147,7 @@ def test_targets_that_are_no_poses_are_refused(spoiled: Array, said: str, chain_
     q = chain.sample(np.random.default_rng(14), 5)
     targets = chain.fk(q)
     targets[3] = spoiled
-    with pytest.raises(ValueError, match=f"target 3 is no pose: .*{said}"):
+    with pytest.raises(ValueError, match=f"target 3 .*{said}"):
         InverseKinematics(chain).solve(targets, q[:, None])
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 import executive.motion
 from executive.motion.trajectories import time_curve, time_path
 from planlang.geometry import Array
+from tests.support.examples import examples
 
 V, A, J = np.array([0.07, 0.4, 1.0]), np.array([0.2, 2.0, 2.0]), np.array([2.0, 20.0, 40.0])
 NAMES = ("lift", "shoulder", "wrist")
@@ -47,7 +48,7 @@ polylines = st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, 
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(polylines)
 def test_trajectory_follows_the_polyline_forwards_and_ends_exactly(waypoints: Array) -> None:
     rows = timed(waypoints)
@@ -66,13 +67,13 @@ def assert_within_limits(rows: Array) -> None:
         assert (np.abs(found) <= limit * (1 + 1e-4) + 1e-6).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(deadline=None)
 @given(polylines)
 def test_trajectory_keeps_limits_of_velocity_acceleration_and_jerk(waypoints: Array) -> None:
     assert_within_limits(timed(waypoints))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(deadline=None)
 @given(polylines)
 def test_curve_keeps_limits_of_velocity_acceleration_and_jerk(waypoints: Array) -> None:
     assert_within_limits(curved(waypoints))

@@ -81,6 +81,7 @@ def _furniture_and_things() -> Iterator[Body]:
         yield from scene_of(read_map(load(path))).bodies
 
 
+@pytest.mark.long
 def test_most_things_of_the_bundled_maps_have_a_look() -> None:
     things = [body for body in _furniture_and_things() if body.shape in ("box", "cylinder")]
     without = {body.type for body in things if look_of(body.kinds, body.type) is None}

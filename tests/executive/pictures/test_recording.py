@@ -13,8 +13,10 @@ from typer.testing import CliRunner
 from executive.cli import app as cli
 from executive.pictures import drawn
 from executive.pictures.drawn import drawn_in, missing
+from planlang.files import Bundled
 from planlang.outputs import is_replaceable
 from sim import CameraModel, PyBulletWorld, RobotBody, Scene
+from tests.executive.conftest import Served
 
 PLAN = """from planlang import action, perform, plan
 
@@ -81,10 +83,8 @@ def test_a_recording_has_lanes_graphs_truth_belief_and_candidates(recorded: Path
     assert "plan time" in printed
 
 
-def test_a_recorded_run_has_the_trace_of_one_that_is_not(recorded: Path, tmp_path: Path) -> None:
-    words = ("run", "serve_a_drink", "--seed", "3", "--trace", tmp_path / "run.jsonl")
-    assert CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang").exit_code == 0
-    assert (tmp_path / "run.jsonl").read_bytes() == (recorded / "run.jsonl").read_bytes()
+def test_a_recorded_run_has_the_trace_of_one_that_is_not(recorded: Path, served: Served) -> None:
+    assert served.trace.read_bytes() == (recorded / "run.jsonl").read_bytes()
 
 
 def test_a_recording_of_an_earlier_run_is_overwritten_and_other_files_are_not(recorded: Path, tmp_path: Path) -> None:
@@ -103,6 +103,26 @@ def test_a_plan_that_is_a_file_is_recorded_without_a_recipe(tmp_path: Path) -> N
     printed = viewer("print", tmp_path / "run.rrd").stdout
     assert "/lanes/plan/01" in printed
     assert " - /recipe" not in printed
+
+
+def test_the_events_of_a_failed_run_end_with_the_failure_and_its_causes(tmp_path: Path) -> None:
+    pytest.importorskip("rerun", reason="the extra [record] is not installed")
+    tower, recording = tmp_path / "tower.omn", tmp_path / "run.rrd"
+    tower.write_text(Bundled.ENVIRONMENT.find("hospital_room").read_text().replace("m23 0.9,", "m23 2.3,"))
+    words = ("run", "serve_a_drink", "--robot", "amigo", "--environment", tower, "--record", recording)
+    result = CliRunner().invoke(cli.app, [str(word) for word in words], prog_name="planlang")
+    assert result.exit_code == 1, result.output
+    assert viewer("verify", recording).returncode == 0
+    printed = viewer("print", "-vvv", "--entity", "/events", recording).stdout
+    begins = [
+        printed.index(text)
+        for text in (
+            "recovery: propagate",
+            "ObjectUnreachable: the object",
+            "  because of LocationUnresolvable: no place",
+        )
+    ]
+    assert begins == sorted(begins)
 
 
 def test_primitives_of_links_are_drawn_with_their_place_and_colour(tmp_path: Path) -> None:

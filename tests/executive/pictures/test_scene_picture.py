@@ -42,6 +42,7 @@ def _red(pixels: np.ndarray) -> int:
     return int(((red > 2 * green) & (red > 2 * blue) & (red > 90)).sum())
 
 
+@pytest.mark.long
 def test_a_picture_is_a_png_of_its_size_and_the_same_each_time(world: PyBulletWorld, tmp_path: Path) -> None:
     for name in ("first.png", "second.png"):
         save_picture(tmp_path / name, world, ["bottle"])

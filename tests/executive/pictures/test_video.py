@@ -76,6 +76,7 @@ def test_the_ending_stands_below_the_steps(steps: Steps) -> None:
     assert red(()) == 0 < shorter < longer, "it is wrapped, not cut"
 
 
+@pytest.mark.long
 def test_a_video_has_frames_of_the_run_and_is_the_same_each_time(
     steps: Steps, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,6 +14,7 @@ from executive.cli.app import app
 from planlang import sleep
 from planlang.files import Bundled
 from planlang.testing import run_plan
+from tests.executive.report.conftest import Reported
 
 
 def called(*words: object) -> dict[str, Any]:
@@ -29,24 +30,16 @@ def model_in(page: Path) -> dict[str, Any]:
     return dict(json.loads(found[1]))
 
 
-@pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a trace and the page that was written with it."""
-    folder = tmp_path_factory.mktemp("served")
-    called("run", "serve_a_drink", "--trace", folder / "run.jsonl", "--report", folder / "first.html")
-    return folder
-
-
-def test_a_repeated_run_has_the_page_of_the_run_itself(served: Path, tmp_path: Path) -> None:
+def test_a_repeated_run_has_the_page_of_the_run_itself(reported: Reported, tmp_path: Path) -> None:
     page = tmp_path / "run.html"
-    assert called("report", served / "run.jsonl", "-o", page)["repeated"] is True
-    first, again = model_in(served / "first.html"), model_in(page)
+    assert called("report", reported.trace, "-o", page)["repeated"] is True
+    first, again = model_in(reported.page), model_in(page)
     assert again["facts"].pop("world") == "repeated"
     assert first == again
 
 
-def test_a_run_that_was_cut_off_is_shown_up_to_there(served: Path, tmp_path: Path) -> None:
-    lines = (served / "run.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+def test_a_run_that_was_cut_off_is_shown_up_to_there(reported: Reported, tmp_path: Path) -> None:
+    lines = reported.trace.read_text(encoding="utf-8").splitlines(keepends=True)
     trace = tmp_path / "cut.jsonl"
     trace.write_text("".join(lines[:100]) + lines[100][:20], encoding="utf-8")
     answer = called("report", trace)
@@ -54,24 +47,23 @@ def test_a_run_that_was_cut_off_is_shown_up_to_there(served: Path, tmp_path: Pat
     model = model_in(tmp_path / "cut.html")
     assert model["outcome"]["status"] == "running"
     assert model["end"] == pytest.approx(json.loads(lines[99])["step"] / 30, abs=1e-3)
-    keys, every = (
-        sum(one["keys"] for one in part["scene"]["entities"]) for part in (model, model_in(served / "first.html"))
-    )
+    keys, every = (sum(one["keys"] for one in part["scene"]["entities"]) for part in (model, model_in(reported.page)))
     assert keys < every / 2, "the world goes no further than the trace"
 
 
-def test_a_resumed_run_has_the_page_of_one_that_was_never_cut_off(served: Path, tmp_path: Path) -> None:
+@pytest.mark.long
+def test_a_resumed_run_has_the_page_of_one_that_was_never_cut_off(reported: Reported, tmp_path: Path) -> None:
     trace, page = tmp_path / "run.jsonl", tmp_path / "run.html"
-    lines = (served / "run.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+    lines = reported.trace.read_text(encoding="utf-8").splitlines(keepends=True)
     trace.write_text("".join(lines[:100]), encoding="utf-8")
     called("run", "--resume", trace, "--report", page)
-    assert model_in(page) == model_in(served / "first.html")
+    assert model_in(page) == model_in(reported.page)
 
 
-def test_another_map_is_not_shown_and_the_page_says_why(served: Path, tmp_path: Path) -> None:
+def test_another_map_is_not_shown_and_the_page_says_why(reported: Reported, tmp_path: Path) -> None:
     room = tmp_path / "room.omn"
     room.write_text(Bundled.ENVIRONMENT.find("hospital_room").read_text() + "\n# changed\n")
-    answer = called("report", served / "run.jsonl", "-o", tmp_path / "run.html", "--environment", room)
+    answer = called("report", reported.trace, "-o", tmp_path / "run.html", "--environment", room)
     assert answer["repeated"] is False
     model = model_in(tmp_path / "run.html")
     assert model["missing"] == answer["missing"]
@@ -81,11 +73,11 @@ def test_another_map_is_not_shown_and_the_page_says_why(served: Path, tmp_path: 
     assert model["graph"]["title"] == "ServeADrink"
 
 
-def test_a_page_that_shows_more_is_kept_unless_forced(served: Path, tmp_path: Path) -> None:
+def test_a_page_that_shows_more_is_kept_unless_forced(reported: Reported, tmp_path: Path) -> None:
     trace, page = tmp_path / "run.jsonl", tmp_path / "run.html"
-    header, rest = (served / "run.jsonl").read_text(encoding="utf-8").split("\n", 1)
+    header, rest = reported.trace.read_text(encoding="utf-8").split("\n", 1)
     trace.write_text(header.replace('"plan_sha256": "', '"plan_sha256": "0') + "\n" + rest, encoding="utf-8")
-    page.write_bytes(before := (served / "first.html").read_bytes())
+    page.write_bytes(before := reported.page.read_bytes())
     refused = called("report", trace)
     assert [one["code"] for one in refused["diagnostics"]] == ["C005"]
     assert "shows map, scene, serve_a_drink.py" in refused["diagnostics"][0]["message"]
@@ -114,6 +106,7 @@ def test_a_file_that_is_no_trace_is_bad_input(tmp_path: Path) -> None:
     assert not (tmp_path / "run.html").exists()
 
 
+@pytest.mark.long
 def test_a_failing_world_of_a_sweep_leaves_a_page(tmp_path: Path) -> None:
     room = tmp_path / "tower.omn"
     text = Bundled.ENVIRONMENT.find("hospital_room").read_text()

@@ -10,34 +10,36 @@ from typing import Any
 
 import pytest
 from browsers import Watched, another_browser, started_browser
+from typer.testing import CliRunner
 
-from executive.runs.options import Outcome, RunOptions
+from executive.cli.app import app
+from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang import par, sleep
 from planlang.files import Bundled
 from planlang.ontology.convert import Target, convert
 from planlang.testing import run_plan
+from tests.executive.conftest import BUNDLED
+from tests.executive.report.conftest import Reported
+from tests.support.examples import some
 
-RECIPE, AMIGO = Bundled.RECIPE.find("serve_a_drink"), Bundled.ROBOT.find("amigo")
+RECIPE = Bundled.RECIPE.find("serve_a_drink")
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
-SERVED = RunOptions(recipe=RECIPE, robot=AMIGO, environment=ROOM)
 HOSTILE = "</script><img src=x onerror=\"document.title = 'run'\"><!--<script>"
 WITHOUT_WEBGL = "--disable-3d-apis"
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return pages of a run that recovers."""
+def pages(reported: Reported, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Pages of a run that recovers and of one that fails."""
     folder = tmp_path_factory.mktemp("pages")
     tower = folder / "tower.omn"
     text = ROOM.read_text().replace("knowrob:m23 0.9,", "knowrob:m23 2.3,")
     assert "bottle1" in text
     tower.write_text(text)
-    found = {name: folder / f"{name}.html" for name in ("recovered", "failed")}
-    done = run_plan_file(replace(SERVED, seed=3, report=found["recovered"]))
-    failed = run_plan_file(replace(SERVED, environment=tower, report=found["failed"]))
-    assert (done.outcome, failed.outcome) == (Outcome.DONE, Outcome.FAILED)
-    return found
+    failed = run_plan_file(replace(BUNDLED, environment=tower, report=folder / "failed.html"))
+    assert (reported.result.outcome, failed.outcome) == (Outcome.DONE, Outcome.FAILED)
+    return {"recovered": reported.page, "failed": folder / "failed.html"}
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +67,7 @@ def status(page: Any, name: str) -> str:
     return str(page.get_by_role("treeitem", name=name).first.get_attribute("data-status"))
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", some(["light", "dark"]))
 def test_scene_tree_and_lanes_move_with_one_clock(browser: Any, pages: dict[str, Path], scheme: str) -> None:
     watched = opened(browser, pages["recovered"], color_scheme=scheme)
     page = watched.page
@@ -95,7 +97,14 @@ def test_a_failure_opens_with_what_to_change_its_cause_and_its_line(browser: Any
     assert "out of reach: 320" in first.inner_text()
     lines = first.locator(".excerpt .at")
     assert "at_location" in lines.nth(0).inner_text()
-    assert "ServeADrink" in lines.nth(1).inner_text()
+    tried = first.locator(".events").inner_text()
+    assert "moving to another place (to x -1.52 y -0.50 yaw -2.90): done in 4.2 s" in tried
+    assert "looking for something (bottle1): done in 1.1 s" in tried
+    drive = lines.all_inner_texts()[1:]
+    assert [text.split(maxsplit=1)[1].strip() for text in (drive[0], drive[-1])] == [
+        "Class: MoveBaseToGraspPose",
+        "knowrob:toLocation value graspingPlace",
+    ]
     page.keyboard.press("Home")
     first.get_by_role("button", name="Show the moment").click()
     assert page.locator("#slider").get_attribute("aria-valuetext") == "5.37 s of 5.37 s"
@@ -104,6 +113,23 @@ def test_a_failure_opens_with_what_to_change_its_cause_and_its_line(browser: Any
     page.get_by_text("no place was found").wait_for()
     assert watched.findings() == []
     assert (watched.said, watched.asked) == ([], [])
+
+
+def test_a_run_that_was_cut_off_opens_where_it_stopped(browser: Any, tmp_path: Path) -> None:
+    async def first() -> None:
+        await sleep(2)
+
+    async def then() -> None:
+        await par(first)
+        await sleep(2)
+
+    *lines, _ = run_plan(then).trace.text().splitlines(keepends=True)
+    trace = tmp_path / "cut.jsonl"
+    trace.write_text("".join(lines), encoding="utf-8")
+    CliRunner().invoke(app, ["report", str(trace)])
+    shown = opened(browser, tmp_path / "cut.html").page
+    assert shown.locator("#outcome").inner_text() == "not ended"
+    assert shown.locator("#slider").get_attribute("aria-valuetext") == "2.00 s of 2.00 s"
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -124,6 +150,7 @@ def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
         assert watched.said == []
 
 
+@pytest.mark.long
 def test_an_address_leads_to_a_moment_and_a_step(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["recovered"])
     page = watched.page
@@ -156,6 +183,7 @@ def test_a_run_is_searched_and_told_by_the_keyboard_alone(browser: Any, pages: d
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_path: Path) -> None:
     room, recipe, page = tmp_path / "room.owl", tmp_path / "serve_a_drink.omn", tmp_path / "run.html"
     written = convert(ROOM, Target.RDFXML).text
@@ -164,7 +192,7 @@ def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_pat
     label = "drive to where the bottle is in reach"
     quoted = HOSTILE.replace('"', '\\"')
     recipe.write_text(RECIPE.read_text().replace(f'"{label}"', f'"{label} {quoted}"'), encoding="utf-8")
-    result = run_plan_file(replace(SERVED, recipe=recipe, environment=room, report=page))
+    result = run_plan_file(replace(BUNDLED, recipe=recipe, environment=room, report=page))
     assert result.outcome is Outcome.DONE
     watched = opened(browser, page)
     watched.page.keyboard.press("5")
@@ -228,6 +256,93 @@ def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
     assert page.get_by_role("option").first.inner_text().startswith("bottle1, a thing")
 
 
+def test_a_card_that_is_cut_fades_and_grows_to_all_of_it(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["failed"]).page
+    cards, last = page.locator("#cards"), page.locator("#cards .card").first.locator(".excerpt").last
+    page.wait_for_selector("#cards.fading")
+    page.get_by_role("button", name="all of it").click()
+    page.wait_for_selector("#cards:not(.fading)")
+    assert cards.evaluate("(cards) => cards.clientHeight === cards.scrollHeight")
+    assert last.is_visible()
+    page.get_by_role("button", name="less of it").click()
+    page.wait_for_selector("#cards.fading")
+
+
+def test_showing_a_moment_at_which_the_clock_is_flashes_it(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["failed"]).page
+    page.get_by_role("button", name="Show the moment").click()
+    page.get_by_role("button", name="Shown: 5.37 s").wait_for()
+    page.wait_for_selector("#now.flash")
+    page.wait_for_selector(".row-line.flash")
+
+
+def test_a_story_opens_at_the_clock_and_keeps_it_in_view(browser: Any, pages: dict[str, Path]) -> None:
+    page = opened(browser, pages["recovered"]).page
+    page.keyboard.press("End")
+    page.get_by_role("tab", name="Story").click()
+    inside = """() => {
+        const box = document.getElementById("story").getBoundingClientRect();
+        const now = document.querySelector("#story .current").getBoundingClientRect();
+        return box.top <= now.top && now.bottom <= box.bottom + 1;
+    }"""
+    assert page.evaluate(inside)
+    for key in ("Home", "End"):
+        page.keyboard.press(key)
+        assert page.evaluate(inside)
+
+
+def far(page: Any) -> float:
+    """Return the distance from the eye to the point that the camera is turned to [m]."""
+    return float(page.evaluate("planlang.scene.camera.position.distanceTo(planlang.scene.controls.target)"))
+
+
+def test_the_camera_opens_on_what_happens_and_stays_unless_it_is_to_follow(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    page = opened(browser, pages["failed"]).page
+    tags = page.locator(".tags span")
+    assert sorted(tags.all_inner_texts()) == ["amigo", "bottle1"]
+    near = far(page)
+    seek(page, 0)
+    assert far(page) == near
+    page.get_by_role("button", name="whole room").click()
+    assert far(page) > near
+    page.locator(".tags").get_by_text("patient1").wait_for()
+    page.get_by_label("follow the steps with the camera").check()
+    first = far(page)
+    seek(page, 4.5)
+    assert far(page) != first
+    page.get_by_role("button", name="whole room").click()
+    page.get_by_role("button", name="Show the moment").click()
+    assert far(page) == pytest.approx(near)
+
+
+def test_marks_of_the_scene_are_explained_and_things_named_where_they_are_clicked(
+    browser: Any, pages: dict[str, Path]
+) -> None:
+    watched = opened(browser, pages["recovered"])
+    page = watched.page
+    page.get_by_text("what marks mean").click()
+    legend = page.locator(".legend li").all_inner_texts()
+    assert {"place to stand, chosen", "believed to be there, and is not"} <= set(legend)
+    assert "place to stand, rejected: out of reach" in legend
+    page.get_by_label("names").uncheck()
+    page.locator(".tags span").first.wait_for(state="detached")
+    spot = page.evaluate(
+        """() => {
+            const { scene } = planlang, box = scene.canvas.getBoundingClientRect();
+            for (let y = 20; y < box.height; y += 8) for (let x = 20; x < box.width; x += 8) {
+                const at = { clientX: box.left + x, clientY: box.top + y };
+                if (scene.under(at)?.object.userData.entity?.kind === "link") return { x, y };
+            }
+        }"""
+    )
+    page.locator("#scene canvas").click(position=spot)
+    page.locator(".tags").get_by_text("amigo").wait_for()
+    assert watched.findings() == []
+    assert watched.said == []
+
+
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["failed"])
     watched.page.set_viewport_size({"width": 400, "height": 800})
@@ -235,6 +350,7 @@ def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict
     assert watched.findings() == []
 
 
+@pytest.mark.long
 def test_paper_has_causes_and_story(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["failed"]).page
     page.emulate_media(media="print")

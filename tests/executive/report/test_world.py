@@ -6,7 +6,6 @@ import base64
 import json
 import re
 import zlib
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,40 +13,10 @@ import numpy as np
 import pytest
 
 from executive.report import tracks
-from executive.runs.options import Outcome, RunOptions, RunResult
-from executive.runs.plan_run import run_plan_file
-from planlang.files import Bundled
+from executive.runs.options import Outcome
 from planlang.geometry import Pose
-from sim import PyBulletWorld
-
-SERVED = RunOptions(
-    recipe=Bundled.RECIPE.find("serve_a_drink"),
-    robot=Bundled.ROBOT.find("amigo"),
-    environment=Bundled.ENVIRONMENT.find("hospital_room"),
-    seed=3,
-)
-WATCHED = 900
-"""A step of the world at which an arm moves while it holds the bottle."""
-
-
-class Eye:
-    """Notes where things are at one step."""
-
-    def __init__(self) -> None:
-        self.poses: dict[tuple[str, str], Pose] = {}
-
-    def __call__(self, world: PyBulletWorld) -> None:
-        if world.steps == WATCHED:
-            self.poses = {("link", link): world.link_pose(link) for link in world.robot.links}
-            self.poses |= {("body", name): world.pose(name) for name in world.names()}
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunResult, Path, Eye]:
-    """Return a run with its page and trace, and where everything was at one step."""
-    folder, eye = tmp_path_factory.mktemp("run"), Eye()
-    files = {"report": folder / "run.html", "trace": folder / "run.jsonl"}
-    return run_plan_file(replace(SERVED, **files, watchers=(eye,))), folder, eye
+from tests.executive.conftest import Served
+from tests.executive.report.conftest import WATCHED, Reported
 
 
 def read(page: Path) -> tuple[dict[str, Any], bytes]:
@@ -59,9 +28,8 @@ def read(page: Path) -> tuple[dict[str, Any], bytes]:
     return json.loads(model[1]), b"" if poses is None else zlib.decompress(base64.b64decode(poses[1]))
 
 
-def test_every_pose_is_within_a_millimetre_of_where_it_was(run: tuple[RunResult, Path, Eye]) -> None:
-    _, folder, eye = run
-    model, data = read(folder / "run.html")
+def test_every_pose_is_within_a_millimetre_of_where_it_was(reported: Reported) -> None:
+    model, data, real_poses = *read(reported.page), dict(reported.poses)
     entities, scale = model["scene"]["entities"], model["scene"]["scale"]
     total = sum(one["keys"] for one in entities)
     steps = np.frombuffer(data, "<i4", total)
@@ -77,14 +45,14 @@ def test_every_pose_is_within_a_millimetre_of_where_it_was(run: tuple[RunResult,
         pose = Pose(tuple((key[:3] * scale).tolist()), tuple(turn.tolist()))
         found.append(found[one["frame"]] @ pose if one["frame"] >= 0 and one["kind"] == "link" else pose)
         if one["kind"] in ("link", "body"):
-            real = eye.poses.pop((one["kind"], one["name"]))
+            real = real_poses.pop((one["kind"], one["name"]))
             assert np.linalg.norm(np.subtract(found[-1].position, real.position)) < 1.5e-3, one["name"]
             assert np.abs(found[-1].matrix() - real.matrix())[:3, :3].max() < 1e-3, one["name"]
-    assert not eye.poses
+    assert not real_poses
 
 
-def test_places_have_the_reasons_for_which_they_were_rejected(run: tuple[RunResult, Path, Eye]) -> None:
-    model, _ = read(run[1] / "run.html")
+def test_places_have_the_reasons_for_which_they_were_rejected(reported: Reported) -> None:
+    model, _ = read(reported.page)
     first, second, third = model["questions"]
     assert first["location"] == second["location"] != third["location"]
     assert second["time"] == pytest.approx(7.4)
@@ -100,23 +68,21 @@ def test_places_have_the_reasons_for_which_they_were_rejected(run: tuple[RunResu
     assert {nodes[one["node"]]["kind"] for one in model["questions"]} == {"at_location"}
 
 
-def test_a_page_changes_nothing_in_the_run(run: tuple[RunResult, Path, Eye], tmp_path: Path) -> None:
-    result, folder, _ = run
-    alone = run_plan_file(replace(SERVED, trace=tmp_path / "run.jsonl"))
-    assert (tmp_path / "run.jsonl").read_bytes() == (folder / "run.jsonl").read_bytes()
-    assert result.final_state == alone.final_state
+def test_a_page_changes_nothing_in_the_run(reported: Reported, served: Served) -> None:
+    assert served.trace.read_bytes() == reported.trace.read_bytes()
+    assert served.result.final_state == reported.result.final_state
 
 
-def test_what_is_believed_beside_the_truth_is_in_the_page(run: tuple[RunResult, Path, Eye]) -> None:
-    model, _ = read(run[1] / "run.html")
+def test_what_is_believed_beside_the_truth_is_in_the_page(reported: Reported) -> None:
+    model, _ = read(reported.page)
     believed = {one["name"]: one for one in model["scene"]["entities"] if one["kind"] == tracks.BELIEVED}
     assert model["scene"]["entities"][believed["chair1"]["of"]]["name"] == "chair1"
     assert believed["bottle1"]["gone"], "what a hand holds is where the hand is"
 
 
-def test_a_page_has_no_folder_of_this_machine_and_is_small(run: tuple[RunResult, Path, Eye]) -> None:
-    text = (run[1] / "run.html").read_text(encoding="utf-8")
+def test_a_page_has_no_folder_of_this_machine_and_is_small(reported: Reported) -> None:
+    text = reported.page.read_text(encoding="utf-8")
     assert str(Path.home()) not in text
-    assert str(run[1]) not in text
+    assert str(reported.folder) not in text
     assert len(text) < 1_500_000
-    assert run[0].outcome is Outcome.DONE
+    assert reported.result.outcome is Outcome.DONE

@@ -17,6 +17,7 @@ from executive.robots.draft import draft_of, toml
 from planlang.diagnostics import BadInput, has_errors
 from planlang.files import bundled
 from planlang.geometry.urdf import joints_between, read_urdf
+from tests.support.examples import examples
 
 ARMS = Path(pybullet_data.getDataPath())
 AMIGO = bundled("ontologies") / "robots" / "amigo.urdf"
@@ -280,7 +281,7 @@ SEPARATORS = ("Cc", "Cs", "Zs", "Zl", "Zp")
 LETTERS = st.characters(codec="utf-8", exclude_categories=SEPARATORS, exclude_characters="<&\"'")
 
 
-@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@settings(max_examples=examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(st.lists(st.text(LETTERS, min_size=1, max_size=8), min_size=3, max_size=3, unique=True))
 def test_names_of_any_kind_give_a_file_that_can_be_read(tmp_path: Path, names: list[str]) -> None:
     text = arm()

@@ -71,7 +71,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("semantics", list(Semantics))
-@pytest.mark.parametrize(("robot", "recipe"), some(ROWS, 2))
+@pytest.mark.parametrize(("robot", "recipe"), some(ROWS, every=4))
 def test_real_robots_and_recipes_match_as_known(corpus: Path, robot: str, recipe: str, semantics: Semantics) -> None:
     rows = json.loads((corpus / "truth" / "srdl_expected_serve_drink.json").read_text(encoding="utf-8"))
     (row,) = [row for row in rows if (row["robot_file"], row["recipe_set"]) == (robot.removesuffix(".in"), recipe)]

@@ -73,6 +73,7 @@ def refused_at(workers: Workers) -> None:
         workers.call(spin)
 
 
+@pytest.mark.long
 def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     for endless, limit in ((spin, "1 s"), (fill, "200 MB of memory")):
@@ -114,6 +115,7 @@ def test_a_worker_that_ends_within_its_limits_is_replaced_once_and_no_refusal(so
     workers.close()
 
 
+@pytest.mark.long
 def test_who_would_wait_for_long_is_told_when_to_come_back(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS, longest_wait=0.0)
     refused_at(workers)
@@ -129,6 +131,7 @@ def test_who_would_wait_for_long_is_told_when_to_come_back(source: Source) -> No
     workers.close()
 
 
+@pytest.mark.long
 def test_nobody_waits_for_long_behind_what_takes_longer_than_expected(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS, longest_wait=0.1)
     busy = threading.Thread(target=refused_at, args=(workers,))

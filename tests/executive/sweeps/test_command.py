@@ -15,7 +15,7 @@ import planlang
 from executive.cli import app as cli
 from executive.cli.arguments import SweepArguments
 from executive.cli.command_lines import parsed, words_of
-from executive.cli.sweep import Progress
+from executive.cli.sweep import Counts
 from executive.cli.swept_world import ended
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
@@ -127,15 +127,17 @@ def test_options_are_written_as_they_are_read() -> None:
     assert {name: getattr(read, name) for name in given} == given
 
 
-def test_progress_tells_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    lines: list[str] = []
+def test_progress_tells_the_rate_and_the_share_that_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[object] = []
     times = iter([0.0, 0.0, 5.0, 20.0, 21.0])
     monkeypatch.setattr("executive.cli.sweep.time.monotonic", lambda: next(times))
-    progress = Progress(103, lines.append)
-    progress.resumed([{"world": 1, "outcome": "done"}])
-    for outcome in ("done", "crashed", "failed"):
-        progress.told(Done({"outcome": outcome}, 0.6))
+    counts = Counts(103, lines.append, lambda *report: lines.append(report))
+    counts.resumed([{"world": 1, "outcome": "done"}])
+    for outcome in ("done", "crashed"):
+        counts.told(Done({"outcome": outcome}, 0.6))
     assert lines == [
         "1 of 103 worlds were done before",
-        "3 of 103 worlds, 2 reached, 1 crashed; 6 a minute, 0.60 s of CPU each, 16 min 40 s left",
+        ("1 of 103 worlds", 1 / 103),
+        ("2 of 103 worlds, 2 reached; 12 a minute, 0.60 s of CPU each", 2 / 103),
+        ("3 of 103 worlds, 2 reached, 1 crashed; 6 a minute, 0.60 s of CPU each", 3 / 103),
     ]

@@ -39,6 +39,7 @@ def test_a_sweep_has_the_same_lines_on_one_process_on_two_and_in_merged_shards(t
     assert (tmp_path / "two").read_bytes() == one == (tmp_path / "merged").read_bytes()
 
 
+@pytest.mark.long
 def test_what_happens_to_a_process_costs_its_world_only(tmp_path: Path) -> None:
     hows = ["abort", "killed once", "hang", "fill", "mistake", "no JSON", "well"]
     worlds = [
@@ -99,6 +100,7 @@ run(worlds, "tests.support.sweep_jobs:ends", processes=2, out=Path(sys.argv[1]))
 """
 
 
+@pytest.mark.long
 def test_kill_9_of_the_supervisor_leaves_no_process_and_loses_no_line(tmp_path: Path) -> None:
     out = tmp_path / "rows"
     running = subprocess.Popen([sys.executable, "-c", HANGING, str(out)], cwd=TOP)

@@ -39,6 +39,7 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
+from tests.support.examples import examples
 
 
 def formatted(source: str) -> str:
@@ -196,7 +197,7 @@ NAMES = st.integers(1, 100).map(lambda length: "n" * length)
     returns=st.sampled_from(["None", "str", "Location", "tuple[Any, Any]", "tuple[Any, Any, Any]", "tuple[Any, ...]"]),
     depth=st.integers(0, 4),
 )
-@settings(max_examples=25)
+@settings(max_examples=examples(50))
 def test_formatter_leaves_first_lines_as_they_are(
     name: str, parameters: list[str], keywords_only: bool, returns: str, depth: int
 ) -> None:
@@ -301,6 +302,7 @@ def test_source_does_not_depend_on_the_hash_seed(plan: CompiledPlan) -> None:
         assert done.stdout == plan.source
 
 
+@pytest.mark.long
 def test_golden_plan_is_formatted_linted_and_strictly_typed() -> None:
     for arguments in (
         ["ruff", "format", "--check", "--isolated", f"--line-length={WIDTH}"],

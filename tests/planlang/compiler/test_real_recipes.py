@@ -181,6 +181,7 @@ def test_other_real_recipes_keep_their_total_order(
     assert read_plan(plan.source).orders(plan.functions[-1]).steps == order
 
 
+@pytest.mark.long
 def test_plans_of_real_recipes_are_formatted_linted_and_typed(corpus: Path, tmp_path: Path) -> None:
     recipes = [
         (HYDRO, None),

@@ -8,9 +8,12 @@ import subprocess
 import sys
 import textwrap
 import time
+from itertools import product
 from pathlib import Path
 
 import pytest
+
+from tests.support.examples import some
 
 PROLOGUE = """
 import sys, threading, time, warnings
@@ -133,8 +136,10 @@ def test_the_second_ctrl_c_drains_within_two_tenths(start, host: str) -> None:  
     assert plan.rest() == ["live tasks: 0"]
 
 
-@pytest.mark.parametrize("host", HOSTS)
-@pytest.mark.parametrize("code", ["for _ in iter(int, 1): pass", "time.sleep(60)", "threading.Event().wait(60)"])
+@pytest.mark.parametrize(
+    ("host", "code"),
+    some(product(HOSTS, ["for _ in iter(int, 1): pass", "time.sleep(60)", "threading.Event().wait(60)"]), every=4),
+)
 def test_the_second_ctrl_c_ends_a_plan_that_reaches_no_checkpoint(start, host: str, code: str) -> None:  # type: ignore[no-untyped-def]
     plan = start(
         f"""

@@ -58,7 +58,7 @@ def ask_hermit(drawn: Drawn, folder: Path) -> list[set[str]]:
     return [{uid for uid in drawn.entries if uid in found} for found in answers]
 
 
-@pytest.mark.parametrize("seed", some([0, 1, 2, 4, 5, 6, 7, 8]))
+@pytest.mark.parametrize("seed", some([0, 1, 2, 4, 5, 6, 7, 8], 8))
 def test_answers_to_two_hundred_questions_are_those_of_elk(seed: int, tmp_path: Path) -> None:
     """Left out is what pyelk-reasoner 0.2 does not answer as HermiT does: ranges, chains, individuals, and seed 3."""
     drawn = Draw(seed).ontology(entries=8, questions=25)

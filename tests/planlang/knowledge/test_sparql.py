@@ -130,6 +130,7 @@ def test_every_identifier_names_a_graph() -> None:
     assert all(ox.NamedNode(f"urn:entry:{one}").value for one in letters)
 
 
+@pytest.mark.long
 def test_a_question_that_needs_too_much_memory_is_ended(endpoint: Endpoint) -> None:
     many = "SELECT * { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i } ORDER BY ?c ?f ?i LIMIT 1"
     with pytest.raises(Exceeded):

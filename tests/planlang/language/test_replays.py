@@ -320,6 +320,7 @@ def test_what_process_modules_perform_themselves_takes_its_time_and_resources_ag
     assert at_every_cut(top, run) == []
 
 
+@pytest.mark.long
 def test_retries_and_displaced_bases_are_repeated() -> None:
     from planlang.testing.scripted import ScriptedExecutive
 

@@ -88,6 +88,7 @@ def test_typed_constructs_return_what_their_types_say() -> None:
     assert run(partial(typed, times=3), host=VirtualHost()) == 3
 
 
+@pytest.mark.long
 @pytest.mark.skipif(importlib.util.find_spec("mypy") is None, reason="mypy is not installed")
 def test_mypy_strict_agrees() -> None:
     root = Path(__file__).resolve().parents[3]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import runpy
 import time
 from pathlib import Path
 
@@ -12,7 +10,6 @@ import pytest
 from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from planlang.ontology.reasoning import Reasoner, missing, reason, reasoner_input
-from tests.repository.test_documentation import CHECKOUT, agrees, output, shape
 from tests.support.examples import some
 
 needs_reasoner = pytest.mark.skipif(missing() is not None, reason=str(missing()))
@@ -141,21 +138,3 @@ def test_owlready_has_what_was_loaded_and_repaired(tmp_path: Path) -> None:
     assert world["http://knowrob.org/kb/knowrob.owl#Bottle"].is_a
     rows = list(world.sparql("SELECT ?c { ?c rdfs:subClassOf* <http://knowrob.org/kb/knowrob.owl#Bottle> }"))
     assert len(rows) >= 2
-
-
-@pytest.mark.long
-@needs_reasoner
-def test_the_page_shows_what_the_reasoner_finds() -> None:
-    page = (CHECKOUT / "docs" / "guides" / "knowledge.md").read_text(encoding="utf-8")
-    (shown,) = re.findall(r"```text\n\$ planlang (check .* --reason)\n(.+?)```", page, flags=re.DOTALL)
-    assert agrees(shape(shown[1]), shape(output(shown[0], CHECKOUT)))
-
-
-def test_the_example_for_owlready_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    pytest.importorskip("owlready2")
-    example = CHECKOUT / "docs" / "examples" / "in_owlready.py"
-    page = (CHECKOUT / "docs" / "guides" / "knowledge.md").read_text(encoding="utf-8")
-    (shown,) = re.findall(r"```text\n(from planlang.+?)```", page, flags=re.DOTALL)
-    assert shown in example.read_text(encoding="utf-8")
-    runpy.run_path(str(example))
-    assert "capacity=500.0" in capsys.readouterr().out

@@ -291,7 +291,7 @@ def test_a_noun_that_several_classes_of_the_map_end_with_is_not_guessed() -> Non
 @pytest.mark.parametrize(
     ("noun", "guess"), [("milk1", None), ("the patiant", "patient"), ("the piece of furnitur", "piece")]
 )
-def test_of_a_map_only_what_is_in_it_is_guessed(noun: str, guess: str | None) -> None:
+def test_of_a_map_rather_what_is_in_it_is_guessed(noun: str, guess: str | None) -> None:
     help = only(f"in reach of {noun}").help or ""
     assert help.startswith(f"did you mean '{guess}" if guess else "there are: patient1, bottle1")
     assert Lexicon.from_classes({"Milk": Object}).similar("milk1") == "milk"

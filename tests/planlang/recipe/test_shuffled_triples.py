@@ -106,7 +106,7 @@ def without_spans(value: object) -> object:
     return value
 
 
-@pytest.mark.parametrize("name", some(RECIPES))
+@pytest.mark.parametrize("name", some(RECIPES[::-1], 8))
 def test_a_real_recipe_is_the_same_in_any_order_of_its_triples(corpus: Path, tmp_path: Path, name: str) -> None:
     triples = list(load(corpus / "recipes" / name, builtin=False).triples())
     triples = [one for one in triples if not one.predicate.endswith("#imports")]

@@ -23,7 +23,7 @@ def test_every_code_of_recipes_has_a_fix_or_a_reason_for_having_none() -> None:
     }
 
 
-@pytest.mark.parametrize("path", some(sorted(DIAGNOSTICS.glob("R*.omn"))), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", some(sorted(DIAGNOSTICS.glob("R*.omn")), every=6), ids=lambda path: path.stem)
 def test_fixes_are_of_the_codes_that_say_so(path: Path) -> None:
     found = fix_recipe(path)
     assert {fix.code for fix in (*found.done, *(fix for fix, _ in found.impossible))} <= {*SAFE}

@@ -16,13 +16,18 @@ from typing import Any
 import pytest
 
 from planlang import Recovery, at_location, par, perform, plan, sleep
+from planlang.compiler.compile import compile_recipe
 from planlang.designators import a_location, action, an_object
 from planlang.diagnostics import note
 from planlang.failures import GraspMissed, HandoverNotTaken, MissingCapability, ObjectNotFound
+from planlang.files import Bundled
+from planlang.ontology import load
+from planlang.ontology.convert import Target, convert
 from planlang.report import Context, Told, model_of, page
-from planlang.report.sources import plan_source
-from planlang.report.story import words
+from planlang.report.sources import plan_source, recipe_source
 from planlang.report.tree import shown
+from planlang.report.wording import Wording, words
+from planlang.runs.run_tree import TaskNode
 from planlang.testing import ScheduleDependence, Script, compiled, explore, run_plan
 
 HOSTILE = "</script><script>alert(1)</script>\u2028\ud800"
@@ -68,6 +73,42 @@ def test_a_failure_that_passes_through_many_nodes_is_told_once() -> None:
     assert (fatal["recovered"], [card["recovered"] for card in recovered]) == (False, [True, True])
     assert [text for _, _, text in fatal["tried"] if text.startswith("attempt")] == ["attempt 2", "attempt 3"]
     assert model["failures"][fatal["failure"]]["headline"] == "the gripper closed on nothing"
+
+
+def test_a_card_lists_actions_and_attempts_before_its_failure_in_the_order_of_the_trace() -> None:
+    model = fetched(3)
+    fatal, first, _ = model["cards"]
+    grasps = named(model, "ClosingAGripper")
+    assert first["tried"][0] == [0.0, grasps[0]["id"], "closing a gripper: failed after 1.5 s"]
+    missed = "closing a gripper: failed after 1.5 s: the gripper closed on nothing"
+    assert [(time, node, text) for time, node, text in fatal["tried"] if text.startswith("closing")] == [
+        (0.0, grasps[0]["id"], missed),
+        (1.5, grasps[1]["id"], missed),
+        (3.0, grasps[2]["id"], "closing a gripper: failed after 1.5 s"),
+    ]
+    times = [time for time, *_ in fatal["tried"]]
+    assert times == sorted(times)
+
+
+def test_a_long_list_of_what_was_tried_has_the_latest_and_the_number_of_the_others() -> None:
+    async def grasp_often() -> None:
+        for _ in range(50):
+            await perform(action("OpeningAGripper"))
+        await perform(action("ClosingAGripper"))
+
+    run = run_plan(grasp_often, script=Script().on("ClosingAGripper", fails=GraspMissed))
+    (card,) = model_of(Told.of(run.events))["cards"]
+    assert len(card["tried"]) == 41
+    assert card["tried"][0][2] == "11 earlier ones are in the plan"
+    assert card["tried"][-1][2].startswith("closing a gripper: failed")
+
+
+def test_actions_have_the_words_of_the_recipe_else_of_the_vocabulary_with_what_they_are_about() -> None:
+    node = TaskNode("Perceiving", "perform", None, parameters={"action": "Perceiving(object_acted_on=cup1)"})
+    assert Wording().of(node) == "perceiving"
+    vocabulary = {"Perceiving": "looking at something"}
+    assert Wording(vocabulary=vocabulary).of(node) == "looking at something (cup1)"
+    assert Wording({"Perceiving": "check the cup"}, vocabulary).of(node) == "check the cup"
 
 
 def test_failures_that_end_a_run_together_share_the_card_of_the_innermost_cause() -> None:
@@ -147,7 +188,29 @@ async def visit() -> None:
 def test_a_place_has_the_line_that_names_its_relation_and_none_where_no_line_does() -> None:
     model = model_of(Told.of(run_plan(visit).events), Context(plan_source("p.py", VISIT)))
     places = {node["text"].partition("(")[0]: node.get("lines") for node in named(model, "at_location")}
-    assert places == {"in_reach_of": [[0, 4]], "on": None}
+    assert places == {"in_reach_of": [[0, 4, 4]], "on": None}
+
+
+@pytest.mark.parametrize(
+    ("target", "ends"),
+    [
+        (
+            Target.MANCHESTER,
+            ("Class: ApproachBottle", "SubClassOf: knowrob:Reaching, knowrob:toLocation value approachPose"),
+        ),
+        (Target.RDFXML, ("<owl:Class", "</owl:Class>")),
+        (Target.TURTLE, (":ApproachBottle a owl:Class ;", "] .")),
+    ],
+)
+def test_a_step_has_the_lines_of_its_whole_definition(tmp_path: Path, target: Target, ends: tuple[str, str]) -> None:
+    text = convert(Bundled.RECIPE.find("serve_a_drink"), target).text
+    file = tmp_path / "recipe"
+    file.write_text(text, encoding="utf-8")
+    source = recipe_source(compile_recipe(file).recipes, load(file), "recipe", text)
+    rows, extent = text.splitlines(), source.extent("ApproachBottle")
+    assert extent is not None
+    first, last = (rows[line - 1].strip() for line in extent)
+    assert (first.startswith(ends[0]), last) == (True, ends[1])
 
 
 @pytest.mark.parametrize(

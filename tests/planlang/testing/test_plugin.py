@@ -203,7 +203,8 @@ def test_an_error_of_planlang_itself_is_shown_with_all_its_frames(
 
 def test_the_example_of_the_documentation_is_the_file_that_runs_and_short() -> None:
     example = (CHECKOUT / "tests" / "examples" / "test_serving.py").read_text(encoding="utf-8")
-    assert f"```python\n{example}```" in (CHECKOUT / "docs" / "guides" / "testing.md").read_text(encoding="utf-8")
+    page = (CHECKOUT / "docs" / "guides" / "testing.md").read_text(encoding="utf-8")
+    assert f'```python title="test_serving.py"\n{example}```' in page
     assert len(example.splitlines()) < 60
 
 

@@ -72,7 +72,7 @@ class Scenario:
     watchers: tuple[Callable[[Watched], None], ...] = ()
     """Called after each step, to keep something in ``notes``."""
     seconds: float = 5.0
-    """Wall-clock time that a run takes here, roughly [s]: what takes more than 6 is left to ``make test-long``."""
+    """Wall-clock time that a run takes here, roughly [s]: the suite runs what README shows if it takes 6 at most."""
 
     @property
     def command(self) -> str:

@@ -1,0 +1,37 @@
+"""Arguments of commands for those who write recipes, maps, robots and plans."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executive.cli.arguments import Force
+from executive.cli.base_arguments import Arguments
+from planlang.records import dataclass
+
+
+class Template(Enum):
+    """What ``planlang new`` writes."""
+
+    PROJECT = "project"
+    RECIPE = "recipe"
+    MAP = "map"
+    ROBOT = "robot"
+    MODULE = "module"
+    PLAN = "plan"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewArguments(Arguments):
+    """Write a commented recipe, map, robot, module or plan to begin with, or a project of them with a test.
+
+    All of them run as they are. planlang robot make writes a robot file for a URDF of yours.
+    """
+
+    kind: Annotated[Template, typer.Argument(help="What to write.")]
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name: small letters, digits and _.")]
+    folder: Annotated[Path, typer.Option(metavar="DIR", help="Write into this folder.")] = Path()
+    force: Force = False

@@ -1,0 +1,86 @@
+"""Arguments that commands share: what they print, and where they read ontologies."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from executive.cli.console import Detail, say, silent
+from executive.cli.progress import PROGRESS
+from planlang.diagnostics import BadInput, error
+from planlang.progress import Report, unreported
+from planlang.records import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Options of every command."""
+
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")] = False
+    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and warnings, not one of each code.")] = (
+        False
+    )
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only to stderr, and no progress.")] = False
+
+    @property
+    def detail(self) -> Detail:
+        """How many notes and warnings are printed; raises a usage error if that is contradictory."""
+        if self.quiet and self.verbose:
+            raise typer.BadParameter("--quiet and --verbose exclude each other")
+        return Detail.NONE if self.quiet else Detail.ALL if self.verbose else self.summed
+
+    @property
+    def summed(self) -> Detail:
+        """How many are printed unless an option asks for more or for none."""
+        return Detail.CODES
+
+    @property
+    def is_silent(self) -> bool:
+        """True if nothing but results and diagnostics is printed."""
+        return self.json or self.quiet
+
+    @property
+    def tell(self) -> Callable[[str], None]:
+        """What is given lines about what the command does."""
+        return silent if self.is_silent else say
+
+    @property
+    def progress(self) -> Report:
+        """What is given the progress of long work."""
+        return unreported if self.is_silent else PROGRESS
+
+    def waiting(self, what: Callable[[], str], most: float | None = None) -> AbstractContextManager[None]:
+        """Show progress of work whose end is unknown; see :meth:`Progress.during`."""
+        return nullcontext() if self.is_silent else PROGRESS.during(what, most)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OntologyArguments(Arguments):
+    """Options of commands that read ontologies."""
+
+    ontologies: Annotated[
+        list[Path] | None, typer.Option(metavar="DIR", help="Also search this folder for imported files; repeatable.")
+    ] = None
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The folders in which imported files are looked for; raises BadInput for one that is none."""
+        folders = tuple(self.ontologies or ())
+        wrong = [path for path in folders if not os.path.isdir(path)]
+        if wrong:
+            raise BadInput([error("C001", f"--ontologies {path} is not a folder") for path in wrong])
+        return folders
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskArguments(OntologyArguments):
+    """Options of commands that read recipes."""
+
+    task: Annotated[
+        str | None, typer.Option(metavar="CLASS", help="The task: local name or IRI of an action class in the recipe.")
+    ] = None

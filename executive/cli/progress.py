@@ -1,0 +1,148 @@
+"""Progress of long work on stderr, with the time left: a line of a terminal that is drawn anew, else one now and then.
+
+Computations report shares (:mod:`planlang.progress`); a thread shows them, so that a long call between two reports is
+shown as well. The wall clock is read here only, and never enters a run.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import typer
+
+from planlang.records import dataclass
+
+SHORT = 2.0
+"""Work that takes less than this is not shown [s]."""
+EVERY, EVERY_IN_TERMINAL = 10.0, 0.2
+"""Time between two lines, and between two drawings of the line of a terminal [s]."""
+BAR = 20
+"""Characters of the bar of a terminal."""
+
+
+@dataclass(slots=True, eq=False)
+class _Work:
+    """A piece of work: words for it, its share when it was first reported and now (NaN: unknown), when it began [s]."""
+
+    what: Callable[[], str]
+    first: float
+    share: float
+    began: float
+    most: float | None = None
+    """The longest time that it may take [s], if that is known."""
+
+    @property
+    def is_open(self) -> bool:
+        """True if its end is unknown."""
+        return math.isnan(self.share)
+
+    def line(self, now: float) -> str:
+        """Return the work with its share and the time left, else with the time that has gone by."""
+        seconds, gained = now - self.began, self.share - self.first
+        if self.is_open:
+            limit = f" of at most {duration(self.most)}" if self.most is not None else ""
+            return f"{self.what()}: {duration(seconds)}{limit}"
+        left = f", {duration(seconds * (1 - self.share) / gained)} left" if gained > 0 else ""
+        return f"{self.what()}: {self.share:.0%}{left}"
+
+
+class Progress:
+    """Shows the innermost piece of work. ``clock`` yields seconds."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._lock = clock, threading.RLock()
+        self._works: list[_Work] = []
+        self._shown = 0.0
+        self._is_drawn = False
+        """True if the last line of the terminal is a drawing."""
+        self._ended = threading.Event()
+
+    def __call__(self, what: str, share: float) -> None:
+        """Take a report (:data:`planlang.progress.Report`)."""
+        with self._lock:
+            top = self._works[-1] if self._works else None
+            if share >= 1.0 or (share <= 0.0 and top is not None):
+                top = self._pop() if top is not None and not top.is_open else top
+            if share >= 1.0:
+                return
+            if top is None or top.is_open:
+                self._push(_Work(lambda: what, share, share, self._clock()))
+            else:
+                top.what, top.share = lambda: what, share
+
+    @contextmanager
+    def during(self, what: Callable[[], str], most: float | None = None) -> Iterator[None]:
+        """Show work whose end is unknown: ``what`` returns words for it at any time, ``most`` is its limit [s]."""
+        self._push(_Work(what, math.nan, math.nan, self._clock(), most))
+        try:
+            yield
+        finally:
+            self.close()
+
+    def _push(self, work: _Work) -> None:
+        with self._lock:
+            self._works.append(work)
+            if len(self._works) == 1:
+                self._shown, self._ended = work.began, threading.Event()
+                threading.Thread(target=self._watch, args=(self._ended,), name="progress", daemon=True).start()
+
+    def _pop(self) -> _Work | None:
+        """End the innermost work; return the one around it."""
+        self.clear()
+        self._works.pop()
+        if not self._works:
+            self._ended.set()
+        return self._works[-1] if self._works else None
+
+    def _watch(self, ended: threading.Event) -> None:
+        while not ended.wait(EVERY_IN_TERMINAL):
+            self.tick()
+
+    def tick(self) -> None:
+        """Show the work if it is time to."""
+        with self._lock:
+            now, is_terminal = self._clock(), sys.stderr.isatty()
+            if not self._works or now - self._works[-1].began < SHORT:
+                return
+            if not is_terminal and now - self._shown < EVERY:
+                return
+            self._shown, work = now, self._works[-1]
+            if not is_terminal:
+                typer.echo(work.line(now), err=True)
+                return
+            bar = "" if work.is_open else f"[{'#' * int(BAR * work.share):{BAR}}] "
+            width = shutil.get_terminal_size().columns - 1
+            sys.stderr.write(f"\r{(bar + work.line(now))[:width]}\x1b[K")
+            sys.stderr.flush()
+            self._is_drawn = True
+
+    def clear(self) -> None:
+        """Make room for a line of something else."""
+        with self._lock:
+            if self._is_drawn:
+                sys.stderr.write("\r\x1b[K")
+                sys.stderr.flush()
+                self._is_drawn = False
+
+    def close(self) -> None:
+        """End all work."""
+        with self._lock:
+            while self._works:
+                self._pop()
+
+
+def duration(seconds: float) -> str:
+    """Return a time in words, to a second."""
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
+
+
+PROGRESS = Progress()
+"""The progress of this process."""

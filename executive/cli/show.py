@@ -1,0 +1,256 @@
+"""``planlang show``: what is in a file - a recipe, plan, trace, map or robot - as text, and as a picture or page."""
+
+from __future__ import annotations
+
+import ast
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import replace as changed
+from functools import partial
+from pathlib import Path
+
+import typer
+
+from executive.cli import check, inspect, report
+from executive.cli.arguments import CheckArguments, ReportArguments, ShowArguments
+from executive.cli.console import Answer
+from executive.cli.inputs import PlanFile, read, refuse
+from planlang.compiler import compile_recipe
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, error
+from planlang.files import Bundled
+from planlang.outputs import PNG, check_outputs, replace
+from planlang.recipe.model import Recipe, RecipeSet
+from planlang.recipe.order import recipe_order
+from planlang.records import dataclass
+from planlang.spelling import guess
+from sim import PyBulletWorld, Scene
+from sim.scene import RobotBody
+
+_PAGE, _GRAPH = (".html",), (".svg", ".png", ".dot", ".mmd")
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a file holds, and how it is drawn: ``draw`` writes a file of one of the ``suffixes``, None: nothing can."""
+
+    answer: Answer
+    suffixes: tuple[str, ...] = ()
+    draw: Callable[[Path], object] | None = None
+    has_view: bool = False
+    """True if it is seen from somewhere."""
+
+
+def command(arguments: ShowArguments) -> Answer:
+    """Show what is in a file; raises BadInput."""
+    path, show = _kind(arguments.file)
+    output = arguments.output
+    refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
+    shown = show(path, arguments)
+    if output is None and arguments.view is None:
+        return shown.answer
+    _check_drawn(shown, arguments)
+    if output is not None and shown.draw is not None:
+        shown.draw(output)
+        data = {**shown.answer.data, "output": str(output)}
+        return changed(shown.answer, text=f"{shown.answer.text}\n{output}", data=data)
+    return shown.answer
+
+
+def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
+    """Raise BadInput or a usage error if the file cannot be drawn as it is asked for."""
+    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
+
+    output, view, known = arguments.output, arguments.view, ", ".join(shown.suffixes) or "text only"
+    if output is not None and output.suffix.lower() not in shown.suffixes:
+        message = f"{arguments.file} cannot be shown as {output.suffix or output.name}; known: {known}"
+        raise BadInput([error("C014", message)])
+    if view is not None and not (shown.has_view and output is not None):
+        raise typer.BadParameter("--view goes with --output, for a map or a robot")
+    if view is not None and not is_view(view):
+        raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
+
+
+def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
+    """Return the file of a name, and what shows it; raises BadInput if there is none."""
+    path = Path(name)
+    if not os.path.exists(name):  # False also for what can be no name of a file
+        kind = next((one for one in Bundled if name in one.names()), None)
+        if kind is None:
+            advice = guess(name, (other for one in Bundled for other in one.names()))
+            help = f"{advice}planlang list robots, rooms or recipes has the names of bundled ones"
+            raise BadInput([error("C001", f"no such file: {name[:80]}", help=help)])
+        return kind.find(name), _robot if kind is Bundled.ROBOT else _recipe_or_other
+    if path.suffix.lower() in (".toml", ".urdf"):
+        return Bundled.ROBOT.find(name), _robot
+    path = Bundled.RECIPE.find(name)
+    with path.open("rb") as file:
+        is_trace = file.read(1) == b"{"
+    if is_trace:
+        return path, _trace
+    return path, _plan if isinstance(read(name), PlanFile) else _recipe_or_other
+
+
+# Recipes and maps
+
+
+def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
+    """Show a recipe; a file without one is a map, or else the self-model of a robot."""
+    asked = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies)
+    try:
+        answer = check.command(asked)
+    except BadInput as problem:
+        try:
+            return _robot(path, arguments)
+        except BadInput:
+            raise problem from None
+    if answer.data["kind"] == "map":
+        return Shown(answer, PNG, partial(_draw_map, path, arguments), has_view=True)
+    plan = compile_recipe(path, task=arguments.task, folders=arguments.folders)
+    text = "\n".join((f"{path}: the recipe {plan.task}", *recipe_lines(plan.recipes)))
+
+    return Shown(changed(answer, text=text), _GRAPH, partial(plan.graph.save, force=True))
+
+
+def recipe_lines(recipes: RecipeSet) -> Iterator[str]:
+    """Yield the steps of a task in an order in which they can be performed, those of a step's own recipe below it."""
+
+    def lines(recipe: Recipe, depth: int, around: tuple[str, ...]) -> Iterator[str]:
+        order = recipe_order(recipe)
+        for step in sorted(recipe.steps, key=lambda step: order.earlier(step.iri)):
+            lack = "  (nothing performs it)" if step.is_abstract else ""
+            yield f"{'  ' * depth}{local_name(step.iri)}  {step.label or local_name(step.action)}{lack}"
+            for one in step.recipes:
+                if one in recipes.recipes and one not in around:
+                    yield from lines(recipes.recipes[one], depth + 1, (*around, one))
+
+    yield from lines(recipes.main, 1, (recipes.task,))
+
+
+def _draw_map(path: Path, arguments: ShowArguments, output: Path) -> None:
+    from executive.maps import read_map, scene_of
+    from planlang.ontology import load
+
+    scene = scene_of(read_map(load(path, folders=arguments.folders)), [])
+    _draw_world(scene, None, arguments.view or "overview", output)
+
+
+def _draw_world(scene: Scene, robot: RobotBody | None, view: str | None, output: Path) -> None:
+    from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
+
+    with closing(PyBulletWorld(scene, robot)) as world:
+        replace(output, lambda temporary: save_picture(temporary, world, view=view))
+
+
+# Robots
+
+
+def _robot(path: Path, arguments: ShowArguments) -> Shown:
+    from executive.robots import bind_robot
+
+    robot = bind_robot(path, folders=arguments.folders)
+    body = robot.body()
+    answer = Answer(
+        diagnostics=robot.diagnostics,
+        text="\n".join(inspect.summary(robot, path)),
+        data={"kind": "robot", "robot": robot.name, "arms": [arm.name for arm in robot.arms]},
+    )
+    return Shown(answer, PNG, partial(_draw_world, Scene(()), body, arguments.view), has_view=True)
+
+
+# Plans
+
+
+def _plan(path: Path, arguments: ShowArguments) -> Shown:
+    plan = read(str(path))
+    assert isinstance(plan, PlanFile)
+    answer = check.command(CheckArguments(file=str(path), ontologies=arguments.ontologies))
+    state = str(answer.text).partition("\n")[0]
+    module = ast.parse(plan.source)
+    functions, classes = _plan_functions(module), _classes(module)
+    lines = [line for one in functions.values() for line in _function_lines(one, functions, classes)]
+    return Shown(changed(answer, text="\n".join((state, *lines))))
+
+
+def _plan_functions(module: ast.Module) -> dict[str, ast.AsyncFunctionDef]:
+    """Return the functions of a module that are plans, by name."""
+    return {
+        one.name: one
+        for one in module.body
+        if isinstance(one, ast.AsyncFunctionDef) and any(_called(mark) == "plan" for mark in one.decorator_list)
+    }
+
+
+def _classes(module: ast.Module) -> dict[str, str]:
+    """Return the action classes that a module gives names to, by these names."""
+    return {
+        target.id: _class_of(one.value.args[0], {})
+        for one in module.body
+        if isinstance(one, ast.Assign) and isinstance(one.value, ast.Call) and _called(one.value) == "action_class"
+        for target in one.targets
+        if isinstance(target, ast.Name) and one.value.args
+    }
+
+
+def _function_lines(
+    function: ast.AsyncFunctionDef, plans: Mapping[str, ast.AsyncFunctionDef], classes: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield a plan function and what it performs and calls, in the order of the source."""
+    names = ", ".join(one.arg for one in (*function.args.args, *function.args.kwonlyargs))
+    words = (ast.get_docstring(function) or "").partition("\n")[0]
+    yield f"{function.name}({names})  {words}".rstrip()
+    calls = [one for one in ast.walk(function) if isinstance(one, ast.Call)]
+    for call in sorted(calls, key=lambda one: (one.lineno, one.col_offset)):
+        name = _called(call)
+        if name == "action" and call.args:
+            yield f"  {_class_of(call.args[0], classes)}  line {call.lineno}"
+        elif name in plans:
+            yield f"  {name}()  line {call.lineno}"
+
+
+def _called(node: ast.expr) -> str | None:
+    function = node.func if isinstance(node, ast.Call) else node
+    return getattr(function, "attr", None) or getattr(function, "id", None)
+
+
+def _class_of(node: ast.expr, classes: Mapping[str, str]) -> str:
+    """Return the local name of an action's class, however the plan writes it."""
+    match node:
+        case ast.BinOp(right=right):
+            return _class_of(right, classes)
+        case ast.Constant(value=str(iri)):
+            return local_name(iri)
+        case ast.Name(id=name) if name in classes:
+            return classes[name]
+    return ast.unparse(node)
+
+
+# Traces
+
+
+def _trace(path: Path, arguments: ShowArguments) -> Shown:
+    from executive.live.terminal import TerminalTree
+    from executive.runs.ending import ending_of
+    from planlang.report import Told
+
+    recorded = report.recorded_run(path)
+    told, tree = Told.of(line.record for line in recorded.lines), TerminalTree(inner=arguments.verbose)
+    for line in recorded.lines:
+        tree.heard(line.record, None)
+    header, outcome = recorded.header, recorded.outcome or "interrupted"
+    where = ", ".join(str(header[name]) for name in ("robot", "map") if name in header)
+    seconds = recorded.last / float(header.get("rate", 1))
+    message = next((one.reason for one in told.tree.roots if one.failure is not None), "")
+    text = "\n".join(
+        (
+            f"{path}: a run of {header.get('plan', 'a plan')}{where and ' with '}{where}",
+            *(f"  {line}" for line in tree.lines()),
+            *ending_of(told, outcome, message, seconds, ()),
+        )
+    )
+    asked = ReportArguments(
+        trace=path, ontologies=arguments.ontologies, force=arguments.force, json=arguments.json, quiet=arguments.quiet
+    )
+    answer = Answer(text=text, data={"kind": "trace", "outcome": outcome, "seconds": seconds})
+    return Shown(answer, _PAGE, lambda output: report.command(changed(asked, output=output)))

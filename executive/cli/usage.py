@@ -1,0 +1,36 @@
+"""Wrong usage of the command: what is wrong, and what was probably meant, from the messages of the library typer."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from planlang.spelling import guess
+
+_ADVICE = re.compile(r"\s*(?:\((Possible options: [^)]*)\)|(Did you mean .*\?))\s*$")
+_CHOICE = re.compile(r"'([^']*)' is not one of ('.*')")
+
+
+def understood(problem: Any) -> tuple[str, str, str]:
+    """Return the command of a usage error, its message and the advice; ``planlang`` itself is the command ""."""
+    path = problem.ctx.command_path if problem.ctx is not None else "planlang"
+    message = problem.format_message()
+    advice = _ADVICE.search(message)
+    if getattr(problem, "option_name", None) == "--json":  # it belongs to a command, which was not named
+        return path.removeprefix("planlang").strip(), "Missing command.", f"{path} -h lists the commands"
+    text = _ADVICE.sub("", message)
+    if advice is not None:
+        help = _lowered(advice[1] or advice[2])
+    else:
+        help = guessed_value(message) or f"{path} -h shows how it is used"
+    return path.removeprefix("planlang").strip(), text, help
+
+
+def guessed_value(message: str) -> str:
+    """Return which of the values of an option was probably meant, nothing if none is like what was written."""
+    found = _CHOICE.search(message)
+    return guess(found[1], re.findall(r"'([^']*)'", found[2])).strip() if found is not None else ""
+
+
+def _lowered(text: str) -> str:
+    return text[0].lower() + text[1:]

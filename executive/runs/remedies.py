@@ -1,0 +1,160 @@
+"""Command lines that would do, for what keeps a run from beginning: another thing, another environment, an option."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from executive.maps import MapObject, SemanticMap
+from executive.maps.class_names import is_kind
+from executive.maps.environments import environments_for
+from executive.robots import Robot, bind_robot
+from executive.runs.options import RunOptions
+from executive.runs.parameters import Bound, PlanParameter, things_of
+from executive.runs.settings import in_header
+from planlang.designators import Object, local_name
+from planlang.diagnostics import BadInput, Diagnostic, error, note
+from planlang.failures import AmbiguousPerception, PlanFailure
+from planlang.files import Bundled
+from planlang.ontology import expand
+
+
+def command_of(
+    options: RunOptions,
+    start: Sequence[float] | None,
+    bindings: Mapping[str, str],
+    *,
+    forced: bool = False,
+    folders: bool = False,
+) -> str:
+    """Return the command line of a run.
+
+    ``bindings`` are those of the plan's parameters that are not its own, ``forced`` runs lack something. Without
+    ``folders`` a file that does not come with planlang is named by its last part, so that the line may be passed on.
+    """
+    words = ["planlang", "run"]
+    words += [_named(path, Bundled.RECIPE, folders) for path in (options.plan or options.recipe,) if path is not None]
+    words += ["--task", options.task] if options.task is not None else []
+    for option, kind, path in (
+        ("--robot", Bundled.ROBOT, options.robot),
+        ("--environment", Bundled.ENVIRONMENT, options.environment),
+        *(("--environment", Bundled.ENVIRONMENT, path) for path in options.additions),
+    ):
+        words += [] if path is None else [option, _named(path, kind, folders)]
+    if folders:  # what a page does not name
+        words += ["--urdf", str(options.urdf)] if options.urdf is not None else []
+        words += [word for path in options.ontologies for word in ("--ontologies", str(path))]
+        words += [word for code in options.accepted for word in ("--accept", code)]
+    words += [] if start is None else [f"--start={','.join(f'{number:g}' for number in start)}"]
+    words += ["--seed", str(options.seed)] if options.seed or start is not None else []
+    words += [] if options.schedule is None else ["--schedule", str(options.schedule)]
+    words += [word for name, value in bindings.items() for word in ("--set", f"{name}={value}")]
+    for setting in in_header():
+        values, option = getattr(options, setting) or (), f"--{setting.replace('_', '-')}"
+        stated = () if values is True else [one if folders else _last(one) for one in values]
+        words += [option] if values is True else [word for one in stated for word in (option, str(one))]
+    return shlex.join([*words, *(["--force"] if forced else [])])
+
+
+def _last(value: object) -> str:
+    return value.name if isinstance(value, Path) else str(value)
+
+
+def _named(path: Path, kind: Bundled, folders: bool) -> str:
+    if path.parent == kind.folder:
+        return path.name.partition(".")[0]
+    return str(path) if folders else path.name
+
+
+def absent_things(
+    failures: Mapping[str, PlanFailure],
+    bound: Mapping[str, Bound],
+    parameters: Mapping[str, PlanParameter],
+    semantic_map: SemanticMap,
+    options: RunOptions,
+) -> Iterator[Diagnostic]:
+    """Yield an error for each parameter that means nothing in the map, or several things, with what would do.
+
+    ``failures`` has why, by the parameter; ``bound`` all parameters. What would do is in this order: a thing of the map
+    that the parameter may be set to, a bundled environment that has all that the plan is about, or an addition to the
+    map. Where the map is a bundled one, too, another comes first.
+    """
+    fitting = {
+        name: _fitting(parameters[name], failure, bound[name], semantic_map)
+        for name, failure in failures.items()
+        if name in parameters
+    }
+    things = [what for value in bound.values() for what in things_of(value)]
+    elsewhere = _elsewhere(options, environments_for(lambda one: all(_is_there(one, what) for what in things)))
+    sets = {parameters[name].setting: to[0] for name, to in fitting.items() if to}
+    here = _command(options, {**(options.bindings or {}), **sets})
+    is_bundled = options.environment is not None and options.environment.parent == Bundled.ENVIRONMENT.folder
+    for name, failure in failures.items():
+        to = fitting.get(name, [])
+        advice = here + _others(to) if to else elsewhere
+        if is_bundled and elsewhere and not isinstance(failure, AmbiguousPerception):
+            advice = elsewhere
+        if not advice:
+            cls = next((what.type for what in things_of(bound[name]) if not _is_there(semantic_map, what)), "thing")
+            added = _command(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
+            advice = f"where MAP has a {local_name(cls)} with its pose (docs/formats.md): {added}"
+        yield error("X031", str(failure), help=advice)
+
+
+def able_robots(options: RunOptions, can: Callable[[Robot], bool]) -> Iterator[Diagnostic]:
+    """Yield a note with the command for another robot of those that are bundled, if there are some that can."""
+    able = []
+    for name in Bundled.ROBOT.names():
+        file = Bundled.ROBOT.find(name)
+        try:
+            if file != options.robot and can(bind_robot(file, folders=options.ontologies)):
+                able.append(name)
+        except BadInput:  # the extra with its shape is not installed, for example
+            continue
+    if able:
+        other = replace(options, robot=Bundled.ROBOT.find(able[0]), urdf=None, start=None)
+        command = _command(other, options.bindings or {}) + _others(able)
+        yield note("X032", f"{', '.join(able)} lack{'s' if len(able) == 1 else ''} nothing for the plan", help=command)
+
+
+def _command(options: RunOptions, bindings: Mapping[str, str]) -> str:
+    return command_of(options, options.start, bindings, forced=options.force, folders=True)
+
+
+def _others(names: Sequence[str]) -> str:
+    return f" (or {', '.join(names[1:])})" if names[1:] else ""
+
+
+def _elsewhere(options: RunOptions, environments: Sequence[str]) -> str:
+    """Return the command that runs a plan in the first of some bundled environments; an empty text if there is none."""
+    if not environments:
+        return ""
+    there = Bundled.ENVIRONMENT.find(environments[0])
+    moved = replace(options, environment=there, additions=(), start=None)
+    return _command(moved, options.bindings or {}) + _others(environments)
+
+
+def _fitting(parameter: PlanParameter, failure: PlanFailure, value: Bound, semantic_map: SemanticMap) -> list[str]:
+    """Return the things with a place that a parameter may be set to, those that have most in common with it first."""
+    if isinstance(failure, AmbiguousPerception):
+        return [*failure.candidates]
+    ontology = semantic_map.ontology
+    above = {cls for what in things_of(value) for cls in ontology.ancestors(expand(what.type))}
+
+    def in_common(name: str) -> int:
+        thing = semantic_map.find(name)
+        return 0 if thing is None else max(len(above.intersection(ontology.ancestors(cls))) for cls in thing.types)
+
+    right = [one.name for one in semantic_map.objects if one.pose is not None and parameter.fits(semantic_map, one)]
+    return sorted(parameter.likely(semantic_map, right) if right else [], key=in_common, reverse=True)
+
+
+def _is_there(semantic_map: SemanticMap, what: Object) -> bool:
+    """Return whether a map has the individual with a place, or a thing of its class."""
+
+    def is_meant(thing: MapObject) -> bool:
+        return thing.iri == what.iri or any(is_kind(semantic_map.ontology, cls, what.type) for cls in thing.types)
+
+    return any(thing.pose is not None and is_meant(thing) for thing in semantic_map.objects)

@@ -1,0 +1,51 @@
+"""Actions in the words of readers: those of the recipe, else those of the vocabulary, else those of the name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import field
+
+from planlang.records import dataclass
+from planlang.report.tree import class_of, pose_text, shown
+from planlang.runs.run_tree import TaskNode
+
+_WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
+_POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
+_KEY = re.compile(r"(?<![^ ])([a-z_]+)=")
+_SHORT = {"object_acted_on": "", "to_location": "to ", "device_used": "with "}
+LONGEST = 160
+"""Characters of an action in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """The words that a recipe, and the vocabulary, have for classes of actions (local names)."""
+
+    labels: Mapping[str, str] = field(default_factory=dict)
+    vocabulary: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, node: TaskNode) -> str:
+        """Describe the action of a node, with its goal if that is a pose of the base.
+
+        The words of the vocabulary fit many actions, so what such an action is about follows them.
+        """
+        cls, action = class_of(node) or "", str(node.parameters.get("action", ""))
+        pose = _POSE.fullmatch(action)
+        about = f"to {pose_text([float(one) for one in pose.groups()])}" if pose else ""
+        what = self.labels.get(cls)
+        if what is None and (what := self.vocabulary.get(cls)) is not None and not pose and action.endswith(")"):
+            inside = action.partition("(")[2].removesuffix(")")
+            about = _KEY.sub(lambda key: _SHORT.get(key[1], f"{key[1].replace('_', ' ')} "), inside)
+        return shown(what or words(node.name), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
+
+
+def duration(node: TaskNode) -> str:
+    """Return how long a node has run."""
+    return f"{(node.end or 0.0) - (node.start or 0.0):.1f} s"
+
+
+def words(name: str) -> str:
+    """Return a name of a class or function in words: ``MoveBaseToGraspPose#2`` as ``move base to grasp pose``."""
+    parts = _WORDS.findall(name.partition("#")[0])
+    return " ".join(part if part.isupper() and len(part) > 1 else part.lower() for part in parts) or name

@@ -1,0 +1,29 @@
+"""The command ``planlang``, run in the process of a test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import typer
+from typer.testing import CliRunner, Result
+
+from executive.cli.app import app
+
+
+def invoke(*arguments: str | Path) -> Result:
+    """Run the command."""
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
+
+
+def _names(group: Any, before: str = "") -> Iterator[str]:
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from _names(command, f"{before}{name} ")
+        else:
+            yield f"{before}{name}"
+
+
+COMMANDS = tuple(_names(typer.main.get_command(app)))
+"""All commands, such as ``robot inspect``, in the order of the help."""
