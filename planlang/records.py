@@ -76,7 +76,7 @@ def _compiled_init(made: Any, frozen: bool) -> Any:
     """Return the constructor of a class, with defaults, factories and a call of ``__post_init__`` if there is one."""
     every: Sequence[Field[Any]] = dataclasses.fields(made)
     # no name of a field makes one of these: those of fields begin with _default_ and _make_
-    known: dict[str, Any] = {"_set": _set, "_given": (given := object())}
+    known: dict[str, Any] = {"__name__": __name__, "_set": _set, "_given": (given := object())}
     parameters, keywords, body = ["self"], list[str](), list[str]()
     for one in every:
         value = one.name

@@ -106,7 +106,7 @@ def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[
 def in_words_of_python(text: str, kind: type[Arguments]) -> str:
     """Return a text with options of a command as Python writes them: ``robot=FILE``, ``trust_map=True``.
 
-    Command lines in it are as they have to be typed.
+    From a command line on, it is as it has to be typed.
     """
     declared = options_of(kind)
 
@@ -117,10 +117,10 @@ def in_words_of_python(text: str, kind: type[Arguments]) -> str:
         is_flag = get_args(declared[name][1])[:1] == (bool,)
         return f"{name}=True{found[2]}" if is_flag else f"{name}={'' if found[2] else '...'}"
 
-    if "planlang " in text:
-        return text
+    text, *command = re.split(r"(?=\bplanlang )", text, maxsplit=1)
     text = re.sub(r"--set ([\w.]+)=(\w+)", r'set={"\1": \2}', text)
-    return re.sub(r"--([a-z][a-z-]*[a-z])( (?=[A-Za-z0-9.]+\b(?! [a-z]))|)", option, text)
+    text = re.sub(r"--([a-z][a-z-]*[a-z])( (?=[A-Za-z0-9.]+\b(?! [a-z]))|)", option, text)
+    return "".join([text, *command])
 
 
 def options_of(kind: type[Arguments]) -> Mapping[str, tuple[str, Any]]:

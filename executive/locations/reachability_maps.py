@@ -342,7 +342,7 @@ def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tupl
     for path in MAPS.glob(f"*{_suffix(key)}"):
         return unsealed(key, path.read_bytes()), f": {path} is damaged"
     others = MAPS.glob(f"{robot}-{arm.name}-{grasp.value}-*.map")
-    return None, ": the URDF is not the one of which planlang has maps" if any(others) else ""
+    return None, ": the URDF differs from that of the bundled maps" if any(others) else ""
 
 
 def _file_name(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> str:

@@ -10,7 +10,8 @@ from planlang.plan_failure import PlanFailure
 
 VARIABLE = "PLANLANG_TRACEBACK"
 """Environment variable: if it is set, tracebacks keep all frames."""
-_INTERNAL = tuple(f"planlang.{part}" for part in ("kernel", "language", "runs", "testing", "recoveries", "misuse"))
+_PARTS = ("kernel", "language", "runs", "testing", "recoveries", "misuse", "records")
+_INTERNAL = tuple(f"planlang.{part}" for part in _PARTS)
 """Modules whose frames say nothing about a plan."""
 _MEANT = (PlanFailure, PlanStructureError, RunError, CleanupOverrun, AssertionError, KeyboardInterrupt)
 """Exceptions that planlang raises for authors of plans to see."""

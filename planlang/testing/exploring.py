@@ -214,7 +214,8 @@ class Exploration:
 
     def __str__(self) -> str:
         if self.complete:
-            return f"{self.outcome}, under all {self.different} schedules"
+            which = "the only schedule" if self.different == 1 else f"all {self.different} schedules"
+            return f"{self.outcome}, under {which}"
         return f"{self.outcome}, in {self.runs} runs with {self.different} different schedules"
 
 

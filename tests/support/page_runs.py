@@ -56,7 +56,7 @@ NEEDS: tuple[tuple[str, Callable[[], bool], str], ...] = (
 """What some commands and programs need: a pattern of these, whether it is there, and what to say if not."""
 SHELL = ("cat", "cp", "head", "sed", "ls", "diff")
 """Commands that a shell runs in the page's folder."""
-UNTRIED = ("pip", "source", "git", "curl", "rerun", "make", "while")
+UNTRIED = ("pip", "python3", "source", "git", "curl", "rerun", "make", "while")
 """Commands of which only the syntax is checked, and the target of make: they install, download, or take minutes."""
 CLOCK = re.compile(r"(?<= in )\d+\.\d+s|\d{4}-\d\d-\d\dT[\d:]+Z")
 """Times of the clock on the wall in outputs: they alone are no reason to write an output anew."""
@@ -100,7 +100,8 @@ class PageRun:
 
     def run(self) -> Found:
         """Run all blocks in their order."""
-        with chdir(self._folder), patch.object(sys, "path", [str(self._folder), *sys.path]):
+        strategies = patch.dict("planlang.recoveries._registered")  # those that a page registers end with it
+        with chdir(self._folder), patch.object(sys, "path", [str(self._folder), *sys.path]), strategies:
             for block, following in pairwise([*self._blocks, None]):
                 try:
                     if block.line not in self._done:

@@ -228,7 +228,7 @@ def test_a_function_has_all_options_of_its_command(name: str, function: Callable
     command: Any = typer.main.get_command(app).commands[name]  # type: ignore[attr-defined]
     options = {one.name.removesuffix("_") for one in command.params if one.param_type_name == "option"}
     known = set(inspect.signature(function).parameters)
-    assert options - known <= {"json", "verbose"}
+    assert options - known <= {"json", "verbose", "quiet"}
     text = inspect.getdoc(function) or ""
     assert [option for option in options & known if f"``{option}``" not in text] == []
 

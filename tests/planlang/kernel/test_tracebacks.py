@@ -44,10 +44,16 @@ def test_a_failing_plan_shows_its_own_lines_and_the_call_of_run(body: object, li
     assert len("".join(traceback.format_exception(error)).splitlines()) <= 10
 
 
-def test_misuse_ends_in_the_line_of_the_plan() -> None:
-    async def misuses() -> None:
-        await timeout(-1, grasp)
+async def times_backwards() -> None:
+    await timeout(-1, grasp)
 
+
+async def recovers_without_the_failure() -> None:
+    Recovery(GraspMissed, grasp)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("misuses", [times_backwards, recovers_without_the_failure])
+def test_misuse_ends_in_the_line_of_the_plan(misuses: object) -> None:
     assert files(raised(misuses)) == ["test_tracebacks.py", "test_tracebacks.py"]
 
 
