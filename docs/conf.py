@@ -30,7 +30,9 @@ myst_heading_anchors = 4
 # Docstrings name parameters in double backticks, and give types by annotations alone.
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
+# Functions of the library show the options of a command, which are not in their own source: autodoc looks there for
+# the text of defaults.
+autodoc_preserve_defaults = False
 python_use_unqualified_type_names = True
 
 # Fetching inventories needs a network; links to Python's documentation are for builds that have one.

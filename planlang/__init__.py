@@ -1,4 +1,4 @@
-"""The plan language: the names a plan author imports, nothing else."""
+"""The plan language: the names a plan author imports; and the functions of planlang as a library."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -202,7 +202,6 @@ __all__ = [
     "state_machine",
     "step_back_and_repeat",
     "suspend",
-    "sweep",
     "switched_on",
     "tag",
     "task",
@@ -223,37 +222,47 @@ __all__ = [
 ]
 
 
+# The functions of the library are no names of a plan, which would hide Python's compile: they are not in __all__.
 if TYPE_CHECKING:
+    from executive.library import check as check
+    from executive.library import compile as compile
+    from executive.library import locate as locate
+    from executive.library import simulate as simulate
+    from executive.library import sweep as sweep
+    from planlang.diagnostics import BadInput as BadInput
     from planlang.language.ordering import given, partial_order
     from planlang.language.process_module import process_module
     from planlang.language.state_machine import state_machine
     from planlang.language.tasktree import TaskTree
     from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
     from planlang.runs.run_tree import TaskNode
-    from planlang.sweeping import sweep
 
     __version__: str
 else:  # for mypy every name would be one of planlang's
     _LATER = {
-        "Feature": "motion_constraints",
-        "MotionConstraint": "motion_constraints",
-        "TaskNode": "runs.run_tree",
-        "TaskTree": "language.tasktree",
-        "a_constraint": "motion_constraints",
-        "a_feature": "motion_constraints",
-        "given": "language.ordering",
-        "partial_order": "language.ordering",
-        "process_module": "language.process_module",
-        "state_machine": "language.state_machine",
-        "sweep": "sweeping",
+        **dict.fromkeys(("check", "compile", "locate", "simulate", "sweep"), "executive.library"),
+        "BadInput": "planlang.diagnostics",
+        "Feature": "planlang.motion_constraints",
+        "MotionConstraint": "planlang.motion_constraints",
+        "TaskNode": "planlang.runs.run_tree",
+        "TaskTree": "planlang.language.tasktree",
+        "a_constraint": "planlang.motion_constraints",
+        "a_feature": "planlang.motion_constraints",
+        "given": "planlang.language.ordering",
+        "partial_order": "planlang.language.ordering",
+        "process_module": "planlang.language.process_module",
+        "state_machine": "planlang.language.state_machine",
     }
 
     def __getattr__(name: str) -> object:
-        """Look up what few plans need when it is asked for: orders, constraints, process modules, sweeps."""
+        """Look up what few plans need when it is asked for: orders, constraints, process modules, the library."""
         if name in _LATER:
-            return getattr(import_module(f"planlang.{_LATER[name]}"), name)
+            return getattr(import_module(_LATER[name]), name)
         if name != "__version__":
             raise AttributeError(f"module 'planlang' has no attribute {name!r}")
         from importlib.metadata import version
 
         return version("planlang")
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *_LATER})

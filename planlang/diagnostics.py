@@ -108,6 +108,10 @@ class BadInput(Exception):
         self.diagnostics = tuple(diagnostics)
         super().__init__("\n".join(map(str, diagnostics)))
 
+    def _render_traceback_(self) -> list[str]:
+        """Return what a notebook shows: the diagnostics, as the code below the call says nothing about the input."""
+        return [str(self)]
+
 
 def error(
     code: str,

@@ -151,7 +151,7 @@ def read(name: str) -> PlanFile | RecipeFile:
     except OSError as problem:
         raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
     text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
-    if _starts_like_owl(text) or content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
+    if starts_like_owl(text) or content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
         return RecipeFile(path)
     return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
 
@@ -173,7 +173,7 @@ _PYTHON_START = re.compile(
 )
 
 
-def _starts_like_owl(text: str) -> bool:
+def starts_like_owl(text: str) -> bool:
     """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader reports what is wrong."""
     for line in text.splitlines():
         line = line.strip()

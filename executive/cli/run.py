@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import typer
 
@@ -157,15 +156,7 @@ def _answer(result: RunResult, *, is_announced: bool) -> Answer:
         Outcome.LACKS_CAPABILITY: ExitCode.MISSING_CAPABILITY,
         Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
     }[result.outcome]
-    data: dict[str, Any] = {
-        "outcome": result.message,
-        "failure": list(result.failure),
-        "final_state": list(result.final_state),
-        "largest_tilts": result.tilts.degrees(),
-        "plan_seconds": result.seconds,
-    }
-    text = "\n".join(line for line in (result.message, *result.final_state, *result.tilts.lines()) if line)
-    return Answer(code, () if is_announced else result.diagnostics, text, data)
+    return Answer(code, () if is_announced else result.diagnostics, str(result), result.as_json())
 
 
 def _bindings(texts: Sequence[str]) -> dict[str, str]:

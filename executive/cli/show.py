@@ -12,7 +12,7 @@ from pathlib import Path
 
 import typer
 
-from executive.cli import check, compile, inspect, report
+from executive.cli import check, inspect, report
 from executive.cli.arguments import CheckArguments, ReportArguments, ShowArguments
 from executive.cli.console import Answer
 from executive.cli.inputs import PlanFile, read, refuse
@@ -110,12 +110,7 @@ def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
     plan = compile_recipe(path, task=arguments.task, folders=arguments.folders)
     text = "\n".join((f"{path}: the recipe {plan.task}", *recipe_lines(plan.recipes)))
 
-    def draw(output: Path) -> None:
-        drawer = compile.drawer(output, [])
-        assert drawer is not None
-        drawer(plan, output)
-
-    return Shown(changed(answer, text=text), _GRAPH, draw)
+    return Shown(changed(answer, text=text), _GRAPH, partial(plan.graph.save, force=True))
 
 
 def recipe_lines(recipes: RecipeSet) -> Iterator[str]:

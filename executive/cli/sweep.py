@@ -149,30 +149,6 @@ def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:
     return f"interrupted after {done} of {total} worlds, which {arguments.out} has: the same command does the rest"
 
 
-def sweep(recipe: str, worlds: int, **options: Any) -> list[Row]:
-    """Return the rows of a sweep that is asked for in Python; see :func:`planlang.sweep`."""
-    settings = options.pop("set", None)
-    if isinstance(settings, Mapping):
-        settings = [f"{name}={value}" for name, value in settings.items()]
-    environment = options.pop("environment", None)
-    maps = [environment] if isinstance(environment, str | Path) else environment
-    for name in ("out", "csv", "urdf"):
-        if options.get(name) is not None:
-            options[name] = Path(options[name])
-    given = SweepArguments(
-        recipe=str(recipe),
-        worlds=worlds,
-        set_=settings,
-        environment=[str(one) for one in maps] if maps is not None else None,
-        json=True,  # nothing is printed
-        **options,
-    )
-    try:
-        return swept(given)
-    except typer.BadParameter as problem:
-        raise ValueError(str(problem)) from None
-
-
 class Counts:
     """Counts worlds, and reports how fast they are done."""
 

@@ -30,9 +30,9 @@ def ended(world: Mapping[str, Any]) -> dict[str, Any]:
         run_plan_file(replace(options, report=Path(page)), INPUTS)
     return {
         "outcome": result.outcome.value,
-        "failure": list(result.failure),
+        "failure": list(result.failures),
         "message": result.message[:LONGEST_MESSAGE],
-        "plan_seconds": round(result.seconds, 3),
+        "duration": round(result.duration, 3),
         "final_state": list(result.final_state),
         "largest_tilts": result.tilts.degrees(),
     }

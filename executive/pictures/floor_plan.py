@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -352,11 +351,6 @@ REASONS: Mapping[str, Colour] = {
 """Reason -> colour of its places; "" of those that were accepted."""
 OTHERS: tuple[Colour, ...] = ((110, 175, 205), (215, 150, 185), (150, 165, 110), (140, 140, 190), (110, 185, 180))
 """Colours of other reasons, in the order of their names."""
-
-
-def save_picture(path: Path, scenery: Scenery, resolution: Resolution) -> None:
-    """Write a PNG or SVG, by the path's suffix; raises OSError as writing does."""
-    picture(scenery, resolution).save(path)
 
 
 def picture(scenery: Scenery, resolution: Resolution) -> Sheet:

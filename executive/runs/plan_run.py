@@ -19,6 +19,8 @@ from executive.modules.platform import Platform
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
+from executive.runs.ended_run import EndedRun
+from executive.runs.failure import Failure
 from executive.runs.final_state import state_lines
 from executive.runs.importing import import_plan, line_in
 from executive.runs.in_hands import InHand, in_hands, take
@@ -335,8 +337,10 @@ class Run:
         """Return the result of a run that does not begin, for what robot or program lack."""
         kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
         message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
-        names = tuple(dict.fromkeys(kind.__name__ for kind in kinds))
-        return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=names)
+        advice = next((f"{one.message}; {one.help}" for one in self.found if one.code == "X013"), None)
+        failure = Failure(kinds[0].__name__, "\n".join(map(str, missing)), advice=advice)
+        seed = self.options.seed
+        return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
     def _body(self, bound: Mapping[str, Bound]) -> Callable[[], Awaitable[Any]]:
         """Return the plan with its parameters and budget; executed and replayed alike."""
@@ -380,7 +384,7 @@ class Run:
 
         trace = RepeatedTrace(earlier, trace_after) if isinstance(earlier, Repetition) else trace_after(earlier)
         trace.listeners = tuple(written.listeners)
-        outcome, message, failures = Outcome.FAILED, "broken off", tuple[str, ...]()
+        outcome, message, failure = Outcome.FAILED, "broken off", None
         failed: PlanFailure | None = None
         try:
             run(
@@ -395,9 +399,9 @@ class Run:
                 resume=earlier if isinstance(earlier, Past) else None,
             )
             outcome, message = Outcome.DONE, "done"
-        except PlanFailure as failure:
-            outcome, message, failed = Outcome.FAILED, explain(failure), failure
-            failures = tuple(type(link).__name__ for link in failure.chain())
+        except PlanFailure as problem:
+            outcome, message, failed = Outcome.FAILED, explain(problem), problem
+            failure = Failure.of(problem)
         except KeyboardInterrupt:
             outcome, message = Outcome.INTERRUPTED, "interrupted"
         except Different as difference:
@@ -405,19 +409,27 @@ class Run:
             raise BadInput([different(earlier.recorded, difference, header)]) from None
         except RunError as problem:
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}"
-            failures = (type(problem).__name__,)
+            failure = Failure.of(problem)
         except Exception as problem:
             where = self._users_line(problem)
             if where is None:
                 raise
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}\n  {where}"
-            failures = (type(problem).__name__,)
+            failure = Failure.of(problem, where)
         finally:
             trace.close()
             written.save(outcome.value, message, failed)
         state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
         return RunResult(
-            outcome, message, state, tuple(self.found), truth.steps / truth.rate, failures, executive.tilts
+            outcome,
+            message,
+            state,
+            tuple(self.found),
+            truth.steps / truth.rate,
+            failure,
+            executive.tilts,
+            options.seed,
+            EndedRun(options, trace.events, run_plan_file),
         )
 
     def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:

@@ -48,8 +48,6 @@ def context_of(
     shown = Context(None if text is None else plan_source(name, text))
     if made is None:
         return shown
-    from planlang.compiler.drawing import task_graph  # most runs draw none
-
     source = None if recipe is None else _text(recipe)
     ontology = None if recipe is None else _ontology(recipe, folders)
     return replace(
@@ -59,7 +57,7 @@ def context_of(
         else recipe_source(made.recipes, ontology, recipe.name, source),
         labels=labels_of(made.recipes),
         vocabulary={} if ontology is None else vocabulary_of(ontology),
-        graph=task_graph(made.recipes, made.added, made.recoveries),
+        graph=made.graph.graph,
     )
 
 

@@ -18,7 +18,7 @@ Row = dict[str, Any]
 """What a job returns of a world, as JSON, behind ``world`` and ``repeat``. Read here are, if they are there:
 
 ``outcome`` ("done", "failed", ...; "crashed" if the job did not end), ``reached`` (False: "done" is not enough),
-``failure`` (class of the failure, then of its causes), ``message`` and ``plan_seconds``.
+``failure`` (class of the failure, then of its causes), ``message`` and ``duration`` [s of plan time].
 """
 CRASHED = "crashed"
 """The outcome of a world whose job raised an exception, crashed or did not end within its limits."""

@@ -81,7 +81,7 @@ def table(rows: Sequence[Row], total: int | None = None) -> str:
         part = one.count / len(rows) if rows else 0.0
         interval = f"95 %: {100 * one.low:.1f} to {100 * one.high:.1f} %"
         lines.append(f"{one.outcome:<20}{one.count:>7}  {100 * part:5.1f} %  ({interval})")
-    times = sorted(row["plan_seconds"] for row in rows if is_reached(row) and "plan_seconds" in row)
+    times = sorted(row["duration"] for row in rows if is_reached(row) and "duration" in row)
     if times:
         late = times[math.ceil(0.95 * len(times)) - 1]
         lines.append(f"plan time where reached: median {statistics.median(times):.1f} s, 95 % within {late:.1f} s")

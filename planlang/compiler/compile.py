@@ -7,8 +7,9 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from importlib.metadata import PackageNotFoundError, version
+from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from planlang.closure import reached
 from planlang.compiler.bodies import BodyWriter
@@ -20,8 +21,10 @@ from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.kernel.runner import quiet_collector
+from planlang.notebooks import highlighted, listed
 from planlang.ontology import Ontology, load
-from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, digest
+from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, digest
+from planlang.plan_versions import write_versions
 from planlang.recipe import read_recipe
 from planlang.recipe.actions import Actions, Performed
 from planlang.recipe.model import (
@@ -40,6 +43,9 @@ from planlang.recipe.model import (
     Thing,
 )
 from planlang.records import dataclass
+
+if TYPE_CHECKING:
+    from planlang.compiler.drawing import GraphDrawing
 
 TYPES = {Kind.OBJECT: "Object", Kind.PERSON: "Person", Kind.DEVICE: "Device", Kind.PLACE: "Location"}
 MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_device"}
@@ -192,6 +198,32 @@ class CompiledPlan:
     added: Mapping[str, tuple[tuple[str, str], ...]]
     diagnostics: tuple[Diagnostic, ...] = ()
     recoveries: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def graph(self) -> GraphDrawing:
+        """The order of the steps of the recipe, drawn; a notebook shows it, ``save("steps.svg")`` writes it."""
+        from planlang.compiler.drawing import GraphDrawing, task_graph  # most plans are not drawn
+
+        return GraphDrawing(task_graph(self.recipes, self.added, self.recoveries))
+
+    def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Write the plan as ``planlang compile --output`` does, and return the path.
+
+        ``force`` overwrites a plan that was edited, and files that planlang did not write. Raises BadInput if the file
+        cannot be written.
+        """
+        target = Path(path)
+        if problems := check_outputs({"plan": target}, {}, force=True):  # write_versions looks at an old plan closely
+            raise BadInput(problems)
+        write_versions(target, self.source, force=force)
+        return target
+
+    def __str__(self) -> str:
+        return self.source
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
+        """Show the plan with colours in a notebook, below what there is to say about the recipe."""
+        return {"text/plain": self.source, "text/html": listed(self.diagnostics) + highlighted(self.source)}
 
 
 def compile_recipe(

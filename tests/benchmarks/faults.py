@@ -68,7 +68,7 @@ def job(world: Mapping[str, Any]) -> Row:
         "reached": ended.reached,
         "false": done and not ended.reached,
         "unmet": list(ended.unmet),
-        "failure": list(ended.result.failure),
+        "failure": list(ended.result.failures),
         "message": ended.result.message[:2000],
         "requests": found[0].requests if found else 0,
         "drawn": dict(found[0].drawn) if found else {},

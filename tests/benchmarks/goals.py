@@ -28,14 +28,14 @@ def row(scenario: Scenario, seed: int) -> tuple[bool, str]:
     except BadInput as problem:
         return False, f"| {scenario.name} | {seed} | refused: {problem.diagnostics[0].message} | | |"
     wall = time.perf_counter() - began
-    return found.reached, f"| {scenario.name} | {seed} | {_said(found)} | {found.result.seconds:.0f} | {wall:.1f} |"
+    return found.reached, f"| {scenario.name} | {seed} | {_said(found)} | {found.result.duration:.0f} | {wall:.1f} |"
 
 
 def _said(found: Judged) -> str:
     if found.reached:
         worst = max(found.tilts.items(), key=lambda item: item[1], default=None)
         return "reached" if worst is None else f"reached, {worst[0]} tilted by {math.degrees(worst[1]):.0f} degrees"
-    failure = " < ".join(found.result.failure)
+    failure = " < ".join(found.result.failures)
     return "; ".join(one for one in (failure, *found.unmet) if one)
 
 

@@ -77,18 +77,25 @@ def run(case: Case, seed: int) -> Ending:
         answer = json.loads(ended.stdout)
     except json.JSONDecodeError:
         return Ending(seed, "internal error", (ended.stderr.splitlines() or ["no answer"])[-1], None, wall)
-    seconds, tilt = answer.get("plan_seconds"), max(answer.get("largest_tilts", {}).values(), default=0.0)
+    seconds, tilt = answer.get("duration"), max(answer.get("largest_tilts", {}).values(), default=0.0)
     match ended.returncode:
         case 0 if any(re.search(case.served, line) for line in answer["final_state"]):
             return Ending(seed, "served", "", seconds, wall, tilt)
         case 0:
             return Ending(seed, "not served", "; ".join(answer["final_state"]), seconds, wall, tilt)
         case 1:
-            return Ending(seed, "failed", " < ".join(answer["failure"]), seconds, wall, tilt)
+            return Ending(
+                seed,
+                "failed",
+                " < ".join(one["class"] for one in (answer["failure"], *answer["failure"]["causes"])),
+                seconds,
+                wall,
+                tilt,
+            )
         case 2:
             return Ending(seed, "bad input", ", ".join(d["code"] for d in answer["diagnostics"]), seconds, wall)
         case 3:
-            return Ending(seed, "missing capability", answer["outcome"], seconds, wall)
+            return Ending(seed, "missing capability", answer["message"], seconds, wall)
         case _:
             return Ending(seed, "internal error", str(answer.get("error", ended.stderr[-200:])), seconds, wall)
 

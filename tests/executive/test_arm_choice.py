@@ -137,7 +137,7 @@ def told(result: RunResult) -> list[tuple[str, str, int]]:
 def test_an_alternative_that_the_robot_cannot_do_is_told_and_the_plan_runs(options: RunOptions) -> None:
     result = run_plan_file(options)
     assert told(result) == [("note", PLAN.name, 29)]
-    assert (result.outcome, result.failure) == (Outcome.DONE, ())
+    assert (result.outcome, result.failures) == (Outcome.DONE, ())
     assert options.trace is not None
     header = json.loads(options.trace.read_text(encoding="utf-8").splitlines()[0])
     assert header["infeasible"] == ["grasp"]
@@ -145,7 +145,7 @@ def test_an_alternative_that_the_robot_cannot_do_is_told_and_the_plan_runs(optio
 
 def test_a_plan_of_such_alternatives_only_is_refused(options: RunOptions) -> None:
     result = run_plan_file(replace(options, task="grasp"))
-    assert (result.outcome, result.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert (result.outcome, result.failures) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
     assert told(result) == []
 
 

@@ -47,7 +47,7 @@ def test_a_pancake_that_the_spatula_did_not_take_along_is_not_flipped(
     skip_without_pr2(scenarios()["flipping"].command)
     monkeypatch.setattr("sim.processes.NEAR_BLADE", -1.0)
     found = judged(scenarios()["flipping"])
-    assert found.result.failure[0] == "ObjectNotTurned"
+    assert found.result.failures[0] == "ObjectNotTurned"
 
 
 @pytest.mark.long

@@ -65,7 +65,7 @@ def test_a_bottle_that_is_dropped_is_served_in_the_end_or_truthfully_given_up(
         return
     assert result.outcome is Outcome.FAILED
     assert result.final_state == ("bottle1: at rest on room1",), "it lies on the floor, where no arm reaches it"
-    assert result.failure[0] == "ObjectUnreachable"
+    assert result.failures[0] == "ObjectUnreachable"
     assert "bottle1" in result.message
     assert "HandoverNotTaken" not in [record.get("type") for record in trace], "no empty hand is offered"
 

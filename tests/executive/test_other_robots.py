@@ -125,7 +125,7 @@ def test_an_arm_on_a_box_drives_to_where_it_reaches_the_bottle(panda: Path, tmp_
     (tmp_path / "reach.py").write_text(REACH)
     found = run(tmp_path / "reach.py", "--robot", panda, "--environment", ROOM)
     assert found["exit_code"] == 1
-    assert found["failure"] == ["GraspMissed"], "all goes well until the gripper closes on nothing"
+    assert found["failure"]["class"] == "GraspMissed", "all goes well until the gripper closes on nothing"
 
 
 @pytest.mark.long
@@ -135,7 +135,7 @@ def test_an_arm_without_camera_lacks_what_the_recipe_needs(panda: Path) -> None:
     assert found["exit_code"] == 3
     found = run(recipe, "--robot", panda, "--environment", ROOM, "--force")
     assert found["exit_code"] == 1
-    assert found["failure"][0] in ("ObjectNowhereToBeFound", "ObjectUnreachable")
+    assert found["failure"]["class"] in ("ObjectNowhereToBeFound", "ObjectUnreachable")
 
 
 def test_a_finger_that_mimics_another_is_not_commanded(panda: Path) -> None:
@@ -177,7 +177,7 @@ def cart(folder: Path, urdf: str, numbers: str = "") -> Path:
 def test_what_has_no_camera_sees_from_nowhere(tmp_path: Path) -> None:
     (tmp_path / "drive.py").write_text(DRIVE.format(relation="visible_from"))
     found = run(tmp_path / "drive.py", "--robot", cart(tmp_path, BOX), "--environment", ROOM)
-    assert (found["exit_code"], found["failure"]) == (1, ["MissingCapability"])
+    assert (found["exit_code"], found["failure"]["class"]) == (1, "MissingCapability")
 
 
 def inspected(*arguments: str | Path) -> Result:

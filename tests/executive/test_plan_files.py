@@ -378,7 +378,7 @@ def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_p
     absent = tmp_path / "robot.omn"  # never read
     options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
     refused = run_plan_file(options)
-    assert (refused.outcome, refused.failure) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
+    assert (refused.outcome, refused.failures) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
     assert refused.message.startswith("ActionUnresolvable: action ")
     assert "no process module is registered for it or a class above it" in refused.message
 
@@ -400,7 +400,7 @@ def test_a_plan_edited_or_not_is_refused_like_its_recipe_for_what_only_that_says
     recipe = tmp_path / "looking.omn"
     plan = compiled(recipe, LOOKING.replace(f"Class: {cls}", f"Class: {cls}{SCANNER}"))
     refused = run_plan_file(replace(AMIGO, recipe=recipe))
-    assert (refused.outcome, refused.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert (refused.outcome, refused.failures) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
     assert "component Tilting2DLaserScanner: amigo has none" in refused.message
     assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
     plan.write_text(plan.read_text(encoding="utf-8") + "\n# looked at\n", encoding="utf-8")

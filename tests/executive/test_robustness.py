@@ -273,8 +273,8 @@ def test_a_robot_without_a_gripper_lacks_a_capability(tmp_path: Path) -> None:
     urdf.write_text(re.sub(r'(<joint name="finger[^"]*" type=")revolute"', r'\1fixed"', URDF))
     robot.write_text(without(without(ROBOT, "right_gripper"), "left_gripper"))
     found = answer("run", "serve_a_drink", "--robot", robot, "--urdf", urdf)
-    assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
-    assert "MissingCapability: capability GripperMotionCapability: " in found["outcome"]
+    assert (found["exit_code"], found["failure"]["class"]) == (3, "MissingCapability")
+    assert "MissingCapability: capability GripperMotionCapability: " in found["message"]
     (able,) = (one for one in found["diagnostics"] if one["code"] == "X032")
     assert able["help"].startswith("planlang run serve_a_drink --robot amigo --environment hospital_room")
 
@@ -291,8 +291,8 @@ def test_a_map_that_does_not_fit_the_recipe_ends_in_a_typed_failure(text: str, f
     path = tmp_path / "map.omn"
     path.write_text(text, encoding="utf-8")
     found = answer("run", "serve_a_drink", "--environment", path)
-    assert (found["exit_code"], found["failure"][0]) == (1, failure)
-    assert "serve_a_drink" in found["outcome"], "the failure says where in the plan it arose"
+    assert (found["exit_code"], found["failure"]["class"]) == (1, failure)
+    assert "serve_a_drink" in found["failure"]["where"], "the failure says where in the plan it arose"
 
 
 @pytest.mark.parametrize("thing", ["bottle1", "patient1"])

@@ -81,9 +81,9 @@ def changed_map(folder: Path, *changes: tuple[str, str]) -> Path:
 
 def test_the_bundled_recipe_ends_with_the_bottle_in_the_patients_hand(served: Served) -> None:
     result = served.result
-    assert (result.outcome, result.message, result.failure) == (Outcome.DONE, "done", ())
+    assert (result.outcome, result.message, result.failures) == (Outcome.DONE, "done", ())
     assert result.final_state == ("bottle1: held by patient1",)
-    assert 10 < result.seconds < 120
+    assert 10 < result.duration < 120
 
 
 def test_the_trace_is_complete_and_its_header_says_what_was_run(served: Served) -> None:
@@ -251,7 +251,7 @@ def test_what_would_do_is_a_command(
 def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m03 -2.72", "knowrob:m03 -8.0"))
     result = run_plan_file(replace(BUNDLED, environment=path, picture=tmp_path / "failed.png"))
-    assert (result.outcome, result.failure) == (Outcome.FAILED, ("ObjectUnreachable", "LocationUnresolvable"))
+    assert (result.outcome, result.failures) == (Outcome.FAILED, ("ObjectUnreachable", "LocationUnresolvable"))
     assert "bottle1" in result.message
     pixels = np.asarray(Image.open(tmp_path / "failed.png").convert("RGB")).astype(int)
     fingers = (pixels[:, :, 0] > 150) & (pixels[:, :, 2] < 90) & (pixels[:, :, 1] > 80)
@@ -283,7 +283,7 @@ def test_a_picture_of_a_failure_is_about_what_was_in_the_way() -> None:
 def test_a_bottle_on_top_of_a_tower_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m23 0.9,", "knowrob:m23 2.3,"))
     result = run_plan_file(replace(BUNDLED, environment=path))
-    assert (result.outcome, result.failure[0]) == (Outcome.FAILED, "ObjectUnreachable")
+    assert (result.outcome, result.failures[0]) == (Outcome.FAILED, "ObjectUnreachable")
 
 
 # Ending early
@@ -344,7 +344,7 @@ def test_a_robot_without_grippers_is_told_what_it_lacks_before_anything_moves(tm
     frames = AMIGO.read_text(encoding="utf-8").split("\n\n")
     robot.write_text("\n\n".join(f for f in frames if not re.match(r"Individual: \w+_gripper\b", f)), encoding="utf-8")
     result = run_plan_file(replace(BUNDLED, robot=robot, urdf=urdf, trace=tmp_path / "run.jsonl"))
-    assert (result.outcome, result.failure) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
+    assert (result.outcome, result.failures) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
     assert "GripperMotionCapability" in result.message
     assert not (tmp_path / "run.jsonl").exists()
 

@@ -38,7 +38,7 @@ def header(trace: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("words", [("pass_a_drink",), ("push_the_cup", "--environment", "soup_kitchen")])
 def test_a_robot_without_camera_is_refused_with_what_lets_it_work(words: tuple[str, ...]) -> None:
     found = run(*words, "--robot", "panda")
-    assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
+    assert (found["exit_code"], found["failure"]["class"]) == (3, "MissingCapability")
     (advice,) = (one for one in found["diagnostics"] if one["code"] == "X013")
     assert f": planlang run {words[0]} --robot panda " in advice["help"]
     assert advice["help"].endswith(" --trust-map")
@@ -58,7 +58,8 @@ def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
 @pytest.mark.long
 def test_what_a_hand_without_camera_misses_where_the_map_has_it_is_not_found() -> None:
     found = run("pass_a_drink", "--robot", "panda", "--trust-map", "--seed", "2")
-    assert (found["exit_code"], found["failure"]) == (1, ["ObjectNotFound", "GraspMissed"])
+    assert (found["exit_code"], found["failure"]["class"]) == (1, "ObjectNotFound")
+    assert [cause["class"] for cause in found["failure"]["causes"]] == ["GraspMissed"]
     assert found["final_state"] == ["bottle1: at rest on table1"]
 
 
@@ -90,7 +91,7 @@ def test_an_arm_that_is_fixed_at_the_table_passes_the_drink_by_a_robot_file_made
     file.write_text(file.read_text() + mount)
     assert run("pass_a_drink", "--robot", file, "--trust-map")["final_state"] == ["bottle1: held by guest1"]
     driving = run("serve_a_drink", "--robot", file, "--trust-map")
-    assert (driving["exit_code"], driving["failure"]) == (3, ["MissingCapability"])
+    assert (driving["exit_code"], driving["failure"]["class"]) == (3, "MissingCapability")
     stuck = run("serve_a_drink", "--robot", file, "--trust-map", "--force")
     assert stuck["exit_code"] == 1, "the base stays, and the bottle is out of reach"
 

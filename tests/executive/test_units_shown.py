@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.cli.locate import Shown
+from executive.runs.located import Shown
 from planlang.diagnostics import BadInput
 
 TOWEL = """Prefix: : <http://example.org/towels#>

@@ -48,7 +48,7 @@ def test_a_recipe_and_its_plan_serve_the_drink_alike_and_leave_their_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer = planlang("run", "serve_a_drink", "--trace", "run.jsonl", "--picture", "scene.png", folder=tmp_path)
-    assert answer["exit_code"] == 0, answer["outcome"]
+    assert answer["exit_code"] == 0, answer["message"]
     assert answer["final_state"] == ["bottle1: held by patient1"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.jsonl", "scene.png"]
     records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
@@ -144,7 +144,7 @@ def test_a_bottle_on_another_table_is_looked_for_there_and_served(run_in: Run) -
 def test_without_the_patient_the_bottle_stays_in_the_gripper_while_they_are_looked_for(run_in: Run) -> None:
     result, _ = run_in(lambda scene: without(scene, "patient1"))
     assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
-    assert result.failure == ("ObjectNowhereToBeFound", "ObjectNotFound")
+    assert result.failures == ("ObjectNowhereToBeFound", "ObjectNotFound")
     assert "nowhere to be found: patient1" in result.message
 
 
@@ -159,7 +159,7 @@ def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in:
 
     result, _ = run_in(asleep)
     assert (result.outcome, result.final_state) == (Outcome.FAILED, ("bottle1: held by robot",))
-    assert result.failure[0] == "HandoverNotTaken"
+    assert result.failures[0] == "HandoverNotTaken"
     assert "bottle1, recipient patient1" in result.message
 
 
@@ -194,7 +194,7 @@ def test_a_low_frame_around_the_bottle_that_no_map_shows_is_named(run_in: Run) -
 def test_a_barrier_across_the_room_that_no_map_shows_is_named(run_in: Run) -> None:
     result, _ = run_in(lambda scene: with_body(scene, "barrier", Pose((-1.2, 0.0, 0.5)), (0.05, 5.0, 1.0)))
     assert result.outcome is Outcome.FAILED
-    assert "NavigationGoalNotReached" in result.failure
+    assert "NavigationGoalNotReached" in result.failures
     assert "barrier" in result.message
 
 

@@ -88,8 +88,8 @@ def run(plan: Path, robot: Path) -> dict[str, Any]:
 
 def test_a_urdf_alone_is_a_robot_that_stands_where_it_is_and_says_what_is_assumed(garage: Path) -> None:
     found = run(garage / "drive.py", garage / "cart.urdf")
-    assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
-    assert "the base of cart is fixed" in found["outcome"]
+    assert (found["exit_code"], found["failure"]["class"]) == (3, "MissingCapability")
+    assert "the base of cart is fixed" in found["message"]
     assert "planlang robot make" in found["diagnostics"][0]["help"]
     missing = [one["message"] for one in found["diagnostics"] if one["code"] == "B016"]
     assert any("[arms.arm] missing" in one for one in missing)
@@ -112,7 +112,7 @@ def test_a_robot_file_with_a_name_a_urdf_and_a_base_is_a_robot_that_drives(garag
     found = answer("robot", "inspect", garage / "cart.toml")
     assert (found["exit_code"], found["missing"][0]) == (3, "arms")
     blind = run(garage / "look.py", garage / "cart.toml")
-    assert blind["failure"] == ["MissingCapability"]
+    assert blind["failure"]["class"] == "MissingCapability"
 
 
 def test_a_camera_in_the_robot_file_is_turned_by_the_base_where_there_is_no_neck(garage: Path) -> None:
@@ -126,5 +126,5 @@ def test_a_self_model_says_what_the_robot_can_do_and_is_believed(garage: Path) -
     (garage / "cart.omn").write_text(SELF_MODEL)
     assert run(garage / "drive.py", garage / "cart.toml")["exit_code"] == 0
     found = run(garage / "look.py", garage / "cart.toml")
-    assert (found["exit_code"], found["failure"]) == (3, ["MissingCapability"])
-    assert "ObjectRecognition" in found["outcome"], "the self-model claims to drive, not to recognise things"
+    assert (found["exit_code"], found["failure"]["class"]) == (3, "MissingCapability")
+    assert "ObjectRecognition" in found["message"], "the self-model claims to drive, not to recognise things"

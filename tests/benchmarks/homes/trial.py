@@ -121,9 +121,9 @@ class Trial:
             "reached": found.reached,
             "unmet": list(found.unmet),
             "harm": self.harm,
-            "failure": list(found.result.failure),
+            "failure": list(found.result.failures),
             "message": found.result.message[:2000],
-            "plan_seconds": round(found.result.seconds, 1),
+            "duration": round(found.result.duration, 1),
             "leaves": self._served(),
         }
 

@@ -143,8 +143,8 @@ def test_what_the_robot_has_no_model_of_it_does_not_recognise(tmp_path: Path) ->
     words = ["run", "serve_a_drink", "--models", str(tmp_path / "models"), "--json"]
     result = CliRunner().invoke(app, words, catch_exceptions=False)
     found = json.loads(result.stdout)
-    assert (result.exit_code, "RecognitionModelMissing" in found["failure"]) == (1, True)
-    assert "no recognition model of DrinkingBottle" in found["outcome"]
+    assert (result.exit_code, "RecognitionModelMissing" in json.dumps(found["failure"])) == (1, True)
+    assert "no recognition model of DrinkingBottle" in found["message"]
 
 
 @pytest.mark.long

@@ -102,7 +102,7 @@ def test_a_recognition_model_without_its_file_is_refused_by_name_and_recognises_
     words = ["run", "serve_a_drink", "--models", str(tmp_path / "models"), "--json"]
     run = json.loads(CliRunner().invoke(app, words, catch_exceptions=False).stdout)
     assert [one["code"] for one in run["diagnostics"]] == ["K042"]
-    assert "no recognition model of DrinkingBottle" in run["outcome"]
+    assert "no recognition model of DrinkingBottle" in run["message"]
     store.attach(BOTTLE, File("bottle.model", "application/octet-stream", b"*"), "ada", NOW)
     store.close()
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[0] == 0

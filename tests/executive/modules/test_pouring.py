@@ -204,6 +204,6 @@ def test_nothing_is_poured_if_the_amount_is_not_there(
             yield "something was poured"
 
     found = poured(tmp_path, amount, content, untouched)
-    assert found.result.failure[0] == failure
+    assert found.result.failures[0] == failure
     assert said in found.result.message
     assert not found.unmet

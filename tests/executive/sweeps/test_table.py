@@ -17,12 +17,12 @@ def row(world: int, outcome: str, *failure: str, message: str = "", **more: Any)
 
 
 ROWS = [
-    row(1, "done", message="done", plan_seconds=10.0),
-    row(2, "failed", "GraspMissed", message="GraspMissed: 3 mm too far. It was seen.\n  why", plan_seconds=1.0),
-    row(3, "done", message="done", plan_seconds=30.0),
+    row(1, "done", message="done", duration=10.0),
+    row(2, "failed", "GraspMissed", message="GraspMissed: 3 mm too far. It was seen.\n  why", duration=1.0),
+    row(3, "done", message="done", duration=30.0),
     row(4, "crashed", "ProcessEnded", "Killed", message="2 processes in a row ended without an answer"),
-    row(5, "failed", "GraspMissed", message="GraspMissed: 4.5 mm too far. It was felt.", plan_seconds=1.0),
-    row(6, "done", message="done", plan_seconds=20.0, reached=False),
+    row(5, "failed", "GraspMissed", message="GraspMissed: 4.5 mm too far. It was felt.", duration=1.0),
+    row(6, "done", message="done", duration=20.0, reached=False),
 ]
 
 

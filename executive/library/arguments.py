@@ -1,0 +1,166 @@
+"""Arguments of a command from values of Python, by the declaration from which the command line is made."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from enum import Enum
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+
+import typer
+
+from executive.cli.base_arguments import Arguments
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.spelling import similar
+
+A = TypeVar("A", bound=Arguments)
+F = TypeVar("F", bound=Callable[..., Any])
+
+_OF_THE_TERMINAL = ("json", "verbose", "quiet")
+"""Options of what a command prints."""
+
+
+def arguments_of(kind: type[A], own: Mapping[str, Any], options: Mapping[str, Any]) -> A:
+    """Return the arguments of a command: ``own`` of the function that is called, and its further ``options``.
+
+    None stands for the default, paths may be texts, and a repeatable option may have one value. Raises BadInput (C040)
+    for values that cannot be read, TypeError for a name that is no option.
+    """
+    declared, made, problems = options_of(kind), dict[str, Any](), []
+    known = [name for name, (_, hint) in declared.items() if name not in own and not _is_positional(hint)]
+    for name in options:
+        if name not in known:
+            alike = similar(name, [*known, *own])
+            guess = f"; did you mean {alike[0]}?" if alike else f"; options: {', '.join(known)}"
+            raise TypeError(f"there is no option {name!r}{guess}")
+    for name, value in {**own, **options}.items():
+        if value is None:
+            continue
+        field, hint = declared[name]
+        try:
+            made[field] = _converted(hint, value)
+        except ValueError as problem:
+            problems.append(error("C040", f"{name}={value!r}: {problem}"))
+    if problems:
+        raise BadInput(problems)
+    return kind(**made, json=True)  # nothing is printed
+
+
+def with_options_of(kind: type[Arguments]) -> Callable[[F], F]:
+    """Return a decorator: a function that takes ``**options`` shows those of a command as its own.
+
+    Its signature, by which notebooks complete names, lists all, its docstring those that it says nothing about.
+    """
+
+    def decorate(function: F) -> F:
+        signature = inspect.signature(function)
+        own = {name: one for name, one in signature.parameters.items() if one.kind is not one.VAR_KEYWORD}
+        defaults = {one.name: one.default for one in fields(kind)}
+        text = inspect.cleandoc(function.__doc__ or "")
+        further, lines = [], [text, "", "Further options:", ""]
+        for name, (field, hint) in options_of(kind).items():
+            type_, option = get_args(hint)[:2] if get_origin(hint) is Annotated else (hint, None)
+            if _is_positional(hint) or (name in own and f"``{name}``" in text):
+                continue
+            if name not in own:
+                further.append(
+                    inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults[field], annotation=type_)
+                )
+            lines.append(f"* ``{name}``: {getattr(option, 'help', None) or ''}".rstrip(": "))
+        function.__signature__ = signature.replace(parameters=[*own.values(), *further])  # type: ignore[attr-defined]
+        function.__doc__ = "\n".join(lines)
+        return function
+
+    return decorate
+
+
+@contextmanager
+def in_python(kind: type[Arguments]) -> Iterator[None]:
+    """Word BadInput for callers of the library, and turn usage errors of the command line into it (C040)."""
+    try:
+        yield
+    except typer.BadParameter as problem:
+        raise BadInput(reworded([error("C040", problem.message)], kind)) from None
+    except BadInput as problem:
+        raise BadInput(reworded(problem.diagnostics, kind)) from None
+
+
+def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[Diagnostic, ...]:
+    """Return diagnostics with options as Python writes them; see :func:`in_words_of_python`."""
+    return tuple(
+        replace(
+            one,
+            message=in_words_of_python(one.message, kind),
+            help=None if one.help is None else in_words_of_python(one.help, kind),
+        )
+        for one in diagnostics
+    )
+
+
+def in_words_of_python(text: str, kind: type[Arguments]) -> str:
+    """Return a text with options of a command as Python writes them: ``robot=FILE``, ``trust_map=True``.
+
+    From a command line on, it is as it has to be typed.
+    """
+    declared = options_of(kind)
+
+    def option(found: re.Match[str]) -> str:
+        name = found[1].replace("-", "_")
+        if name not in declared:
+            return found[0]
+        is_flag = get_args(declared[name][1])[:1] == (bool,)
+        return f"{name}=True{found[2]}" if is_flag else f"{name}={'' if found[2] else '...'}"
+
+    text, *command = re.split(r"(?=\bplanlang )", text, maxsplit=1)
+    text = re.sub(r"--set ([\w.]+)=(\w+)", r'set={"\1": \2}', text)
+    text = re.sub(r"--([a-z][a-z-]*[a-z])( (?=[A-Za-z0-9.]+\b(?! [a-z]))|)", option, text)
+    return "".join([text, *command])
+
+
+def options_of(kind: type[Arguments]) -> Mapping[str, tuple[str, Any]]:
+    """Return the options of a command: name in Python -> name of the field, its type with the declaration."""
+    hints = get_type_hints(kind, include_extras=True)
+    names = (one.name for one in fields(kind) if one.name not in _OF_THE_TERMINAL)
+    return {name.removesuffix("_"): (name, hints[name]) for name in names}
+
+
+def _is_positional(hint: Any) -> bool:
+    return any(isinstance(one, typer.models.ArgumentInfo) for one in getattr(hint, "__metadata__", ()))
+
+
+def _converted(hint: Any, value: Any) -> Any:
+    """Return a value as a field of this type; raises ValueError with what would fit."""
+    option = None
+    if get_origin(hint) is Annotated:
+        hint, option, *_ = get_args(hint)
+    several = [one for one in get_args(hint) if one is not NoneType]
+    hint = several[0] if NoneType in get_args(hint) else hint
+    if get_origin(hint) is list:
+        (item,) = get_args(hint)
+        is_one = isinstance(value, (str, os.PathLike)) or not isinstance(value, Iterable)
+        return [_single(item, one, option) for one in ([value] if is_one else value)]
+    return _single(hint, value, option)
+
+
+def _single(kind: Any, value: Any, option: Any) -> Any:
+    if kind is Path and isinstance(value, (str, os.PathLike)) and value != "":
+        return Path(value)
+    if kind is str and isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind(getattr(value, "value", value))
+    if kind in (int, float) and isinstance(value, (int, kind)) and not isinstance(value, bool):
+        least, most = getattr(option, "min", None), getattr(option, "max", None)
+        if (least is not None and value < least) or (most is not None and value > most):
+            raise ValueError(f"write a number from {least}" + (f" to {most}" if most is not None else " on"))
+        return kind(value)
+    if kind is bool and isinstance(value, bool):
+        return value
+    wanted = {Path: "a path", str: "a text", int: "a whole number", float: "a number", bool: "True or False"}
+    raise ValueError(f"write {wanted.get(kind, kind)}")

@@ -1,0 +1,176 @@
+"""The functions of the library; what only one of them needs is imported when it is called, as it may be slow."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from executive.cli.arguments import CheckArguments, CompileArguments, LocateArguments, RunArguments, SweepArguments
+from executive.library.arguments import arguments_of, in_python, in_words_of_python, reworded, with_options_of
+from executive.library.sources import Source, file_of
+from planlang.compiler import CompiledPlan
+from planlang.diagnostics import BadInput, Severity
+from planlang.files import Bundled
+
+if TYPE_CHECKING:
+    from executive.library.checked import CheckResult
+    from executive.runs.located import Located
+    from executive.runs.options import RunResult
+
+Name = str | os.PathLike[str]
+"""The name of a bundled robot or environment, or the path of a file."""
+Maps = Name | Sequence[Name]
+"""An environment, or several: further ones add things to the first."""
+Bindings = Mapping[str, object] | Sequence[str]
+"""Parameters of a plan -> things of the map, phrases or numbers; or texts ``NAME=THING``, ``@FILE``."""
+Start = str | Sequence[float]
+"""A pose of the base (x, y, yaw) [m, m, rad], or its text."""
+
+
+@with_options_of(CompileArguments)
+def compile(recipe: Source, *, task: str | None = None, **options: Any) -> CompiledPlan:
+    """Compile a recipe to a plan in Python, as ``planlang compile`` does.
+
+    ``recipe`` is the name of a bundled recipe, a path, or the text of a recipe; ``task`` chooses one of several. The
+    plan has ``source``, ``graph``, ``diagnostics`` (warnings and notes) and ``save(path)``. Raises BadInput with all
+    errors of the recipe.
+    """
+    from executive.cli.compile import compiled
+
+    with file_of(recipe) as file, in_python(CompileArguments):
+        plan, _ = compiled(arguments_of(CompileArguments, {"recipe": file.path, "task": task}, options))
+    return replace(plan, diagnostics=reworded(file.located(plan.diagnostics), CompileArguments))
+
+
+@with_options_of(CheckArguments)
+def check(file: Source, **options: Any) -> CheckResult:
+    """Check a recipe, a plan, a map or a folder of recipes, as ``planlang check`` does; nothing is run.
+
+    ``file`` is the name of a bundled recipe, a path, or a text. All that is wrong is in the result's ``diagnostics``;
+    ``ok`` is True without errors. Raises BadInput only for a file that cannot be read, or an option that cannot.
+    """
+    from executive.cli.check import command
+    from executive.cli.console import Answer, ExitCode
+    from executive.library.checked import CheckResult
+
+    with file_of(file) as named, in_python(CheckArguments):
+        path = named.path or ""
+        arguments = arguments_of(CheckArguments, {"file": path}, options)
+        if not os.path.isdir(path):
+            Bundled.RECIPE.find(path)
+        try:
+            answer = command(arguments)
+        except BadInput as problem:
+            if all(one.span is None for one in problem.diagnostics if one.severity is Severity.ERROR):
+                raise
+            answer = Answer(ExitCode.BAD_INPUT, problem.diagnostics, data={"kind": "recipe"})
+    found = reworded(named.located(answer.diagnostics), CheckArguments)
+    return CheckResult(answer.exit_code is ExitCode.DONE, answer.data["kind"], answer.text, found, answer.data)
+
+
+@with_options_of(RunArguments)
+def simulate(
+    recipe: Source | None = None,
+    *,
+    robot: Name | None = None,
+    environment: Maps | None = None,
+    seed: int | None = None,
+    set: Bindings | None = None,
+    start: Start | None = None,
+    **options: Any,
+) -> RunResult:
+    """Run a recipe or a plan in a simulated world, as ``planlang run`` does.
+
+    ``recipe`` is the name of a bundled recipe, a path, the text of a recipe or plan, or what :func:`compile` returned.
+    ``robot`` and ``environment`` are names of bundled ones or paths; a bundled recipe has defaults. ``seed`` displaces
+    things in the world, 0 does not; ``set`` binds parameters, such as ``{"bottle": "bottle2"}``; ``start`` is the
+    pose of the base (x, y, yaw) [m, m, rad].
+
+    A plan that fails is a result, with ``outcome``, ``failure``, ``final_state``, ``trace``, ``report(path)`` and
+    ``picture(path)``. Raises BadInput for what cannot be used, KeyboardInterrupt if the run is interrupted.
+    """
+    from executive.cli.resources import check_memory
+    from executive.cli.run import options_of
+    from executive.runs.options import Outcome
+    from executive.runs.plan_run import run_plan_file
+
+    check_memory()
+    own = _situation(robot, environment, set, start) | {"seed": seed}
+    with file_of(recipe) as file, in_python(RunArguments):
+        result = run_plan_file(options_of(arguments_of(RunArguments, own | {"file": file.path}, options)))
+    if result.outcome is Outcome.INTERRUPTED:  # a loop over many runs ends, too
+        raise KeyboardInterrupt
+    failure = result.failure
+    if failure is not None and failure.advice is not None:
+        failure = replace(failure, advice=in_words_of_python(failure.advice, RunArguments))
+    found = reworded(file.located(result.diagnostics), RunArguments)
+    return replace(result, diagnostics=found, failure=failure)
+
+
+@with_options_of(LocateArguments)
+def locate(
+    phrase: str,
+    *,
+    robot: Name,
+    environment: Maps,
+    of: str | None = None,
+    count: int = 3,
+    start: Start | None = None,
+    **options: Any,
+) -> Located:
+    """Find poses that match a phrase, for the robot's base or for a thing, as ``planlang locate`` does.
+
+    ``phrase`` is plain English: "in reach of the bottle and near the bed"; ``of`` names the thing for which poses are
+    searched. The result is the sequence of its poses, at most ``count``, best first, with ``counts`` of why others were
+    rejected and ``picture(path)``. Raises BadInput for what cannot be understood or used.
+    """
+    from executive.cli.locate import options_of
+    from executive.cli.resources import check_memory
+    from executive.runs import locating
+
+    check_memory()
+    own = _situation(robot, environment, None, start) | {"phrase": phrase, "of": of, "count": count}
+    del own["set"]
+    with in_python(LocateArguments):
+        arguments = arguments_of(LocateArguments, own, options)
+        found = locating.locate(replace(options_of(arguments), drawn=True))
+    if arguments.explain is not None and found.sheet is not None:
+        found.picture(arguments.explain, force=True)
+    return replace(found, diagnostics=reworded(found.diagnostics, LocateArguments))
+
+
+@with_options_of(SweepArguments)
+def sweep(
+    recipe: Source,
+    worlds: int = 100,
+    *,
+    first: int = 1,
+    robot: Name | None = None,
+    environment: Maps | None = None,
+    set: Bindings | None = None,
+    start: Start | None = None,
+    **options: Any,
+) -> list[dict[str, Any]]:
+    """Run a recipe or plan in many worlds, as ``planlang sweep`` does; return a row for each, for ``pandas.DataFrame``.
+
+    The worlds are those of :func:`simulate` with the seeds from ``first`` on, on all cores. A row has ``world`` (the
+    seed), ``outcome`` ("done", "failed", "lacks a capability", "crashed"), ``failure`` (class of the failure, then of
+    its causes), ``message``, ``duration`` [s of plan time], ``final_state``, ``largest_tilts`` [degrees] and
+    ``repeat``, the command that repeats this world. Raises BadInput for what cannot be used.
+    """
+    from executive.cli.sweep import swept
+
+    own = _situation(robot, environment, set, start) | {"worlds": worlds, "first": first}
+    with file_of(recipe) as file, in_python(SweepArguments):
+        return swept(arguments_of(SweepArguments, own | {"recipe": file.path}, options))
+
+
+def _situation(
+    robot: Name | None, environment: Maps | None, set: Bindings | None, start: Start | None
+) -> dict[str, Any]:
+    """Return options as the command line has them, from what Python has for them."""
+    texts = [f"{name}={value}" for name, value in set.items()] if isinstance(set, Mapping) else set
+    pose = start if start is None or isinstance(start, str) else ",".join(map(str, start))
+    return {"robot": robot, "environment": environment, "set": texts, "start": pose}

@@ -1,0 +1,58 @@
+"""Why something did not succeed, for programs: class, message, place in the plan, advice, and causes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from planlang import PlanFailure
+from planlang.failures import LocationUnresolvable
+from planlang.records import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A failure that ended a plan or a search. ``str()`` gives its first sentence, with the advice."""
+
+    type: str
+    """The class of the failure, ``GraspMissed`` for example."""
+    message: str
+    where: str | None = None
+    """The place in the plan: task path, file and line."""
+    advice: str | None = None
+    """A sentence that names what would have to be different, if that is known."""
+    causes: tuple[Failure, ...] = ()
+    """The failures that it was raised from, the nearest first."""
+
+    @staticmethod
+    def of(problem: BaseException, where: str | None = None) -> Failure:
+        """Describe an exception; causes with equal class and message are listed once."""
+        links = list(problem.chain()) if isinstance(problem, PlanFailure) else [problem]
+        first, *causes = reversed({(type(link), str(link)): link for link in reversed(links)}.values())
+        advice = (link.because() for link in links if isinstance(link, LocationUnresolvable))
+        return Failure(
+            type(first).__name__,
+            str(first),
+            where or _where(first),
+            next(filter(None, advice), None),
+            tuple(Failure(type(link).__name__, str(link), _where(link)) for link in causes),
+        )
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """The class of the failure, then those of its causes."""
+        return (self.type, *(one.type for one in self.causes))
+
+    def __str__(self) -> str:
+        message = self.message.strip().partition("\n")[0]
+        # the messages of searches for places have the advice already, before the counts of candidates
+        advice = f"; {self.advice}" if self.advice is not None and self.advice not in message else ""
+        return f"{self.type}: {message}{advice}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return class, message, where, advice (each or null) and causes, for JSON."""
+        own = {"class": self.type, "message": self.message, "where": self.where, "advice": self.advice}
+        return {**own, "causes": [one.as_json() for one in self.causes]}
+
+
+def _where(link: BaseException) -> str | None:
+    return str(link.where) if isinstance(link, PlanFailure) and link.where is not None else None

@@ -1,0 +1,212 @@
+"""What a search for poses has found: the poses, why others were rejected, and how that is shown."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executive.runs.failure import Failure
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.notebooks import table
+from planlang.outputs import PNG_OR_SVG, check_outputs
+from planlang.outputs import replace as write_complete
+from planlang.records import dataclass
+from planlang.units import chosen_units, known_unit
+
+if TYPE_CHECKING:
+    from executive.pictures.drawing import Sheet
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPose:
+    """A pose that matches a phrase, in the frame of the map: of the base, or of the centre of a thing's box."""
+
+    x: float
+    """In metres, as ``y`` and ``z``."""
+    y: float
+    yaw: float
+    """In radians."""
+    z: float | None = None
+    """None for a base, which stands on the floor."""
+    score: float | None = None
+    """How well the phrase holds, in 0..1; None if no relation has a degree."""
+    arm: str | None = None
+    """The arm with which the base was found."""
+    reaches: tuple[str, ...] = ()
+    """What that arm does from there, each with the grasp."""
+    looks: tuple[tuple[float, float, float], ...] = ()
+    """Base poses (x, y, yaw) from which the robot looks first."""
+    hands: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
+    """How each hand reaches from there: arm, link, postures with joint values [rad, m] and the link's poses."""
+    frame: Mapping[str, str] = field(default_factory=dict)
+    """Words of the phrase such as ``left of`` -> whose sides are meant."""
+    detail: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    """What the search has noted beside the arm."""
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """The pose as a row of a table: x, y [m], yaw [rad], for things z [m], score, arm and what it reaches."""
+        height = {} if self.z is None else {"z": self.z}
+        found = {"x": self.x, "y": self.y, **height, "yaw": self.yaw, "score": self.score}
+        return found | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``planlang locate --json`` prints of a pose."""
+        if self.z is not None:
+            frame = {"frame": self.frame} if self.frame else {}
+            return {"x": self.x, "y": self.y, "z": self.z, "yaw": self.yaw, **frame}
+        pose = {"x": self.x, "y": self.y, "yaw": self.yaw, "score": self.score}
+        return {**pose, **self.detail, "hands": [*self.hands]}
+
+    def line(self, shown: Shown) -> str:
+        """Return the pose for people, with the arm and what it does."""
+        height = {} if self.z is None else {"z": self.z}
+        how = f"{self.arm_in_words}: {', '.join(self.reaches)}" if self.arm else ""
+        how += "".join(f", after a look from {shown(x=x, y=y, yaw=yaw)}" for x, y, yaw in self.looks)
+        return f"{shown(x=self.x, y=self.y, **height, yaw=self.yaw)}  {how}".rstrip()
+
+    @property
+    def arm_in_words(self) -> str:
+        """The arm as a phrase names it, "" without one."""
+        return self.arm or "" if not self.arm or self.arm.endswith("arm") else f"{self.arm} arm"
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """What a phrase means in a map, and the poses that match it, best first; shows itself in a notebook.
+
+    It is the sequence of its poses: ``len(found)``, ``found[0]``, ``for pose in found``.
+    """
+
+    phrase: str
+    """The phrase as it was understood, without arms and grasps that nothing uses."""
+    poses: tuple[FoundPose, ...] = ()
+    failure: Failure | None = None
+    """Why there is no pose; None if there is one."""
+    counts: Mapping[str, int] = field(default_factory=dict)
+    """Why candidates were rejected -> how many."""
+    blocking: Mapping[str, int] = field(default_factory=dict)
+    """Bodies that were in the way -> of how many candidates."""
+    meant: Mapping[str, str] = field(default_factory=dict)
+    """Things of the phrase -> the bodies of the map that they mean."""
+    posture: Mapping[str, float] = field(default_factory=dict)
+    """The joint values of the robot at the start [rad, m]."""
+    diagnostics: tuple[Diagnostic, ...] = ()
+    sides: Mapping[str, tuple[str, tuple[float, float] | None, bool]] = field(default_factory=dict, repr=False)
+    """Words such as ``left of`` -> whose sides are meant, from where (x, y) that is seen, True if by the robot."""
+    lacks_capability: bool = False
+    """True if the robot has no part for what was asked; then nothing was searched."""
+    units: tuple[str, ...] = ()
+    """Units in which ``str()`` has numbers, other than m and rad."""
+    sheet: Sheet | None = field(default=None, repr=False, compare=False)
+    """The drawing, if it was asked for."""
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __iter__(self) -> Iterator[FoundPose]:
+        return iter(self.poses)
+
+    def __getitem__(self, number: int) -> FoundPose:
+        return self.poses[number]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """The poses as rows, for ``pandas.DataFrame``; :attr:`FoundPose.row` lists what is in them."""
+        return [pose.row for pose in self.poses]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what ``planlang locate --json`` prints."""
+        failed = {} if self.failure is None else {"failure": self.failure.as_json(), "message": self.failure.message}
+        if self.lacks_capability:
+            return failed
+        return {
+            "location": self.phrase,
+            "meant": self.meant,
+            "posture": self.posture,
+            "solutions": [pose.as_json() for pose in self.poses],
+            "counts": self.counts,
+            "blocking": self.blocking,
+            **failed,
+        }
+
+    def __str__(self) -> str:
+        """Return it for people: the phrase, whose sides are meant, a line for each pose, and what was rejected."""
+        shown = Shown(self.units)
+        if self.lacks_capability and self.failure is not None:
+            return f"{self.failure.type}: {self.failure.message}"
+        lines = [f"{self.phrase}{shown.heading()}"]
+        for words, (whose, point, by_robot) in self.sides.items():
+            seen = "" if point is None else f"as seen from {'the robot at ' * by_robot}{shown(x=point[0], y=point[1])}"
+            lines.append(f"  {words}: {'in its own frame' if whose == 'its own' else seen}")
+        lines += [f"  {number}  {pose.line(shown)}" for number, pose in enumerate(self.poses, 1)]
+        if self.failure is not None:
+            lines.append(self.failure.message)
+        elif self.counts:
+            lines.append(f"  rejected: {', '.join(f'{number} {reason}' for reason, number in self.counts.items())}")
+        return "\n".join(lines)
+
+    def picture(self, path: str | PathLike[str], *, force: bool = False) -> Path:
+        """Draw the room from above with the candidates and why they were rejected, as PNG or SVG; return the path.
+
+        ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
+        """
+        if self.sheet is None:
+            raise BadInput([error("C041", "nothing was searched: there is nothing to draw", help=str(self))])
+        target, sheet = Path(path), self.sheet
+        problems = check_outputs({"picture": target}, {}, formats={"picture": PNG_OR_SVG}, force=force)
+        if problems:
+            raise BadInput(problems)
+        write_complete(target, sheet.save)
+        return target
+
+    def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
+        """Show the picture with a table of the poses in a notebook."""
+        bundle = {"text/plain": str(self)}
+        if self.sheet is not None:
+            content = io.BytesIO()
+            self.sheet.finished().save(content, format="PNG")
+            picture = base64.b64encode(content.getvalue()).decode("ascii")
+            rows = [[_rounded(value) for value in row.values()] for row in self.rows]
+            poses = table([*self.rows[0]], rows) if rows else ""
+            attributes = f'alt="{escape(self.phrase)}" style="max-width: 100%"'
+            bundle["text/html"] = f'{poses}<img {attributes} src="data:image/png;base64,{picture}">'
+        return bundle
+
+
+def _rounded(value: object) -> object:
+    return "" if value is None else f"{value + 0.0:.3f}" if isinstance(value, float) else value
+
+
+class Shown:
+    """Numbers of poses with their names, in m and rad or in the units that a user asks for; BadInput for others."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._chosen = chosen_units(names)
+        shown = {known_unit(name).dimension for name in ("Meter", "Radian")}
+        wrong = [name for dimension, name in self._chosen.items() if dimension not in shown]
+        help = "locate shows lengths and angles: --units Centimeter --units DegreeAngle"
+        if wrong:
+            raise BadInput([error("C019", f"--units {one}: neither a length nor an angle", help=help) for one in wrong])
+
+    def __call__(self, **numbers: float) -> str:
+        """Return the numbers [m, rad] with their names."""
+        return "  ".join(f"{name} {self._number(number, name)}" for name, number in numbers.items())
+
+    def _number(self, number: float, name: str) -> str:
+        """Return a number as precisely as a millimetre and a milliradian are; adding zero avoids -0.000."""
+        si = known_unit("Radian" if name == "yaw" else "Meter")
+        own = known_unit(self._chosen.get(si.dimension, "Radian" if name == "yaw" else "Meter"))
+        places = max(0, math.ceil(3 + math.log10(own.factor)))
+        return f"{round(si.to(own, number), places) + 0.0:.{places}f}"
+
+    def heading(self) -> str:
+        """Return the units that a user has asked for, in brackets."""
+        return f" [{', '.join(self._chosen.values())}]" if self._chosen else ""

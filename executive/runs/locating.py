@@ -1,0 +1,318 @@
+"""Finds poses that match a phrase: it is read, its things found in the map, and poses searched for base or thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, nullcontext
+from dataclasses import field, replace
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from executive.belief.scene_collisions import BasePose
+from executive.locations import Rejections
+from executive.locations.consistency import LocationMeaningless
+from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
+from executive.maps import read_map, scene_of
+from executive.modules.platform import Platform
+from executive.robots import bind_robot
+from executive.robots.arms import with_carrying
+from executive.runs.assembly import platform_of, world_at_start
+from executive.runs.failure import Failure
+from executive.runs.located import FoundPose, Located, Shown
+from executive.runs.phrases import lexicon_of
+from planlang.designators import Location, Object, Relation
+from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
+from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable, PlanFailure
+from planlang.geometry import Pose
+from planlang.ontology import load
+from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
+from planlang.phrases.lexicon import GRASP_FORMS
+from planlang.progress import Report, unreported
+from planlang.records import dataclass
+from planlang.relations import RELATIONS
+from sim import PyBulletWorld
+
+if TYPE_CHECKING:
+    from executive.pictures.drawing import Sheet
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocateOptions:
+    """A phrase, the robot and the maps in which poses are searched, and how many."""
+
+    phrase: str
+    robot: Path
+    environment: Path
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
+    ontologies: tuple[Path, ...] = ()
+    urdf: Path | None = None
+    start: BasePose | None = None
+    of: str | None = None
+    """The thing for which poses are searched; None: the base."""
+    count: int = 3
+    units: tuple[str, ...] = ()
+    """Units in which the result is written for people, other than m and rad."""
+    drawn: bool = False
+    """Draw the room with the candidates, too, which takes part of a second."""
+    long_work: Report = unreported
+    """Given the progress of long work: of maps that have to be built."""
+    waiting: Callable[[Callable[[], str]], AbstractContextManager[None]] = lambda what: nullcontext()
+    """Entered while poses are searched; given what returns words for the search at any time."""
+
+
+@dataclass(slots=True)
+class _Question:
+    """A phrase that was read, its things, and the believed world in which it is asked."""
+
+    location: Location
+    what: Object | None
+    lexicon: Lexicon
+    platform: Platform
+    meant: Mapping[Object, str]
+    found: list[Diagnostic] = field(default_factory=list)
+
+    @property
+    def body(self) -> str | None:
+        """The body for which poses are searched; None: the base."""
+        return None if self.what is None else self.meant[self.what]
+
+
+def locate(options: LocateOptions) -> Located:
+    """Find poses; raises BadInput for what cannot be understood or used."""
+    Shown(options.units)  # what cannot be shown is refused before the search
+    with ExitStack() as stack:
+        found: list[Diagnostic] = []
+        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
+        semantic_map = read_map(ontology)
+        lexicon = lexicon_of(semantic_map)
+        location = read_location(options.phrase, lexicon)
+        what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
+        robot = with_carrying(
+            bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies), report=options.long_work
+        )
+        found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
+        if location.device is not None and not robot.arms_of(location.device):
+            arms = ", ".join(arm.name for arm in robot.arms) or "none"
+            asked = write_thing(location.device).removeprefix("the ")
+            return _missing(MissingCapability(f"{robot.name} has no {asked}; its arms: {arms}"), options, found)
+        world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
+        truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
+        stack.callback(truth.close)
+        platform = platform_of(robot, semantic_map, truth, world, 0, options.long_work)
+        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, found)
+        found.extend(_choices(meant, lexicon, platform))
+        try:
+            return _resolved(_Question(location, what, lexicon, platform, meant, found), options)
+        except LocationMeaningless as problem:
+            raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+        except MissingCapability as problem:
+            return _missing(problem, options, found)
+
+
+def _missing(problem: PlanFailure, options: LocateOptions, found: Iterable[Diagnostic]) -> Located:
+    """Return the result when the robot has no part for what is asked."""
+    return Located(options.phrase, failure=Failure.of(problem), diagnostics=tuple(found), lacks_capability=True)
+
+
+def _resolved(question: _Question, options: LocateOptions) -> Located:
+    """Search the poses, and draw what was looked at if that is asked for."""
+    log, failure, platform = Rejections(explained=True), None, question.platform
+    poses: list[FoundPose] = []
+    frame: Mapping[str, str] = {}
+    try:
+        used = _used(question.location, question.what, platform)
+        question.found.extend(_idle(question.location, used))
+        question.location, frame = used, _frame(used, question.body, platform)
+        search = _bases(question, log) if question.what is None else _things(question, frame, log)
+        with options.waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
+            poses.extend(islice(search, options.count))
+    except LocationMeaningless:
+        raise
+    except LocationUnresolvable as problem:
+        failure = problem
+    phrase = write_location(question.location, question.lexicon)
+    found = Located(
+        phrase,
+        tuple(poses),
+        None if poses or failure is None else _without_phrase(failure, question.location),
+        dict(log.counts.most_common()),
+        dict(log.blocking.most_common()),
+        {str(reference): name for reference, name in question.meant.items()},
+        dict(platform.world.configuration().joints),
+        tuple(question.found),
+        _sides(frame, question.location, platform),
+        units=options.units,
+    )
+    return replace(found, sheet=_drawing(found, log, question, options)) if options.drawn else found
+
+
+def _without_phrase(failure: PlanFailure, location: Location) -> Failure:
+    """Return why there is no pose, without the phrase, which stands beside it."""
+    described = Failure.of(failure)
+    return replace(described, message=described.message.replace(f" for {location}", "", 1))
+
+
+def _drawing(found: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
+    from executive.pictures.floor_plan import Resolution, picture, scenery_of  # Pillow is slow to import
+
+    refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
+    why = "" if found.failure is None else found.failure.message.partition(" (")[0]  # counts are listed
+    resolution = Resolution(
+        options.phrase,
+        [(pose.x, pose.y, pose.yaw) for pose in found.poses],
+        log.places,
+        log.scored,
+        refused,
+        found.counts,
+        found.blocking,
+        [pose.arm_in_words for pose in found.poses],
+        why,
+    )
+    scene = question.platform.scene
+    return picture(scenery_of(scene, question.location, question.meant.values(), question.body), resolution)
+
+
+def _meant(
+    designators: Iterable[Object], lexicon: Lexicon, platform: Platform, found: Sequence[Diagnostic]
+) -> dict[Object, str]:
+    """Return the body that each designator means; raises BadInput, with what was found, when the map has none."""
+    meant: dict[Object, str] = {}
+    problems = []
+    for what in dict.fromkeys(designators):
+        try:
+            meant[what] = platform.scene.bodies.bind(what)
+        except ObjectUnresolvable:
+            known = ", ".join(platform.belief.names())
+            message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
+            problems.append(error("P008", message, help=f"it has {known}"))
+    if problems:
+        raise BadInput([*found, *problems])
+    return meant
+
+
+def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
+    """Yield a note for each thing that was chosen among several."""
+    for what, name in meant.items():
+        others = [other for other in platform.belief.of_class(what) if other != name]
+        if what.iri is None and others:
+            help = f"name it to mean another: {', '.join(others)}"
+            stated = write_thing(what, lexicon)
+            yield note("P009", f"{stated} is {name}, the nearest of {len(others) + 1}", help=help)
+
+
+def _of_no_place(
+    problem: LocationMeaningless, location: Location, what: Object | None, lexicon: Lexicon
+) -> Iterator[Diagnostic]:
+    """Yield why a phrase describes no location, in the words of phrases."""
+
+    def words(part: object) -> str:
+        if isinstance(part, Relation):
+            return repr(write_relation(part, lexicon))
+        return repr(write_location(part, lexicon)) if isinstance(part, Location) else RELATIONS[str(part)].forms[0]
+
+    yield error("P010", problem.worded(words), help=_other_subject(location, what, lexicon))
+
+
+def _used(location: Location, what: Object | None, platform: Platform) -> Location:
+    """Return the location without arms and grasps that nothing uses."""
+    if what is not None:
+        return replace(location, device=None, grasp=None)
+    return without_unused(location, platform.scene, platform.base()[:2])
+
+
+def _idle(stated: Location, used: Location) -> Iterator[Diagnostic]:
+    """Yield a warning for unused arms and grasps, those of nested locations included."""
+    idle = []
+    if stated.device is not None and used.device is None:
+        idle.append(f"with {write_thing(stated.device)}")
+    if stated.grasp is not None and used.grasp is None:
+        idle.append(GRASP_FORMS[stated.grasp][0])
+    if idle:
+        help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
+        yield warning("P011", f"{' '.join(idle)!r} has no effect here; it is left out", help=help)
+    for one, other in zip(stated.relations, used.relations, strict=True):
+        if isinstance(one.reference, Location) and isinstance(other.reference, Location):
+            yield from _idle(one.reference, other.reference)
+
+
+def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
+    """Return how to ask for poses that a relation has a meaning for, if it has none for what was asked for."""
+    for relation in location.relations:
+        meaning = RELATIONS[relation.name]
+        if what is None and meaning.base is None:
+            hints = ["--of THING asks for poses of a thing"] if meaning.thing else []
+            if meaning.hand:
+                hints.append(f'the base for a hand is "in reach of a place {write_relation(relation, lexicon)}"')
+            return "; ".join(hints)
+        if what is not None and meaning.thing is None and meaning.base is not None:
+            return "without --of, poses of the base are searched"
+    return None
+
+
+def _bases(question: _Question, log: Rejections) -> Iterator[FoundPose]:
+    """Yield base poses, best first."""
+    platform = question.platform
+    for solution in platform.resolver.bases(question.location, log):
+        x, y, yaw = solution.base
+        detail = solution.detail
+        yield FoundPose(
+            x,
+            y,
+            yaw,
+            score=next((place.score for place in reversed(log.places) if place.base == solution.base), None),
+            arm=detail.get("arm"),
+            reaches=tuple(detail.get("reaches", ())),
+            looks=tuple((a, b, c) for a, b, c in detail.get("looks", ())),
+            hands=tuple(_hands(solution.base, platform)),
+            detail=detail,
+        )
+
+
+def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
+    """Yield how each hand was judged to reach from a base pose: the tip's poses in order, each with joint values."""
+    torso = platform.robot.torso
+    for (_, _), reached in platform.resolver.reached_from(base).items():
+        for hand in reached.values():
+            arm, values = hand.arm, hand.joints.tolist()
+            poses = [
+                {"position": list(pose.position), "orientation": list(pose.orientation)}
+                for pose in map(Pose.from_matrix, hand.plan.poses[: len(values)])
+            ]
+            yield {
+                "arm": arm.name,
+                "reach": hand.plan.label,
+                "link": platform.robot.arm(arm.name).tip,
+                "fingers": dict(hand.plan.fingers) or None,
+                "torso": values[0][arm.joints.index(torso)] if torso in arm.joints else None,
+                "postures": [
+                    {"joints": dict(zip(arm.joints, row, strict=True)), **pose}
+                    for row, pose in zip(values, poses, strict=True)
+                ],
+            }
+
+
+def _things(question: _Question, frame: Mapping[str, str], log: Rejections) -> Iterator[FoundPose]:
+    """Yield poses of a thing, of the centre of its box, best first."""
+    assert question.what is not None
+    for pose in question.platform.resolver.things(question.location, question.what, log):
+        x, y, z = pose.position
+        yield FoundPose(x, y, pose.yaw, z, frame=frame)
+
+
+def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
+    """Return whose sides are meant, by the words of the phrase."""
+    scene, (x, y, _) = platform.scene, platform.base()
+    if what is None:
+        return sides(base_demand(location, scene, (x, y)), scene)
+    return sides(thing_demand(location, what, scene, (x, y)), scene)
+
+
+def _sides(
+    frame: Mapping[str, str], location: Location, platform: Platform
+) -> dict[str, tuple[str, tuple[float, float] | None, bool]]:
+    """Return whose sides are meant, with the point from which they are seen, and whether that is the robot's."""
+    there = viewpoint(location, platform.scene)
+    x, y = there or platform.base()[:2]
+    return {words: (whose, (x, y), there is None) for words, whose in frame.items()}
