@@ -40,6 +40,6 @@ intersphinx_mapping = {}
 nitpicky = True
 # Types in signatures that are not public, or stand in the documentation of Python. What prose names has to be there.
 nitpick_ignore_regex = [
-    ("py:class", r"(collections|os|random|typing)\..*|(dict|tuple)\[.*"),
+    ("py:class", r"(collections|enum|executive|os|pathlib|random|typing)\..*|(dict|tuple)\[.*"),
     ("py:class", r"planlang\.\w+\..+|[A-Z]\w*"),
 ]

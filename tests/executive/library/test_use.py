@@ -1,18 +1,16 @@
-"""The library as its users have it: the guide and its notebook run, and their files are typed."""
+"""The library as its users have it: the notebook of the guide runs, and their files are typed."""
 
 from __future__ import annotations
 
 import re
 import subprocess
 import sys
-from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[3]
-GUIDE = CHECKOUT / "docs" / "guides" / "library_use.md"
 NOTEBOOK = CHECKOUT / "docs" / "guides" / "notebook.ipynb"
 USERS = """
 from collections.abc import Mapping, Sequence
@@ -63,19 +61,6 @@ def test_a_users_file_is_typed_and_its_mistakes_are_found(tmp_path: Path) -> Non
     lines = sorted({int(line) for line in re.findall(r"users\.py:(\d+): error", told.stdout)})
     wrong = [number for number, line in enumerate(USERS.splitlines(), 1) if line.endswith("# wrong")]
     assert lines == wrong, told.stdout + told.stderr
-
-
-@pytest.mark.long
-def test_the_examples_of_the_guide_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pandas")
-    pytest.importorskip("matplotlib")
-    monkeypatch.setenv("MPLBACKEND", "agg")
-    space: dict[str, Any] = {"__name__": "guide"}
-    with chdir(tmp_path):
-        for block in re.findall(r"^```python\n(.*?)^```$", GUIDE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL):
-            exec(compile(block, "<guide>", "exec"), space)
-    assert len(space["table"]) == 10
-    assert {one.name for one in tmp_path.iterdir()} == {"run.html", "scene.png", "serve_a_drink.svg", "where.png"}
 
 
 @pytest.mark.long
