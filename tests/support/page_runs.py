@@ -21,6 +21,7 @@ from importlib.util import find_spec
 from io import StringIO
 from itertools import pairwise
 from pathlib import Path
+from textwrap import dedent
 from types import MappingProxyType
 from unittest.mock import patch
 
@@ -269,7 +270,7 @@ class PageRun:
 
     def _compare(self, line: int, shown: str, printed: str) -> None:
         self.found.outputs[line] = (shown, printed)
-        if not agrees(shape(shown), shape(printed)):
+        if not agrees(shape(shown), shape(dedent(printed))):
             self._wrong(line, f"this prints\n{printed}")
 
     def _wrong(self, line: int, text: str) -> None:
