@@ -68,21 +68,21 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Con
 
 
 LONGEST = (
-    "repository/test_documentation.py",
-    "executive/test_whole_runs.py",
-    "executive/locations/test_rooms.py",
+    "executive/report/test_page_in_browser.py",
+    "executive/report/test_command.py",
     "executive/test_resuming.py",
-    "executive/test_running.py",
-    "executive/test_other_robots.py",
     "executive/test_locate.py",
+    "repository/test_documentation.py",
+    "executive/serving/test_page.py",
+    "executive/serving/test_commands.py",
+    "executive/serving/test_security.py",
+    "executive/test_running.py",
+    "executive/pictures/test_recording.py",
     "planlang/recipe/test_fixes.py",
-    "executive/motion/test_constrained_motion.py",
-    "executive/robots/test_original_matching.py",
-    "executive/modules/test_low_grasps.py",
-    "executive/locations/test_resolution_properties.py",
-    "executive/test_trusting_the_map.py",
-    "planlang/recipe/test_misspellings.py",
-    "executive/test_searching.py",
+    "executive/modules/test_grasping.py",
+    "executive/robots/test_matching.py",
+    "executive/modules/test_containers.py",
+    "executive/serving/test_entries.py",
 )
 """Files that take longest: begun first, so that at the end no worker waits for another."""
 

@@ -260,7 +260,7 @@ def moved(stage: Stage, poses: Iterable[BasePose]) -> None:
     stage.platform.sync()
 
 
-@settings(max_examples=examples(500), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 @given(st.tuples(points, points, points), points, st.lists(asked, min_size=1, max_size=3))
 def test_where_a_place_satisfies_a_location_one_is_found(
     furnish: MakeStage,

@@ -48,7 +48,7 @@ polylines = st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, 
 )
 
 
-@settings(max_examples=examples(300), deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(polylines)
 def test_trajectory_follows_the_polyline_forwards_and_ends_exactly(waypoints: Array) -> None:
     rows = timed(waypoints)

@@ -98,6 +98,7 @@ def test_files_of_the_folder_in_which_it_is_started_are_not_run(
     assert not (tmp_path / "was_run").exists()
 
 
+@pytest.mark.long
 def test_a_mistake_of_ours_is_no_refusal(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     with pytest.raises(Failed, match="ZeroDivisionError"):
@@ -105,6 +106,7 @@ def test_a_mistake_of_ours_is_no_refusal(source: Source) -> None:
     workers.close()
 
 
+@pytest.mark.long
 def test_a_worker_that_ends_within_its_limits_is_replaced_once_and_no_refusal(source: Source, tmp_path: Path) -> None:
     workers, ended = Workers(source, 1, Limits()), tmp_path / "ended"
     ended.touch()

@@ -36,6 +36,7 @@ def drinks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_a_world_ends_as_the_run_that_its_command_repeats(drinks: Path) -> None:
     (row,) = read_sweep(drinks).rows
     words = shlex.split(row["repeat"])
