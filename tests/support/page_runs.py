@@ -102,7 +102,8 @@ class PageRun:
     def run(self) -> Found:
         """Run all blocks in their order."""
         strategies = patch.dict("planlang.recoveries._registered")  # those that a page registers end with it
-        with chdir(self._folder), patch.object(sys, "path", [str(self._folder), *sys.path]), strategies:
+        calm = patch("executive.cli.progress.SHORT", 1e9)  # how far a long command is depends on the machine
+        with chdir(self._folder), patch.object(sys, "path", [str(self._folder), *sys.path]), strategies, calm:
             for block, following in pairwise([*self._blocks, None]):
                 try:
                     if block.line not in self._done:
