@@ -57,7 +57,7 @@ def main(recipe: str = "wipe_table", pairs: str = "3") -> None:
             looking = SPENT["look"] + SPENT["listen"]
             shares.append(looking / without)
             print(
-                f"{recipe}, {alone.duration:.0f} s of plan time: {without:.2f} s of CPU, {with_page:.2f} s with a page; "
+                f"{recipe}, {alone.duration:.0f} s of plan time: {without:.2f} s CPU, {with_page:.2f} s with a page; "
                 f"looking on {looking:.2f} s, writing {SPENT['save']:.2f} s, {page.stat().st_size / 1e6:.2f} MB"
             )
     print(f"looking on takes {100 * median(shares):.1f} %, median of {pairs} pairs")
