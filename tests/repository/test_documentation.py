@@ -28,10 +28,13 @@ LONG = tuple(
     for name in (
         *(
             f"guides/{one}"
-            for one in ("compiling", "cooking", "knowledge", "modules", "published_recipes", "recording")
+            for one in ("ci", "compiling", "cooking", "knowledge", "library_use", "modules", "published_recipes")
         ),
-        *(f"guides/{one}" for one in ("report", "resuming", "running", "searching", "sweeping", "testing")),
-        "reference/formats",
+        *(
+            f"guides/{one}"
+            for one in ("recording", "report", "resuming", "running", "searching", "sweeping", "testing")
+        ),
+        *("first_steps/first_plan", "reference/formats", "reference/gallery"),
     )
 )
 """Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""
