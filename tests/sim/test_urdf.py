@@ -131,7 +131,7 @@ BROKEN_MESHES = {
     "empty": ("a.obj", "", "no triangle"),
     "face without its vertex": ("a.obj", CUBE + "f 1 2 999999999\n", "names vertex 999999999, there are 8"),
     "face before its vertices": ("a.obj", "v 0 0 0\nf -1 -2 -3\n", "names vertex"),
-    "face of a number that is none": ("a.obj", CUBE + "f 1 2 x\n", "number that is none"),
+    "face of a number that is none": ("a.obj", CUBE + "f 1 2 x\n", "malformed number"),
     "vertex that is no number": ("a.obj", CUBE.replace("v 0 0 1", "v nan 0 1"), "not finite"),
     "vertex beyond the world": ("a.obj", CUBE.replace("v 0 0 1", "v 1e300 0 1"), "beyond"),
     "no triangle": ("a.stl", "solid a\nendsolid a\n", "no triangle"),
