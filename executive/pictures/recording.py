@@ -170,7 +170,7 @@ def _reasons(failure: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> Any:
-    """Layout of the viewer: the scene beside graphs and text, and below them the lanes on a time axis to ``end`` [s]."""
+    """Layout of the viewer: the scene beside graphs and text, and below them lanes on a time axis to ``end`` [s]."""
     graphs = [blueprint.GraphView(origin=TREE, name="Plan")]
     if has_recipe:
         graphs.append(blueprint.GraphView(origin=RECIPE, name="Recipe"))
