@@ -39,13 +39,13 @@ class Explanation:
     def tree(self) -> Finding:
         """Build the finding for the task's recipe, with the findings for its needs below it."""
         self._shown.clear()
-        (root,) = self.combination.wanted
+        (root,) = self.combination.roots
         return self._of(root)
 
     def alternatives(self) -> tuple[Alternative, ...]:
         """Alternatives for a task that cannot be done, those with the fewest unmet needs first."""
         if self._alternatives is None:
-            (root,) = self.combination.wanted
+            (root,) = self.combination.roots
             self._alternatives = alternatives(self.combination, root) if self.combination.unmet else ()
         return self._alternatives
 
@@ -75,33 +75,33 @@ class Explanation:
 
     def _side(self, need: Need) -> str:
         """Name who could meet a need: the robot (hardware), the knowledge base (recipes, models, maps), or both."""
-        wanted, robot, url = self.enabling.wanted[need], self.enabling.robot.robot, self.enabling.url
-        if wanted.kind not in NEEDED:
+        details, robot, url = self.enabling.details[need], self.enabling.robot.robot, self.enabling.url
+        if details.kind not in NEEDED:
             return url
-        return robot if wanted.is_hardware else f"{robot} and {url}"
+        return robot if details.is_hardware else f"{robot} and {url}"
 
     def _named(self, need: Need) -> str:
-        wanted = self.enabling.wanted[need]
-        return f"{wanted.kind.value} {wanted.text}".strip()
+        details = self.enabling.details[need]
+        return f"{details.kind.value} {details.text}".strip()
 
     def _of(self, need: Need) -> Finding:
-        wanted, answer = self.enabling.wanted[need], self.combination.answers[need]
+        details, answer = self.enabling.details[need], self.combination.answers[need]
         is_new = need not in self._shown and len(self._path) < DEEPEST
         self._shown.add(need)
         if answer.by is not None:
-            return Finding(wanted.kind, wanted.text, wanted.iri, Availability.AVAILABLE, answer.by)
+            return Finding(details.kind, details.text, details.iri, Availability.AVAILABLE, answer.by)
         is_circular = need in self._path
         self._path.append(need)
         below = tuple(self._below(need, answer)) if is_new else ()
         self._path.pop()
-        state, reason = Availability.MISSING, wanted.lacks
+        state, reason = Availability.MISSING, details.lacks
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
         elif is_circular:
             reason = "it depends on itself"
         elif any(not offer.is_own for offer, _ in answer.considered):
             reason = "every candidate needs something that is missing"
-        return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
+        return Finding(details.kind, details.text, details.iri, state, reason, None, below)
 
     def _taken(self, offer: Offer) -> str:
         if offer.is_own:
@@ -140,7 +140,7 @@ class Explanation:
 
     def maps(self) -> list[Entry]:
         """Maps among the used entries, in which the task can run."""
-        needs = (need for need, wanted in self.enabling.wanted.items() if wanted.kind is FindingKind.MAP)
+        needs = (need for need, details in self.enabling.details.items() if details.kind is FindingKind.MAP)
         answers = (self.combination.answers.get(need) for need in needs)
         uids = {one.offer.uid for one in answers if one is not None and one.offer is not None}
         return [one.entry for one in self.entries() if one.entry.uid in uids]

@@ -38,7 +38,7 @@ MOST_SUGGESTIONS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class NeedDetails:
     """What a need asks for, and how to look for it.
 
     ``has`` is the reason why the robot has it already, ``lacks`` why it has not, and ``own`` are offers of the robot
@@ -73,7 +73,7 @@ class Enabling:
     own_map: Path | None = None
     """The user's map; if given, no other one is searched for."""
     place: Mapping[str, str] = field(default_factory=dict)
-    wanted: dict[Need, Wanted] = field(default_factory=dict)
+    details: dict[Need, NeedDetails] = field(default_factory=dict)
     refused: dict[Need, dict[str, str]] = field(default_factory=dict)
     """Unsuitable entries for each need: the reason by the entry's identifier."""
     unread: dict[Need, int] = field(default_factory=dict)
@@ -108,7 +108,7 @@ class Enabling:
     def _combination(self, root: Need) -> Combination:
         """Search until none of the chosen entries is damaged."""
         while True:
-            found = combine([root], lambda need: self.wanted[need].has, self.offers)
+            found = combine([root], lambda need: self.details[need].has, self.offers)
             uids = [one.uid for one in found.offers() if not one.is_own]
             damaged = {uid: reason for uid in uids if (reason := self.stock.damage(uid)) is not None}
             if not damaged:
@@ -122,21 +122,21 @@ class Enabling:
 
         Recipes and maps are downloaded lazily, since their content has to be read before their needs are known.
         """
-        wanted = self.wanted[need]
+        details = self.details[need]
         self.refused[need] = {}
         if need not in self._candidates:
-            self._candidates[need] = self._find_candidates(need, wanted)
+            self._candidates[need] = self._find_candidates(need, details)
         candidates = self._candidates[need]
-        if wanted.kind in (FindingKind.RECIPE, FindingKind.MAP):
-            return chain(wanted.own, self._read_offers(need, candidates))
-        return [*wanted.own, *(offer for one in candidates if (offer := self._offer(need, one)) is not None)]
+        if details.kind in (FindingKind.RECIPE, FindingKind.MAP):
+            return chain(details.own, self._read_offers(need, candidates))
+        return [*details.own, *(offer for one in candidates if (offer := self._offer(need, one)) is not None)]
 
-    def _find_candidates(self, need: Need, wanted: Wanted) -> list[Found]:
+    def _find_candidates(self, need: Need, details: NeedDetails) -> list[Found]:
         """Entries that may meet a need, local copies that were downloaded for it first."""
-        offered = {one.entry.uid: self.stock.latest(one) for one in _best_first(wanted)}
+        offered = {one.entry.uid: self.stock.latest(one) for one in _best_first(details)}
         copies = [one for one in self.stock.folder.kept.values() if _general(need) in map(_general, one.needs)]
         kept = [offered.pop(one.found.entry.uid, one.found) for one in copies]
-        return [*sorted(kept, key=wanted.rank), *offered.values()]
+        return [*sorted(kept, key=details.rank), *offered.values()]
 
     def _read_offers(self, need: Need, candidates: Sequence[Found]) -> Iterator[Offer]:
         for number, found in enumerate(candidates):
@@ -152,7 +152,7 @@ class Enabling:
         uid = found.entry.uid
         self.stock.found[uid] = found
         try:
-            reason = self._damaged.get(uid) or self.wanted[need].fits(found)
+            reason = self._damaged.get(uid) or self.details[need].fits(found)
             if reason is None:
                 return Offer(uid, found.entry.about, self.needs_of(found))
         except BadInput as problem:
@@ -180,11 +180,11 @@ class Enabling:
             named = [one for one in recipes.values() if _is_called(one, name)]
             found = named or self._recipes(name)
             if not found and (near := self._near(name)):
-                self._want(need, replace(self.wanted[need], lacks=f"{self._none()}; did you mean {' or '.join(near)}?"))
+                self._add(need, replace(self.details[need], lacks=f"{self._none()}; did you mean {' or '.join(near)}?"))
             yield from found
 
         need = f"recipe {name}"
-        return self._want(need, Wanted(FindingKind.RECIPE, name, search=search, lacks=self._none()))
+        return self._add(need, NeedDetails(FindingKind.RECIPE, name, search=search, lacks=self._none()))
 
     def _near(self, name: str) -> list[str]:
         """Similar names of recipes in the knowledge base: labels, identifiers and action classes."""
@@ -198,7 +198,7 @@ class Enabling:
         """Add the need of a recipe file of the user. Raises BadInput if it cannot be compiled."""
         needs = self.of_recipe(load(recipe, folders=self.stock.folders), task)
         own = (Offer(str(recipe), str(recipe), needs, is_own=True),)
-        return self._want(f"recipe {recipe}", Wanted(FindingKind.RECIPE, str(recipe), own=own))
+        return self._add(f"recipe {recipe}", NeedDetails(FindingKind.RECIPE, str(recipe), own=own))
 
     def of_recipe(self, ontology: Ontology, task: str | None) -> tuple[Need, ...]:
         """Add the needs of a recipe. Raises BadInput if it cannot be compiled."""
@@ -221,7 +221,7 @@ class Enabling:
             text = f"one of {', '.join(one.text for one in finding.below)}"
             ways = [(one.text, tuple(self._of_finding(one))) for one in finding.below]
             need = f"{text}: {[needs for _, needs in ways]}"
-            yield self._want(need, Wanted(FindingKind.ALTERNATIVES, text, own=_own(need, ways)))
+            yield self._add(need, NeedDetails(FindingKind.ALTERNATIVES, text, own=_own(need, ways)))
         elif finding.reason == UNKNOWN_STEP and finding.iri is not None:
             yield self._of_step(finding)
         elif finding.kind is not FindingKind.ALTERNATIVES:
@@ -230,11 +230,13 @@ class Enabling:
 
     def _of_requirement(self, finding: Finding) -> Need:
         need = _required(finding)
-        if need in self.wanted:
+        if need in self.details:
             return need
         if all(one.state is Availability.AVAILABLE for one, _ in finding.walk()):
-            return self._want(need, Wanted(finding.kind, finding.text, finding.iri, has=finding.reason))
-        self.wanted[need] = Wanted(finding.kind, finding.text)  # ends the recursion if its dependencies need it in turn
+            return self._add(need, NeedDetails(finding.kind, finding.text, finding.iri, has=finding.reason))
+        self.details[need] = NeedDetails(
+            finding.kind, finding.text
+        )  # ends the recursion if its dependencies need it in turn
         is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
         own = () if is_disproved else _own(need, self._ways(finding))
         iri, why = finding.iri, finding.reason
@@ -243,10 +245,10 @@ class Enabling:
         expression = finding.text if iri is None else f"<{iri}>"
         if iri is not None and (is_disproved or self.vocabulary.taxonomy.is_below(iri, HARDWARE)):
             reason = f"{why}; it is or depends on hardware, which no knowledge base has"
-            return self._want(need, Wanted(finding.kind, finding.text, iri, None, reason, True, own))
+            return self._add(need, NeedDetails(finding.kind, finding.text, iri, None, reason, True, own))
         reason = why if own else f"{why}, and {self.url} has none"
         search = partial(self.stock.shelf.search, expression)
-        return self._want(need, Wanted(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
+        return self._add(need, NeedDetails(finding.kind, finding.text, iri, lacks=reason, own=own, search=search))
 
     def _ways(self, finding: Finding) -> list[tuple[str, tuple[Need, ...]]]:
         """Ways to meet a requirement by its dependencies: one way, or one for each operand of an "or"."""
@@ -266,8 +268,8 @@ class Enabling:
         def search() -> Iterator[Found]:
             yield from (one for one in self._recipes(f"<{iri}>") if one.entry.about == iri)
 
-        wanted = Wanted(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), search=search)
-        return self._want(f"recipe {iri}", wanted)
+        details = NeedDetails(FindingKind.RECIPE, local_name(iri or ""), iri, None, self._none(), search=search)
+        return self._add(f"recipe {iri}", details)
 
     def model(self, cls: str, ontology: Ontology) -> Need:
         """Add the need of a recognition model of a class: a model of it or a subclass, else of a superclass."""
@@ -285,8 +287,10 @@ class Enabling:
             uids = {one.entry.uid for one in near}
             yield from (one for one in further if one.entry.uid not in uids)
 
-        wanted = Wanted(FindingKind.MODEL, local_name(cls), cls, has or next(models, None), self._none(), search=search)
-        return self._want(f"model {cls}", wanted)
+        details = NeedDetails(
+            FindingKind.MODEL, local_name(cls), cls, has or next(models, None), self._none(), search=search
+        )
+        return self._add(f"model {cls}", details)
 
     def robot_models(self) -> Iterator[str]:
         """IRIs of the recognition models among the parts of the robot."""
@@ -301,7 +305,7 @@ class Enabling:
     def map(self, things: Sequence[Thing], ontology: Ontology) -> Need:
         """Add the need of a map with a thing of each class; maps with the individuals themselves are preferred."""
         if self.own_map is not None:
-            return self._want("map", Wanted(FindingKind.MAP, "", has=f"{self.own_map} is given"))
+            return self._add("map", NeedDetails(FindingKind.MAP, "", has=f"{self.own_map} is given"))
         classes = tuple(dict.fromkeys(map(class_of, things)))
         individuals = frozenset(one.iri for one in things if one.iri is not None)
         text = ", ".join([*map(local_name, classes), *(f"{level} {name}" for level, name in self.place.items())])
@@ -315,8 +319,10 @@ class Enabling:
         expression = f"<{expand('SemanticEnvironmentMap')}>"
         search = partial(self.stock.shelf.search, expression, kind=Kind.ENVIRONMENT, place=self.place)
         need = f"map {text}{FOR}{' '.join(sorted(individuals))}"
-        wanted = Wanted(FindingKind.MAP, f"with {text}" if text else "", lacks=self._none(), search=search, fits=fits)
-        return self._want(need, replace(wanted, rank=self._map_rank(expression, classes, individuals)))
+        details = NeedDetails(
+            FindingKind.MAP, f"with {text}" if text else "", lacks=self._none(), search=search, fits=fits
+        )
+        return self._add(need, replace(details, rank=self._map_rank(expression, classes, individuals)))
 
     def _map_rank(
         self, expression: str, classes: Sequence[str], individuals: Iterable[str]
@@ -343,7 +349,7 @@ class Enabling:
     def _dependency(self, prop: str, target: str) -> Need:
         kind = WORDS[local_name(prop)]
         need = f"{kind.value} {target}"
-        if need in self.wanted:
+        if need in self.details:
             return need
         matcher = Matcher(self.vocabulary, self.robot)
         if kind is FindingKind.CAPABILITY:
@@ -351,8 +357,8 @@ class Enabling:
         expression = Expression("name", Span(self.url), term=target)
         return self._of_requirement(matcher.component(Requirement(kind, "some", expression, 1, Span(self.url))))
 
-    def _want(self, need: Need, wanted: Wanted) -> Need:
-        self.wanted[need] = wanted
+    def _add(self, need: Need, details: NeedDetails) -> Need:
+        self.details[need] = details
         return need
 
     def _none(self) -> str:
@@ -362,18 +368,18 @@ class Enabling:
         return self.stock.shelf.search(expression, label=label, kind=Kind.RECIPE)
 
 
-def _best_first(wanted: Wanted) -> list[Found]:
+def _best_first(details: NeedDetails) -> list[Found]:
     """Sort search results by rank, then entries about the class itself or models of it first, then by rating."""
 
     def rank(found: Found) -> tuple[float, bool, float]:
         subjects = (found.entry.about, *(target for prop, target in found.links if local_name(prop) == MODELS))
         return (
-            wanted.rank(found),
-            wanted.iri not in subjects,
+            details.rank(found),
+            details.iri not in subjects,
             -(UNRATED if found.entry.rating is None else found.entry.rating),
         )
 
-    return sorted(wanted.search(), key=rank)
+    return sorted(details.search(), key=rank)
 
 
 def _required(finding: Finding) -> Need:

@@ -53,20 +53,20 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Combination:
-    """Answers to all explored needs; ``wanted`` are the needs of the task itself."""
+    """Answers to all explored needs; ``roots`` are the needs of the task itself."""
 
-    wanted: tuple[Need, ...]
+    roots: tuple[Need, ...]
     answers: dict[Need, Answer]
 
     @property
     def unmet(self) -> tuple[Need, ...]:
         """The task's needs that nothing meets."""
-        return tuple(need for need in self.wanted if not self.answers[need].is_met)
+        return tuple(need for need in self.roots if not self.answers[need].is_met)
 
     def offers(self) -> Iterator[Offer]:
         """Yield the chosen offers, each once, dependencies first."""
         seen: set[str] = set()
-        path: list[tuple[Offer | None, Iterator[Need]]] = [(None, iter(self.wanted))]
+        path: list[tuple[Offer | None, Iterator[Need]]] = [(None, iter(self.roots))]
         while path:
             offer, needs = path[-1]
             chosen = (self.answers[need].offer for need in needs)
@@ -81,7 +81,7 @@ class Combination:
 
 
 def combine(
-    wanted: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Iterable[Offer]]
+    roots: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Iterable[Offer]]
 ) -> Combination:
     """Choose offers that meet the needs.
 
@@ -91,9 +91,9 @@ def combine(
     itself, and none if an offer that is used anyway meets the need, too.
     """
     graph = _Graph(has, offers)
-    graph.explore(wanted)
-    graph.prefer(wanted)
-    return Combination(tuple(dict.fromkeys(wanted)), {need: graph.answer(need) for need in graph.offers})
+    graph.explore(roots)
+    graph.prefer(roots)
+    return Combination(tuple(dict.fromkeys(roots)), {need: graph.answer(need) for need in graph.offers})
 
 
 @dataclass(slots=True)
@@ -112,9 +112,9 @@ class _Graph:
     """The needs of an offer that are not met yet, by its identifier."""
     chosen: dict[Need, Offer] = field(default_factory=dict)
 
-    def explore(self, wanted: Sequence[Need]) -> None:
+    def explore(self, roots: Sequence[Need]) -> None:
         """Collect needs and offers depth first: all dependencies of an offer before the next offer."""
-        stack = [iter(wanted)]
+        stack = [iter(roots)]
         while stack:
             need = next(stack[-1], None)
             if need is None:
@@ -160,7 +160,7 @@ class _Graph:
                 if not self.open[offer.uid]:
                     queue.extend(self.meeting[offer.uid])
 
-    def prefer(self, wanted: Iterable[Need]) -> None:
+    def prefer(self, roots: Iterable[Need]) -> None:
         """Choose an offer for each need: one derived before it, then an earlier one where that makes no cycle."""
         for need in self.met:
             derived = (one for one in self.offers[need] if all(self._order(n) < self.met[need] for n in one.needs))
@@ -171,7 +171,7 @@ class _Graph:
             self._improve(need)
             return (one for one in self.chosen[need].needs if one in self.chosen)
 
-        self._share(list(reached((need for need in wanted if need in self.chosen), below)))
+        self._share(list(reached((need for need in roots if need in self.chosen), below)))
 
     def _share(self, needs: Sequence[Need]) -> None:
         """Let one offer meet several needs where it can, so that fewer entries are downloaded."""

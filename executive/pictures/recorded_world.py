@@ -35,7 +35,7 @@ GONE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class Keyframe:
     """Pose in a frame from a world step on; None if the entity does not exist then."""
 
     step: int
@@ -72,21 +72,21 @@ def draw(stream: rerun.RecordingStream, entity: str, frame: str, shapes: Sequenc
     stream.log(entity, rerun.CoordinateFrame(frame), *_drawings(shapes), static=True)
 
 
-def place(stream: rerun.RecordingStream, entity: str, frame: str, stands: Sequence[Stand], rate: int) -> None:
+def place(stream: rerun.RecordingStream, entity: str, frame: str, keyframes: Sequence[Keyframe], rate: int) -> None:
     """Write the poses of a frame over time; a frame that never moves is static."""
-    poses = [stand.pose or _HERE for stand in stands]
+    poses = [keyframe.pose or _HERE for keyframe in keyframes]
     columns: dict[str, Any] = {
         "translation": np.array([pose.position for pose in poses]),
         "quaternion": np.array([pose.orientation for pose in poses]),
-        "child_frame": [frame] * len(stands),
-        "parent_frame": [stand.frame for stand in stands],
+        "child_frame": [frame] * len(keyframes),
+        "parent_frame": [keyframe.frame for keyframe in keyframes],
     }
-    if not all(stand.pose for stand in stands):
-        columns["scale"] = np.array([[1.0 if stand.pose else GONE] * 3 for stand in stands])
-    if len(stands) == 1 and stands[0].pose is not None:
+    if not all(keyframe.pose for keyframe in keyframes):
+        columns["scale"] = np.array([[1.0 if keyframe.pose else GONE] * 3 for keyframe in keyframes])
+    if len(keyframes) == 1 and keyframes[0].pose is not None:
         stream.log(entity, rerun.Transform3D(**{name: column[0] for name, column in columns.items()}), static=True)
         return
-    steps = [stand.step for stand in stands]
+    steps = [keyframe.step for keyframe in keyframes]
     stream.send_columns(entity, indexes=[times(steps, rate)], columns=rerun.Transform3D.columns(**columns))
 
 
@@ -99,20 +99,20 @@ def record_truth(stream: rerun.RecordingStream, drawn: Sequence[Drawn], tracks: 
     for path, track in tracks.items():
         entity, frame = entity_of(TRUTH, path), frame_of(path)
         parent = frame_of(track.frame)
-        stands = [Stand(step, parent, pose) for step, pose in zip(track.steps, track.poses, strict=True)]
+        keyframes = [Keyframe(step, parent, pose) for step, pose in zip(track.steps, track.poses, strict=True)]
         if path in shapes:
             draw(stream, entity, frame, shapes[path])
-        place(stream, entity, frame, stands, rate)
+        place(stream, entity, frame, keyframes, rate)
 
 
 def record_belief(
-    stream: rerun.RecordingStream, shapes: Sequence[Shape], name: str, stands: Sequence[Stand], rate: int
+    stream: rerun.RecordingStream, shapes: Sequence[Shape], name: str, keyframes: Sequence[Keyframe], rate: int
 ) -> None:
     """Write the believed poses of a thing as a translucent copy of it."""
     ghosts = [replace(shape, colour=(*shape.colour[:3], GHOST)) for shape in shapes]
     entity, frame = entity_of(BELIEF, ("bodies", name)), frame_of((BELIEF, name))
     draw(stream, entity, frame, ghosts)
-    place(stream, entity, frame, stands, rate)
+    place(stream, entity, frame, keyframes, rate)
 
 
 def record_robot(stream: rerun.RecordingStream, drawn: Sequence[Drawn]) -> None:
@@ -120,7 +120,7 @@ def record_robot(stream: rerun.RecordingStream, drawn: Sequence[Drawn]) -> None:
     for thing in drawn:
         entity, frame = entity_of(TRUTH, thing.path), frame_of(thing.path)
         draw(stream, entity, frame, thing.shapes)
-        place(stream, entity, frame, [Stand(0, MAP, thing.pose())], 1)
+        place(stream, entity, frame, [Keyframe(0, MAP, thing.pose())], 1)
 
 
 def _drawings(shapes: Sequence[Shape]) -> list[Any]:

@@ -37,7 +37,7 @@ from executive.pictures.recorded_world import (
     MAP,
     TIME_LINE,
     TRUTH,
-    Stand,
+    Keyframe,
     frame_of,
     record_belief,
     record_truth,
@@ -73,7 +73,7 @@ class Recording:
         self._records: list[Mapping[str, Any]] = []
         self._lines: list[tuple[int, str, str]] = []
         self._searches: dict[int, list[Rejections]] = {}
-        self._believed: dict[str, list[Stand]] = {}
+        self._believed: dict[str, list[Keyframe]] = {}
         self._believe(0)
 
     def move(self, step: int, moved: Sequence[Placed]) -> None:
@@ -101,15 +101,15 @@ class Recording:
 
     def _believe(self, step: int) -> None:
         """Record believed poses: held objects in the frame of the hand, unknown ones without a pose."""
-        now = {name: Stand(step, MAP, self._belief.pose(name)) for name in self._belief.names()}
+        now = {name: Keyframe(step, MAP, self._belief.pose(name)) for name in self._belief.names()}
         for name, grip in self._belief.held.items():
-            now[name] = Stand(step, frame_of(("robot", grip.link)), grip.offset)
+            now[name] = Keyframe(step, frame_of(("robot", grip.link)), grip.offset)
         for name in [name for name in self._believed if name not in now]:
-            now[name] = Stand(step, MAP, None)
-        for name, stand in now.items():
-            stands = self._believed.setdefault(name, [])
-            if not stands or (stands[-1].frame, stands[-1].pose) != (stand.frame, stand.pose):
-                stands.append(stand)
+            now[name] = Keyframe(step, MAP, None)
+        for name, keyframe in now.items():
+            keyframes = self._believed.setdefault(name, [])
+            if not keyframes or (keyframes[-1].frame, keyframes[-1].pose) != (keyframe.frame, keyframe.pose):
+                keyframes.append(keyframe)
 
     def save(self, path: Path) -> None:
         """Write the recording."""
@@ -117,10 +117,10 @@ class Recording:
         tree = RunTree(self._records)
         stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate + FLASH))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
-        for name, stands in self._believed.items():
+        for name, keyframes in self._believed.items():
             thing = self._drawn.get(("bodies", name))
-            if thing is not None and self._is_apart(name, stands):
-                record_belief(stream, thing.shapes, name, stands, rate)
+            if thing is not None and self._is_apart(name, keyframes):
+                record_belief(stream, thing.shapes, name, keyframes, rate)
         record_candidates(stream, self._searches, rate)
         tasks = tasks_of(tree, end)
         record_lanes(stream, tree, tasks, end)
@@ -141,12 +141,12 @@ class Recording:
         extent = max(float(np.linalg.norm(high - low)), NEAREST)
         return archetypes.EyeControls3D(position=middle + extent * np.array(FROM), look_target=middle, eye_up=(0, 0, 1))
 
-    def _is_apart(self, name: str, stands: Sequence[Stand]) -> bool:
+    def _is_apart(self, name: str, keyframes: Sequence[Keyframe]) -> bool:
         """Check whether a thing needs a ghost: it moves, its believed pose changes, or the two differ initially."""
         track = self._tracks.get(("bodies", name))
-        if track is None or len(track.poses) > 1 or len(stands) > 1:
+        if track is None or len(track.poses) > 1 or len(keyframes) > 1:
             return True
-        first, believed = track.poses[0], stands[0].pose
+        first, believed = track.poses[0], keyframes[0].pose
         return first is None or believed is None or first.distance(believed) > APART
 
     def _write_lines(self, stream: rerun.RecordingStream, tree: RunTree) -> None:

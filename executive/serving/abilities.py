@@ -28,7 +28,7 @@ OVERHEAD = 200
 """Bytes that a cached result takes in addition to its own size."""
 
 
-class Remembered(Generic[T]):
+class Cache(Generic[T]):
     """Least-recently-used cache with keys of fixed size. Thread-safe."""
 
     def __init__(self, most: int) -> None:
@@ -68,7 +68,7 @@ MOST_JUDGED = 32_000_000
 """Size of the cache of judgements [bytes]."""
 MOST_ROBOTS = 4_000_000
 """Size of a worker's cache of self-models, counted as text [bytes]."""
-_ROBOTS = Remembered[Possessions](MOST_ROBOTS)
+_ROBOTS = Cache[Possessions](MOST_ROBOTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class Abilities:
     def __init__(self, store: Store, workers: Workers) -> None:
         self._store = store
         self._workers = workers
-        self._judgements = Remembered[bytes](MOST_JUDGED)
+        self._judgements = Cache[bytes](MOST_JUDGED)
 
     def of(self, self_model: str, entry: Entry) -> Judgement:
         """Check an entry's requirements against a self-model (text). Raises BadInput if it is invalid; Busy."""

@@ -19,7 +19,7 @@ TO_STDERR = Path("-")
 _LOG = logging.getLogger(__name__)
 
 
-class Logged:
+class AccessLog:
     """Middleware that logs each request after its response.
 
     Bodies, headers and query strings are not logged, since they contain keys and the users' queries.

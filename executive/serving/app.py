@@ -23,13 +23,13 @@ from fastapi import APIRouter, FastAPI
 
 from executive.serving import binaries, entries, feed, page, searching, sparql, uploading, watching
 from executive.serving.abilities import Abilities
-from executive.serving.access import Logged
+from executive.serving.access import AccessLog
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.pages import add_pages
 from executive.serving.problems import RESPONSES, add_handlers
-from executive.serving.rates import Paced, Rates
+from executive.serving.rates import RateLimited, Rates
 from executive.serving.serving import Served, Serving
 from executive.serving.workers import Staff
 from planlang.knowledge.entries import Store
@@ -114,7 +114,7 @@ def application(
     add_handlers(app)
     add_pages(app)
     app.add_middleware(BoundedBodies)
-    app.add_middleware(Paced, rates=rates)
+    app.add_middleware(RateLimited, rates=rates)
     if access is not None:
-        app.add_middleware(Logged, write=access)
+        app.add_middleware(AccessLog, write=access)
     return app

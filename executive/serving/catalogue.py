@@ -40,7 +40,7 @@ _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class Listing:
     """Words and places by which an entry is found, apart from its classes; all texts are case-folded."""
 
     kind: Kind
@@ -64,7 +64,7 @@ class Catalogue:
         self._store = store
         self._vocabulary = vocabulary
         self._index = Index(vocabulary.axioms)
-        self._listed: dict[str, Listed] = {}
+        self._listed: dict[str, Listing] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
         self.names = Names(vocabulary.names)
         """Local names known in queries: those of the vocabulary, and those that entries define."""
@@ -148,21 +148,21 @@ class Catalogue:
         on. ``between`` is called between two steps of the search; an exception from it ends the search.
         """
         part = (label or "").casefold()
-        wanted = {level: text.casefold() for level, text in (place or {}).items()}
+        places = {level: text.casefold() for level, text in (place or {}).items()}
         with self._lock:
             self._follow()
             uids = tuple(self._uids[None])
         if expression is not None:
             uids = self._index.answers(expression, between)
-        if kind is None and not part and not wanted:
+        if kind is None and not part and not places:
             return uids
-        found: list[str] = []
-        for some in batched(uids, AT_ONCE):
+        matches: list[str] = []
+        for batch in batched(uids, AT_ONCE):
             between()
             with self._lock:
-                listed = [(uid, self._listed.get(uid)) for uid in some]  # None: deleted in the meantime
-            found += (uid for uid, one in listed if one is not None and one.fits(kind, part, wanted))
-        return tuple(found)
+                listed = [(uid, self._listed.get(uid)) for uid in batch]  # None: deleted in the meantime
+            matches += (uid for uid, one in listed if one is not None and one.fits(kind, part, places))
+        return tuple(matches)
 
     def ranked(self, uids: Iterable[str]) -> tuple[str, ...]:
         """Sort identifiers by rating, best first; the sort is stable."""
@@ -202,18 +202,18 @@ class Catalogue:
                 self._ratings[uid] = rating
 
     def _add_all(self, entries: Iterable[Described]) -> None:
-        found: dict[str, Facts] = {}
+        facts: dict[str, Facts] = {}
         for one in entries:
             kept, is_stale = unpacked(one.description, self._vocabulary)
             if is_stale:
                 self._stale[one.uid] = None
             if kept is None:
                 self._unread.add(one.uid)
-            found[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
+            facts[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
             self._list(one, kept)
-            self._add_names(found[one.uid].names)
-        self._index.add_all(found)
-        if not self._unread.isdisjoint(found):
+            self._add_names(facts[one.uid].names)
+        self._index.add_all(facts)
+        if not self._unread.isdisjoint(facts):
             self._stale = {uid: None for uid in self._stale if uid in self._unread} | self._stale
 
     def _list(self, entry: Described, kept: Unpacked | None) -> None:
@@ -222,7 +222,7 @@ class Catalogue:
             words = "\n".join(kept.words).casefold()
             for level, text in kept.place:
                 place[level] = (*place.get(level, ()), text.casefold())
-        self._listed[entry.uid] = Listed(entry.kind, f"{entry.label.casefold()}\n{words}", place)
+        self._listed[entry.uid] = Listing(entry.kind, f"{entry.label.casefold()}\n{words}", place)
         for kind in (None, entry.kind):
             known = self._uids[kind]
             if known and known[-1] > entry.uid:

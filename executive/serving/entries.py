@@ -45,13 +45,13 @@ def listing(
     served: Serving, uids: tuple[str, ...], limit: int, shown: Callable[[Entry], dict[str, Any]]
 ) -> dict[str, Any]:
     """Build one page of a list of entries; ``next`` is its last identifier if there are more."""
-    found = []
+    records = []
     for uid in uids[:limit]:
         try:
-            found.append(shown(served.store.entry(uid)))
+            records.append(shown(served.store.entry(uid)))
         except NoSuchEntry:  # deleted in the meantime
             continue
-    return {"entries": found, "next": uids[limit - 1] if len(uids) > limit else None}
+    return {"entries": records, "next": uids[limit - 1] if len(uids) > limit else None}
 
 
 @router.post("/{kind}", status_code=HTTPStatus.CREATED, openapi_extra=UPLOADED)

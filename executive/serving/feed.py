@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from executive.serving.problems import Problem
-from executive.serving.serving import Asker, Author, Served, now
+from executive.serving.serving import Author, OptionalAuthor, Served, now
 
 router = APIRouter(prefix="/v1", tags=["news"])
 
@@ -37,14 +37,14 @@ def unsubscribe(uid: str, author: Author, served: Served) -> None:
 
 @router.get("/news")
 def news(
-    asker: Asker,
+    author: OptionalAuthor,
     served: Served,
     after: Annotated[int, Query(ge=0, lt=2**53)] = 0,
     mine: bool = False,
     limit: Annotated[int, Query(ge=1, le=MOST_NEWS)] = MOST_NEWS,
 ) -> dict[str, Any]:
     """Read the news after a number; ``mine`` limits them to the subscriptions of the key's author."""
-    if mine and asker is None:
+    if mine and author is None:
         raise Problem(HTTPStatus.UNAUTHORIZED, "mine needs a key: Authorization: Bearer KEY")
-    found = served.store.news(after, author=asker if mine else None, limit=limit)
+    found = served.store.news(after, author=author if mine else None, limit=limit)
     return {"news": found, "next": found[-1].number if found else after}

@@ -51,18 +51,18 @@ def _with_files(data: bytes, boundary: bytes | None) -> Form:
     """Parse a multipart form. Raises FormParserError."""
     form = Form()
 
-    def name_of(found: Any) -> str:
+    def name_of(part: Any) -> str:
         if len(form.fields) + len(form.files) >= MOST_FIELDS:
-            raise FormParserError(f"it has more than {MOST_FIELDS} fields")
-        return str((found.field_name or b"").decode(errors="replace"))
+            raise FormParserError(f"more than {MOST_FIELDS} fields")
+        return str((part.field_name or b"").decode(errors="replace"))
 
-    def on_field(found: Any) -> None:
-        form.fields[name_of(found)] = (found.value or b"").decode(errors="replace")
+    def on_field(part: Any) -> None:
+        form.fields[name_of(part)] = (part.value or b"").decode(errors="replace")
 
-    def on_file(found: Any) -> None:
-        found.file_object.seek(0)
-        if found.file_name:
-            form.files[name_of(found)] = found.file_object.read()
+    def on_file(part: Any) -> None:
+        part.file_object.seek(0)
+        if part.file_name:
+            form.files[name_of(part)] = part.file_object.read()
 
     parser = FormParser(_WITH_FILES, on_field, on_file, boundary=boundary, config=_LIMITS)
     parser.write(data)

@@ -80,7 +80,7 @@ def names(served: Served, start: Annotated[str, Query(min_length=1, max_length=1
 
 
 @dataclass(frozen=True, slots=True)
-class Compared:
+class Comparison:
     """Comparison of an entry with a robot, or the ``reason`` why there is none.
 
     ``robot`` is None for a self-model that was sent with the request.
@@ -132,7 +132,7 @@ def compare(kind: OfKind, uid: str, served: Served, form: Filled) -> Response:
         data = sent_model(form)
         if not data:
             raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "choose a file with a self-model")
-        sent = Compared(None, served.abilities.of(decode(data, "model"), entry))
+        sent = Comparison(None, served.abilities.of(decode(data, "model"), entry))
     except REFUSALS as problem:
         return _entry_page(served, entry, problem=problem, part="robots")
     return _entry_page(served, entry, sent=sent, part="robots")
@@ -170,7 +170,7 @@ def _entry_page(
     revision: int | None = None,
     *,
     robot: str = "",
-    sent: Compared | None = None,
+    sent: Comparison | None = None,
     problem: Refusal | None = None,
     part: str = "",
 ) -> Response:
@@ -191,7 +191,7 @@ def _entry_page(
         queries=queries_for(served.store.description(entry.uid), served.vocabulary, served.catalogue.query_name),
         is_judged=entry.kind in JUDGED,
         robot=robot,
-        robots=[*([sent] if sent else []), *_compared(served, entry, robot, len(data))],
+        robots=[*([sent] if sent else []), *_comparisons(served, entry, robot, len(data))],
         ratings=range(LOWEST_RATING, HIGHEST_RATING + 1),
         reason=reason,
         diagnostics=_first(diagnostics),
@@ -199,22 +199,22 @@ def _entry_page(
     )
 
 
-def _compared(served: Serving, entry: Entry, requested: str, size: int) -> list[Compared]:
+def _comparisons(served: Serving, entry: Entry, requested: str, size: int) -> list[Comparison]:
     """Compare an entry with the requested robot, and with others of the store if it is small enough."""
     if entry.kind not in JUDGED:
         return []
     robots = [entry_of_kind(served, Kind.ROBOT, requested)] if requested else []
     if size <= LARGEST_SHOWN:
         robots += (robot for robot in stored_robots(served) if robot.uid != requested)
-    compared = []
+    comparisons = []
     for robot in robots:
         try:
-            compared.append(Compared(robot, served.abilities.of(self_model(served, robot), entry)))
+            comparisons.append(Comparison(robot, served.abilities.of(self_model(served, robot), entry)))
         except BadInput as problem:  # it was accepted with other ontologies on the server, or by another version
-            compared.append(Compared(robot, None, f"cannot be read: {refusal(problem)[1]}"))
+            comparisons.append(Comparison(robot, None, f"cannot be read: {refusal(problem)[1]}"))
         except (Failed, Busy):
-            compared.append(Compared(robot, None, "cannot be compared now; try again later"))
-    return compared
+            comparisons.append(Comparison(robot, None, "cannot be compared now; try again later"))
+    return comparisons
 
 
 def _first(diagnostics: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
@@ -293,11 +293,11 @@ def _results(served: Serving, bounds: Patience, query: dict[str, str], model: st
 
 def stored_robots(served: Serving) -> list[Entry]:
     """First ``MOST_ROBOTS`` robots of the store."""
-    found = []
+    robots = []
     for uid in served.catalogue.uids(Kind.ROBOT, limit=MOST_ROBOTS):
         with suppress(NoSuchEntry):  # deleted in the meantime
-            found.append(served.store.entry(uid))
-    return found
+            robots.append(served.store.entry(uid))
+    return robots
 
 
 def self_model(served: Serving, robot: Entry) -> str:

@@ -18,7 +18,7 @@ USUAL = 500.0
 """Default rate limit of one client [requests/s]."""
 BURST = 10.0
 """Requests of this many seconds may come at once [s]."""
-MOST_ASKERS = 10_000
+MOST_CLIENTS = 10_000
 """Clients whose requests are counted."""
 NETWORK = 64
 """Bits of an IPv6 address that identify the client's network."""
@@ -37,11 +37,11 @@ class Rates:
         """Count a request; returns 0.0 if it is allowed, else the time after which to send it again [s]."""
         if not self._each_second:
             return 0.0
-        asker, now = self._authors.get(_digest(authorization)) or network(address), self._clock()
-        until = max(now, self._until.pop(asker, now))
+        client, now = self._authors.get(_digest(authorization)) or network(address), self._clock()
+        until = max(now, self._until.pop(client, now))
         wait = until - now - BURST
-        self._until[asker] = until if wait > 0 else until + 1 / self._each_second
-        if len(self._until) > MOST_ASKERS:
+        self._until[client] = until if wait > 0 else until + 1 / self._each_second
+        if len(self._until) > MOST_CLIENTS:
             del self._until[next(iter(self._until))]  # the client with the oldest request
         return max(0.0, wait)
 
@@ -67,7 +67,7 @@ def network(address: str) -> str:
     return address if parsed.version == 4 else str(ipaddress.ip_network((int(parsed) >> 64 << 64, NETWORK)))
 
 
-class Paced:
+class RateLimited:
     """Middleware that enforces rate limits."""
 
     def __init__(self, app: ASGIApp, rates: Rates) -> None:

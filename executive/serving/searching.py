@@ -78,19 +78,19 @@ def results(
     expression = None if text is None else catalogue.question(text, served.staff.asking)
     try:
         with bounds.searching():
-            found = catalogue.find(expression, question.kind, question.label, place, bounds)
+            uids = catalogue.find(expression, question.kind, question.label, place, bounds)
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     if question.sort == "rating":
-        found = _after(catalogue.ranked(found), question.after)
+        uids = _after(catalogue.ranked(uids), question.after)
     else:
-        found = tuple(uid for uid in found if uid > (question.after or ""))
+        uids = tuple(uid for uid in uids if uid > (question.after or ""))
 
     def linked(entry: Entry) -> dict[str, Any]:
         bounds.look()
         return shown(entry) | {"links": served.catalogue.links(entry.uid)}
 
-    return listing(served, found, question.limit, linked)
+    return listing(served, uids, question.limit, linked)
 
 
 def _after(uids: tuple[str, ...], after: str | None) -> tuple[str, ...]:

@@ -56,14 +56,16 @@ def _serving(request: Request) -> Serving:
 _bearer = HTTPBearer(auto_error=False, description="A key that the operator made by planlang serve --new-key AUTHOR")
 
 
-def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)]) -> str | None:
+def _optional_author(
+    request: Request, credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)]
+) -> str | None:
     """Author of a request's key; None without a key. Raises Problem if the key is not valid."""
-    if given is None:
+    if credentials is None:
         if "authorization" in request.headers:
             raise Problem(HTTPStatus.UNAUTHORIZED, "write Authorization: Bearer KEY")
         return None
     served = _serving(request)
-    author = served.store.author_of(given.credentials)
+    author = served.store.author_of(credentials.credentials)
     if author is None:
         served.rates.forget(request.headers["authorization"])
         raise Problem(HTTPStatus.UNAUTHORIZED, "this key is unknown or was revoked")
@@ -72,10 +74,10 @@ def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | Non
     return author
 
 
-def _author(asker: Annotated[str | None, Depends(_asker)]) -> str:
-    if asker is None:
+def _author(author: Annotated[str | None, Depends(_optional_author)]) -> str:
+    if author is None:
         raise Problem(HTTPStatus.UNAUTHORIZED, "this needs a key: Authorization: Bearer KEY")
-    return asker
+    return author
 
 
 def _patience(request: Request) -> Patience:
@@ -88,7 +90,7 @@ async def _body(request: Request) -> bytes:
 
 Served = Annotated[Serving, Depends(_serving)]
 """The shared state."""
-Asker = Annotated[str | None, Depends(_asker)]
+OptionalAuthor = Annotated[str | None, Depends(_optional_author)]
 """Author of the request; None if it has no key."""
 Author = Annotated[str, Depends(_author)]
 """Author of the request, which needs a key."""

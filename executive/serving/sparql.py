@@ -60,14 +60,14 @@ def _query_of(form: str) -> str:
 
 def _answer(mirror: Mirror, question: str) -> Response:
     try:
-        found = mirror.ask(question)
+        result = mirror.ask(question)
     except NoAnswer as problem:
         raise Problem(
             HTTPStatus.BAD_REQUEST, f"this is not a valid SELECT, ASK, CONSTRUCT or DESCRIBE query: {problem}"
         ) from None
     except Exceeded as problem:
         raise Problem(HTTPStatus.SERVICE_UNAVAILABLE, str(problem)) from None
-    if "triples" in found:
-        text = "".join(f"{line}\n" for line in found["triples"])
+    if "triples" in result:
+        text = "".join(f"{line}\n" for line in result["triples"])
         return PlainTextResponse(text, media_type="application/n-triples")
-    return JSONResponse(found, media_type=_RESULTS)
+    return JSONResponse(result, media_type=_RESULTS)

@@ -64,17 +64,17 @@ def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabular
     errors found.
     """
     _check_name("upload", name, None)
-    ontology, syntax, file = _loaded(name, data, vocabulary)
-    found = [one for one in ontology.diagnostics if _concerns(one, file)]
-    subject = _checked(kind, ontology, about, found)
-    found = list(dict.fromkeys(as_here(one, vocabulary) for one in found if _concerns(one, file)))
+    ontology, syntax, file = _load(name, data, vocabulary)
+    diagnostics = [one for one in ontology.diagnostics if _concerns(one, file)]
+    subject = _check(kind, ontology, about, diagnostics)
+    diagnostics = list(dict.fromkeys(as_here(one, vocabulary) for one in diagnostics if _concerns(one, file)))
     _check_name(subject, name, Span(file))
-    if has_errors(found):
-        raise BadInput(found)
-    description = _described(ontology, subject, vocabulary, file)
+    if has_errors(diagnostics):
+        raise BadInput(diagnostics)
+    description = _describe(ontology, subject, vocabulary, file)
     label = (ontology.label(subject) or local_name(subject))[:LONGEST_WORD]
     content = Content(kind, subject, name, label, syntax, data, packed(description, vocabulary))
-    return Upload(content, tuple(found))
+    return Upload(content, tuple(diagnostics))
 
 
 def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
@@ -121,10 +121,10 @@ def _stamp(vocabulary: Vocabulary) -> str:
 
 def load_upload(name: str, data: bytes, vocabulary: Vocabulary) -> Ontology:
     """Load a content with its imports and the bundled vocabulary. Raises BadInput."""
-    return _loaded(name, data, vocabulary)[0]
+    return _load(name, data, vocabulary)[0]
 
 
-def _loaded(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syntax, str]:
+def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syntax, str]:
     stem = "".join(name.split()) or "upload"
     detected = documents.syntax_of(decode(data, stem), stem)
     if detected not in _SYNTAXES:
@@ -145,17 +145,17 @@ def _concerns(diagnostic: Diagnostic, file: str) -> bool:
 # the subject
 
 
-def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
+def _check(kind: Kind, ontology: Ontology, about: str | None, diagnostics: list[Diagnostic]) -> str:
     """Check an upload by the reader of its kind, whose diagnostics are appended; returns the IRI of its subject.
 
     Raises BadInput.
     """
     if kind is Kind.RECIPE:
         plan = compile_ontology(ontology, task=about)
-        found += plan.diagnostics
+        diagnostics += plan.diagnostics
         return plan.recipes.main.iri
     if kind is Kind.ENVIRONMENT:
-        return _map_of(ontology, about, found)
+        return _map_of(ontology, about, diagnostics)
     if kind is Kind.EXPERIENCE:
         return episode_in(ontology.alone().triples(), str(ontology.documents[0].path))
     if kind is Kind.ROBOT:
@@ -166,14 +166,14 @@ def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diag
     return _only(kind, ontology, _subjects(ontology, kind))
 
 
-def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
+def _map_of(ontology: Ontology, about: str | None, diagnostics: list[Diagnostic]) -> str:
     maps = _maps(ontology)
     try:
-        found += read_map(ontology).diagnostics
+        diagnostics += read_map(ontology).diagnostics
     except BadInput as problem:
         if not maps or {one.code for one in problem.diagnostics if has_errors([one])} != {"M009"}:
             raise
-        found += (one for one in problem.diagnostics if one.code != "M009")  # the map may be an attached image
+        diagnostics += (one for one in problem.diagnostics if one.code != "M009")  # the map may be an attached image
     if about is not None:
         return _named(ontology, about)
     rooms = [one for one in ontology.individuals(expand("RoomInAConstruction")) if ontology.main(one)]
@@ -183,10 +183,10 @@ def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> s
 def _maps(ontology: Ontology) -> list[str]:
     """Individuals of the main document that are maps: by class, by a map file, or by the things described in them."""
     main = ontology.alone()
-    found = [one for name in MAPS for one in ontology.individuals(expand(name)) if ontology.main(one)]
-    found += [str(t.object) for t in main.using("describedInMap") if isinstance(t.object, str)]
-    found += [t.subject for t in main.using("linkToMapFile") if isinstance(t.subject, str)]
-    return list(dict.fromkeys(found))
+    maps = [one for name in MAPS for one in ontology.individuals(expand(name)) if ontology.main(one)]
+    maps += [str(t.object) for t in main.using("describedInMap") if isinstance(t.object, str)]
+    maps += [t.subject for t in main.using("linkToMapFile") if isinstance(t.subject, str)]
+    return list(dict.fromkeys(maps))
 
 
 def _named(ontology: Ontology, about: str) -> str:
@@ -242,14 +242,15 @@ def _is_language(main: Ontology, iri: str) -> bool:
 # the description
 
 
-def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: str) -> Description:
+def _describe(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: str) -> Description:
     own = own_axioms_of(ontology, vocabulary.axioms)
     is_individual = not ontology.is_class(subject)
     try:
-        found = described(subject, vocabulary.axioms, own, is_individual=is_individual, words=_words(ontology, subject))
+        words = _words(ontology, subject)
+        description = described(subject, vocabulary.axioms, own, is_individual=is_individual, words=words)
     except TooLarge as problem:
         raise BadInput([error("K013", str(problem), Span(file))]) from None
-    return replace(found, place=places(ontology))
+    return replace(description, place=places(ontology))
 
 
 def warm_up(vocabulary: Vocabulary) -> None:
@@ -259,17 +260,17 @@ def warm_up(vocabulary: Vocabulary) -> None:
 
 def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:
     """Describe a stored content again. Raises BadInput if it can no longer be read."""
-    ontology, _, file = _loaded(name, data, vocabulary)
-    return _described(ontology, about, vocabulary, file)
+    ontology, _, file = _load(name, data, vocabulary)
+    return _describe(ontology, about, vocabulary, file)
 
 
 def _words(ontology: Ontology, subject: str) -> Iterator[str]:
-    found: dict[str, None] = {}
+    words: dict[str, None] = {}
     for word in _all_words(ontology, subject):
-        found.setdefault(word[:LONGEST_WORD])
-        if len(found) == MOST_WORDS:
+        words.setdefault(word[:LONGEST_WORD])
+        if len(words) == MOST_WORDS:
             break
-    yield from found
+    yield from words
 
 
 def _all_words(ontology: Ontology, subject: str) -> Iterable[str]:

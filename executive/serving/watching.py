@@ -53,16 +53,16 @@ def _key_form(problem: Refusal | None = None) -> Response:
 
 def _latest(served: Serving, author: str) -> list[tuple[News, bool]]:
     """Latest news of watched entries, newest first, each with whether the entry still exists."""
-    found = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
-    return [(one, one.uid in served.catalogue) for one in found]
+    news = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
+    return [(one, one.uid in served.catalogue) for one in news]
 
 
 def _watched(served: Serving, uids: Iterable[str]) -> list[tuple[str, Entry | None]]:
     """Look up entries; None stands for a deleted one."""
-    found: list[tuple[str, Entry | None]] = []
+    watched: list[tuple[str, Entry | None]] = []
     for uid in uids:
         entry = None
         with suppress(NoSuchEntry):
             entry = served.store.entry(uid)
-        found.append((uid, entry))
-    return found
+        watched.append((uid, entry))
+    return watched
