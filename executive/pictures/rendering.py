@@ -251,10 +251,10 @@ def rendered(
     opaque, clear = scene.only(is_opaque), scene.only(~is_opaque)
     frame = Frame(view, (size[0] * FINE, size[1] * FINE))
     frame.draw(opaque)
-    return painted(frame, opaque, clear, Shadow(models, view.sun(), around))
+    return shade(frame, opaque, clear, Shadow(models, view.sun(), around))
 
 
-def painted(frame: Frame, opaque: Model, clear: Model, shadow: Shadow) -> Image:
+def shade(frame: Frame, opaque: Model, clear: Model, shadow: Shadow) -> Image:
     """Shade a frame of opaque triangles and blend transparent ones in front of it: a picture (height, width, 3).
 
     Only the nearest layer of transparent surfaces is drawn.

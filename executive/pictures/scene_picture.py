@@ -13,7 +13,7 @@ from executive.pictures import rendering
 from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered
 from executive.pictures.stage import Path, Stage
-from executive.pictures.steps import captioned
+from executive.pictures.steps import with_caption
 from executive.pictures.viewpoints import overview, subjects, view_of
 from planlang.geometry import Array, Pose
 
@@ -41,7 +41,7 @@ def save_picture(
     below the picture. Raises OSError.
     """
     image = Image.fromarray(picture(world, names, view, always=always))
-    (captioned(image, title, ending) if ending else image).save(path, format="PNG")
+    (with_caption(image, title, ending) if ending else image).save(path, format="PNG")
 
 
 def picture(
@@ -57,18 +57,18 @@ def picture(
     poses = stage.poses()
     aspect = size[0] / size[1]
     about = subjects(stage, poses, names, always)
-    shown = view_of(stage, poses, about, aspect) if view is None else stated_view(view, stage, poses, about, aspect)
-    return taken(stage, poses, shown, size, stage.plumb_lines())
+    chosen = view_of(stage, poses, about, aspect) if view is None else stated_view(view, stage, poses, about, aspect)
+    return render_poses(stage, poses, chosen, size, stage.plumb_lines())
 
 
-def taken(
+def render_poses(
     stage: Stage, poses: Mapping[Path, Pose], view: View, size: tuple[int, int], more: Iterable[Model] = ()
 ) -> rendering.Image:
     """Render given poses to a picture (height, width, 3), with ``more`` models in the map frame."""
-    return rendered([*stage.scene(poses), *more], view, size, shaded_ball(view), list(stage.walls(poses, view)))
+    return rendered([*stage.scene(poses), *more], view, size, shadow_sphere(view), list(stage.walls(poses, view)))
 
 
-def shaded_ball(view: View) -> tuple[Array, float]:
+def shadow_sphere(view: View) -> tuple[Array, float]:
     """Sphere (centre, radius) that the shadow map covers."""
     distance = float(np.linalg.norm(np.subtract(view.target, view.eye)))
     return np.asarray(view.target), max(1.0, SHADED * distance)

@@ -106,7 +106,7 @@ def column(
     return sheet
 
 
-def captioned(picture: Image.Image, title: str, ending: Sequence[str]) -> Image.Image:
+def with_caption(picture: Image.Image, title: str, ending: Sequence[str]) -> Image.Image:
     """Add a caption below a picture: the title of the run and lines about its ending."""
     lines = list(_lines([f"{in_words(title)}: {ending[0]}", *ending[1:]], (picture.width - 24) * FINE, CAPTION))
     strip = Sheet(picture.width, 14 + len(lines) * (LINE + 3))

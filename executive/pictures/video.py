@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from executive.pictures.rendering import View
-from executive.pictures.scene_picture import stated_view, taken
+from executive.pictures.scene_picture import render_poses, stated_view
 from executive.pictures.stage import Path, Stage, ends_of
 from executive.pictures.steps import Steps, column
 from executive.pictures.viewpoints import Moment, best_direction, fitting, moment_of, overview, subjects
@@ -89,7 +89,7 @@ class Video:
 
     def _frame(self, step: int, poses: Mapping[Path, Pose], view: View, ending: Sequence[str]) -> Image.Image:
         image = Image.new("RGB", (SIZE[0] + COLUMN, SIZE[1]), "white")
-        image.paste(Image.fromarray(taken(self._stage, poses, view, SIZE)), (0, 0))
+        image.paste(Image.fromarray(render_poses(self._stage, poses, view, SIZE)), (0, 0))
         size, time = (COLUMN, SIZE[1]), f"{step / self._rate:.1f} s"
         image.paste(column(self.steps.all, step, size, self._title, time, ending).finished(), (SIZE[0], 0))
         return image
