@@ -45,7 +45,7 @@ class LiveRun:
         self._news: dict[str, Any] = {}
         self._count = 0
         self._page = b""
-        self._is_met = False
+        self._has_browser = False
         self._has_ended = False
         self._due = 0.0
         self._read = 0
@@ -61,7 +61,7 @@ class LiveRun:
         self._has_ended = True
         self._publish()
         with self._changed:
-            self._changed.wait_for(lambda: self._read >= self._count or not self._is_met, LAST_NEWS)
+            self._changed.wait_for(lambda: self._read >= self._count or not self._has_browser, LAST_NEWS)
         self._server.__exit__(None, None, None)
 
     # In the run's thread
@@ -82,17 +82,17 @@ class LiveRun:
         model = model_of(self._watching.told, self._context, live=True, **parts)
         if not self._has_ended:
             model["outcome"]["text"] = "held" if self.gate.is_held else "running"
-        whole = page(model, blobs).encode()
+        html = page(model, blobs).encode()
         scene = {key: value for key, value in model["scene"].items() if key != "meshes"}
-        growing = {key: value for key, value in model.items() if key not in ("sources", "graph")} | {"scene": scene}
+        changing = {key: value for key, value in model.items() if key not in ("sources", "graph")} | {"scene": scene}
         news = {
-            "model": growing,
+            "model": changing,
             "meshes": len(model["scene"]["meshes"]),
             "poses": base64.b64encode(blobs["poses"]).decode(),
             "state": {"held": self.gate.is_held and not self._has_ended, "ended": self._has_ended},
         }
         with self._changed:
-            self._page, self._news = whole, news
+            self._page, self._news = html, news
             self._count += 1
             self._changed.notify_all()
         took = time.monotonic() - began
@@ -107,9 +107,12 @@ class LiveRun:
             return self._page
 
     def news(self, after: int) -> Iterator[Mapping[str, Any]]:
-        """Yield the latest update whenever there is a new one; the first browser starts the run."""
+        """Yield the latest update whenever there is a new one; the first browser starts the run.
+
+        Each update replaces the one before, so that none has to be sent again, whatever ``after`` is.
+        """
         with self._changed:
-            is_first, self._is_met = not self._is_met, True
+            is_first, self._has_browser = not self._has_browser, True
         if is_first:
             self.gate.command(Command.RESUME)
         sent = 0

@@ -121,7 +121,7 @@ class FloorPlan:
         self.sheet = Sheet(scale * (x_max - x_min), scale * (y_max - y_min))
         self.pen = self.sheet.pen
 
-    def drawn(self, *, numbered: int) -> Sheet:
+    def draw(self, *, numbered: int) -> Sheet:
         """Draw everything, back to front; the ``numbered`` best places get their numbers, the others a dot."""
         self._floor()
         if self.scenery.on_floor:
@@ -194,7 +194,7 @@ class FloorPlan:
     def _regions(self) -> None:
         """Draw the outlines of the regions in which conjuncts hold."""
         step = STEP * FINE / self.scale
-        xs, ys, points = _lattice(self.view, step)
+        xs, ys, points = _grid_points(self.view, step)
         for number, region in enumerate(self.scenery.regions):
             inside = np.asarray(region.inside(points), bool).reshape(len(xs), len(ys))
             colour = REGIONS[number % len(REGIONS)]
@@ -242,7 +242,7 @@ class FloorPlan:
 
     def _names(self) -> None:
         """Label the bodies without overlap: large ones inside, others below."""
-        taken: list[tuple[float, float, float, float]] = []
+        placed: list[tuple[float, float, float, float]] = []
         width, height = self.sheet.image.size
         for body in sorted(self.scenery.bodies, key=lambda body: (body.kind != "meant", body.name)):
             (left, top), (right, bottom) = self._corner(body, 0.0), self._corner(body, 1.0)
@@ -254,9 +254,9 @@ class FloorPlan:
             u, v = min(max(u, half), width - half), min(max(v, 9 * FINE), height - 9 * FINE)
             for offset in (0, 15, -15, 30, -30, 45, -45):
                 box = (u - half, v + (offset - 8) * FINE, u + half, v + (offset + 8) * FINE)
-                if not any(a < box[2] and c > box[0] and b < box[3] and d > box[1] for a, b, c, d in taken):
+                if not any(a < box[2] and c > box[0] and b < box[3] and d > box[1] for a, b, c, d in placed):
                     break
-            taken.append(box)
+            placed.append(box)
             self.sheet.halo(((box[0] + box[2]) / 2, (box[1] + box[3]) / 2), body.name, 12, INK)
 
     def _corner(self, body: Outline, share: float) -> tuple[float, float]:
@@ -265,7 +265,7 @@ class FloorPlan:
         return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))
 
 
-def _lattice(bounds: Bounds, step: float) -> tuple[Array, Array, Array]:
+def _grid_points(bounds: Bounds, step: float) -> tuple[Array, Array, Array]:
     """Make a grid with spacing ``step`` [m]; returns its xs (n,), ys (m,) and points (n * m, 2)."""
     x_min, y_min, x_max, y_max = bounds
     xs, ys = np.arange(x_min, x_max, step), np.arange(y_min, y_max, step)
@@ -364,12 +364,12 @@ def picture(scenery: Scenery, resolution: Resolution) -> Sheet:
     x_min, y_min, x_max, y_max = scenery.bounds
     scale = min(WIDTH / max(x_max - x_min, 1e-3), TALLEST / max(y_max - y_min, 1e-3))
     near = close_view(scenery, resolution.places)
-    plan = FloorPlan(scenery.bounds, scale, scenery, resolution, of).drawn(numbered=1 if near else 99)
+    plan = FloorPlan(scenery.bounds, scale, scenery, resolution, of).draw(numbered=1 if near else 99)
     legend, used = _legend(scenery, resolution, of)
     width = (LEGEND - MARGIN) * FINE
     close = None
     if near is not None:
-        close = FloorPlan(near, (LEGEND - MARGIN) / (near[2] - near[0]), scenery, resolution, of).drawn(numbered=99)
+        close = FloorPlan(near, (LEGEND - MARGIN) / (near[2] - near[0]), scenery, resolution, of).draw(numbered=99)
     plan_width, plan_height = plan.image.size
     title = wrapped(resolution.title, 19, plan_width + width)[:3]
     top = (2 * MARGIN + 26 * len(title)) * FINE
@@ -427,8 +427,8 @@ class _Legend:
     def candidates(self, resolution: Resolution, of: Mapping[str, Colour]) -> None:
         """List numbers of candidates by result, and of collisions by body."""
         self._head("candidates by result")
-        shown, taken = len(resolution.places), sum(one.reason == "" for one in resolution.validated)
-        others = f"{taken}, others beside these places" if taken > shown else str(shown)
+        shown, accepted = len(resolution.places), sum(one.reason == "" for one in resolution.validated)
+        others = f"{accepted}, others near these places" if accepted > shown else str(shown)
         self._entry(f"accepted: {others}", mark=ACCEPTED)
         for reason, number in Counter(resolution.counts).most_common():
             self._entry(f"{reason}: {number}", mark=of[reason])
@@ -444,7 +444,7 @@ class _Legend:
         for number, region in enumerate(regions):
             colour = REGIONS[number % len(REGIONS)]
             self.sheet.pen.line((0, self.used + 9 * FINE, 12 * FINE, self.used + 9 * FINE), fill=colour, width=2 * FINE)
-            is_empty = not np.any(region.inside(_lattice(bounds, EMPTY)[2]))
+            is_empty = not np.any(region.inside(_grid_points(bounds, EMPTY)[2]))
             self._write(region.words + (": nowhere on this floor" if is_empty else ""), shift=18 * FINE)
 
     def marks(self, *, are_scored: bool) -> None:
