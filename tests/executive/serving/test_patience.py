@@ -63,7 +63,7 @@ def test_a_search_ends_when_nobody_waits_for_it() -> None:
     left = bounds(Lanes(1), clock, is_gone=True)
     with left.searching():
         clock.now = 1.0
-        with pytest.raises(Problem, match="nobody waits"):
+        with pytest.raises(Problem, match="closed the connection"):
             left()
 
 

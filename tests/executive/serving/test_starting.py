@@ -27,8 +27,8 @@ def test_a_port_that_is_taken_is_told_with_another_one_to_take(tmp_path: Path) -
         refused = invoke("serve", "--store", tmp_path / "kb.sqlite", "--port", port)
     assert refused.exit_code == 2
     assert refused.stderr.splitlines()[:2] == [
-        f"error K005 nothing can listen at 127.0.0.1, port {port}: Address already in use",
-        "    help: --port names another one; 0 takes any that is free",
+        f"error K005 cannot listen at 127.0.0.1, port {port}: Address already in use",
+        "    help: choose another --port; 0 takes any free one",
     ]
 
 
