@@ -158,7 +158,7 @@ _TABLE = (
         ("above", "over"),
         hand=Meaning(
             Sense.OVER,
-            "level, the lowest point of hand and held object 2 to 15 cm above X's top, the held object above X's footprint",
+            "level, the lowest point of hand and held object 2 to 15 cm above X's top, the object above X's footprint",
             HEIGHTS,
         ),
         of_rooms=False,
