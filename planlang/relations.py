@@ -112,7 +112,7 @@ def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float) -> Re
         forms,
         base=Meaning(Sense.AREA, f"{where}, 0.1 to 1.1 m away", BASE_SIDE),
         hand=Meaning(Sense.AREA, where, THING_SIDE),
-        thing=Meaning(Sense.AREA, f"on the same support if no other is said, {where}", THING_SIDE),
+        thing=Meaning(Sense.AREA, f"on the same support unless another is stated, {where}", THING_SIDE),
         directions=directions,
         from_outside=True,
     )
@@ -129,14 +129,14 @@ _TABLE = (
         ("in reach of", "within reach of"),
         base=Meaning(
             Sense.REACH,
-            "X to grasp: pre-grasp, grasp and lift can be reached; a person: a place in their comfort zone; "
-            "a location of the hand: some pose of it; anything else: some pose above X",
+            "an object to grasp: pre-grasp, grasp and lift are reachable; a person: a point in their comfort zone; "
+            "a hand location: some pose of it; anything else: some pose above X",
         ),
         hand=Meaning(
             Sense.REACH,
-            "X a person: what the hand holds, or the hand, is inside their comfort zone; else what the base would need",
+            "a person: the held object, or the hand, is inside their comfort zone; else as for a base",
         ),
-        thing=Meaning(Sense.REACH, "X a person: inside their comfort zone"),
+        thing=Meaning(Sense.REACH, "a person: inside their comfort zone"),
         of_locations=True,
         of_rooms=False,
     ),
@@ -146,7 +146,7 @@ _TABLE = (
         ("visible from", "in view of", "in sight of", "seeing"),
         base=Meaning(
             Sense.SIGHT,
-            "the camera, turned to X as far as the neck can, sees at least 30 % of the side of X that faces it",
+            "the camera, turned to X as far as the neck allows, sees at least 30 % of the side of X that faces it",
         ),
         synonyms=("visible",),
         of_solids=True,
@@ -158,7 +158,7 @@ _TABLE = (
         ("above", "over"),
         hand=Meaning(
             Sense.OVER,
-            "level, lowest point of hand and held object 2 to 15 cm over X's top, what is held over X's footprint",
+            "level, the lowest point of hand and held object 2 to 15 cm above X's top, the object above X's footprint",
             HEIGHTS,
         ),
         of_rooms=False,
@@ -167,15 +167,17 @@ _TABLE = (
         "on",
         "on-Physical",
         ("on", "on top of"),
-        hand=Meaning(Sense.SUPPORT, "puts what it holds on X, from above"),
-        thing=Meaning(Sense.SUPPORT, "rests on X's level top, of a room on its floor, the whole footprint supported"),
+        hand=Meaning(Sense.SUPPORT, "puts the held object on X, from above"),
+        thing=Meaning(
+            Sense.SUPPORT, "rests on X's level top (in a room: on its floor), with its whole footprint supported"
+        ),
     ),
     RelationType(
         "in_",
         "in-ContGeneric",
         ("in", "inside", "inside of"),
-        hand=Meaning(Sense.CONTAINMENT, "puts what it holds into X, from above"),
-        thing=Meaning(Sense.CONTAINMENT, "inside X's volume, resting; in a solid box there is no room"),
+        hand=Meaning(Sense.CONTAINMENT, "puts the held object into X, from above"),
+        thing=Meaning(Sense.CONTAINMENT, "rests inside X's volume; a solid box has no room"),
     ),
     RelationType(
         "in_center_of",
@@ -183,8 +185,8 @@ _TABLE = (
         ("in the center of", "in the centre of", "in the middle of"),
         hand=Meaning(
             Sense.GRASP_POINT,
-            "the grip point within 1 cm of X's centre or of the line through it from halfway down up, "
-            "or where else X is gripped: the grasp",
+            "the grasp: the grip point within 1 cm of X's centre, or of the vertical through it from halfway down "
+            "upwards, or where else X is gripped",
         ),
         of_solids=True,
         of_rooms=False,
@@ -196,7 +198,7 @@ _TABLE = (
         base=_BEFORE.base,
         hand=Meaning(
             Sense.PRE_GRASP,
-            "the pre-grasp: 8 cm back along the approach; with X in hand: raised and back as well",
+            "the pre-grasp: 8 cm back along the approach; with X in the hand also raised",
             THING_SIDE,
         ),
         thing=_BEFORE.thing,
@@ -213,7 +215,7 @@ _TABLE = (
         ("near", "close to"),
         base=Meaning(Sense.AREA, "within 1 m", (0.0, 1.0)),
         hand=Meaning(Sense.AREA, "within 0.3 m", THING_SIDE),
-        thing=Meaning(Sense.AREA, "on the same support if no other is said, within 0.3 m", THING_SIDE),
+        thing=Meaning(Sense.AREA, "on the same support unless another is stated, within 0.3 m", THING_SIDE),
     ),
     RelationType(
         "far_from",
@@ -233,7 +235,7 @@ _TABLE = (
         "clear_of",
         "clearOf",
         ("clear of", "not blocking", "not touching"),
-        base=Meaning(Sense.CLEARANCE, "neither touches X nor stands in the sweep of X's doors"),
+        base=Meaning(Sense.CLEARANCE, "neither touches X nor stands in the sweep of its doors"),
         of_solids=True,
         from_outside=True,
     ),

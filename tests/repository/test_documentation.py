@@ -32,7 +32,7 @@ LONG = tuple(
         ),
         *(
             f"guides/{one}"
-            for one in ("recording", "report", "resuming", "running", "searching", "sweeping", "testing")
+            for one in ("reasoning", "recording", "report", "resuming", "running", "searching", "sweeping", "testing")
         ),
         *("first_steps/first_plan", "reference/formats", "reference/gallery"),
     )
