@@ -248,7 +248,7 @@ BROKEN = {
         + "</robot>",
         "separate parts|loop|hangs",
     ),
-    "negative box": (f"<robot><link name='a'>{BOX.format('collision').replace('0.4', '-1')}</link></robot>", "negative"),
+    "negative box": (f"<robot><link name='a'>{BOX.format('collision').replace('0.4', '-1')}</link></robot>", "negat"),
     "no number": (f"<robot><link name='a'>{BOX.format('visual').replace('0.4', 'nan')}</link></robot>", "box size"),
     "many joints": (
         "<robot><link name='l0'/>"
