@@ -127,7 +127,7 @@ class Drive:
         return indirect
 
     def _heading(self, arm: ArmModel) -> float:
-        """Compute the heading of a hand's approach in the map [rad]; the base's heading if the hand points up or down."""
+        """Compute the heading of a hand's approach in the map [rad]; the base's heading for a vertical approach."""
         x, y, _ = matrices.rotated(self._control.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
         return math.atan2(y, x) if math.hypot(x, y) > LEVEL else self._control.base()[2]
 

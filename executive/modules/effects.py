@@ -100,7 +100,7 @@ class ActionEffects:
         return any(self._is_a(cls, what.type) for cls in created)
 
     def due(self, action: Action) -> float | None:
-        """Compute how long heating still takes to produce the object of an action [s]; None without a need to wait.
+        """Compute how long heating still takes to produce the object of an action [s]; None if nothing is awaited.
 
         An object to turn over must be done on its heated side: a pancake is turned when its lower side is baked,
         although no step of the recipe waits for that.
