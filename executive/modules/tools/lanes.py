@@ -83,7 +83,7 @@ class Room:
             direction = -direction
 
     def share(self, lanes: Sequence[Array], later: Room) -> float:
-        """Compute the share of the wipeable area that lanes (k, 4) cover; area that is not free ``later`` is ignored."""
+        """Compute the share of the wipeable area that lanes (k, 4) cover, ignoring area that is not free ``later``."""
         due = self._around(self.free) & self._around(later.free)
         return float(self._wiped(lanes)[due].mean()) if due.any() else 1.0
 
