@@ -44,7 +44,7 @@ class Phase:
     """Active constraints of the previous phase, as the recipe states them."""
     taken: dict[str, Pose] = field(default_factory=dict)
     """Object held at the end of the previous phase -> its pose in the map when it was grasped."""
-    way: Array | None = None
+    path: Array | None = None
     """Joint path (m, n) of the previous phase."""
     pours: dict[str, Pour] = field(default_factory=dict)
     """Vessel -> the pour in progress, or interrupted when a motion failed."""

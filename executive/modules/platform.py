@@ -315,10 +315,10 @@ class Arms:
             pose = self._control.scene.arms.tip(arm).copy()
             pose[:3, 3] += offset
             with suppress(MotionError):
-                return self.straight_path(arm, pose, self._control.arm_joints(arm), touches)
+                return self.straight_path(arm, pose, touches)
         return None
 
-    def straight_path(self, arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
+    def straight_path(self, arm: ArmModel, pose: Array, touches: str | None) -> Trajectory:
         """Plan a timed straight-line motion of the tip to a map pose (4, 4).
 
         ``touches``: the body that the hand may touch. Raises a MotionError with the reason.

@@ -22,8 +22,10 @@ class Tries:
     def __enter__(self) -> None:
         self.last = None
 
-    def __exit__(self, kind: type[BaseException] | None, found: BaseException | None, at: TracebackType | None) -> bool:
-        if not isinstance(found, self._kinds):
+    def __exit__(
+        self, kind: type[BaseException] | None, failure: BaseException | None, at: TracebackType | None
+    ) -> bool:
+        if not isinstance(failure, self._kinds):
             return False
-        self.problem, self.last = self.problem or found, found
+        self.problem, self.last = self.problem or failure, failure
         return True

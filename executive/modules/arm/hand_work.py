@@ -54,10 +54,10 @@ class HandWork(PlatformModule):
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
 
-    async def straight(self, arm: ArmModel, pose: Array, q: Array, what: str | None) -> None:
+    async def straight(self, arm: ArmModel, pose: Array, what: str | None) -> None:
         """Move the tip along a straight line to a map pose (4, 4). Raises a ManipulationFailure."""
         try:
-            trajectory = self.platform.arms.straight_path(arm, pose, q, what)
+            trajectory = self.platform.arms.straight_path(arm, pose, what)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
         await self.follow_to_end(arm.name, trajectory, what)

@@ -50,18 +50,18 @@ class Lowering(HandReaching):
         return arms
 
     async def _look_first(self, location: Location) -> None:
-        """Look at what the place is relative to; what the hand holds may hide it, and then it is where it was seen."""
+        """Look at the place's reference objects; if the held object hides them, rely on where they were last seen."""
         with suppress(PerceptionFailure, LookingFailure):
             await super()._look_first(location)
 
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
-        """Go above the place, into a compartment straight through where it is open, then straight down."""
+        """Move above the place, into a compartment straight through its open side, then straight down."""
         outside = self._outside(solution) if solution.reach.inside else None
         first = solution.joints[0] if outside is None else outside
         await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=min(FEW, iterations))
         if outside is not None:
-            await self._line(solution, solution.plan.poses[0], solution.joints[0])
-        await self._straight(solution, solution.joints[1:2])
+            await self._straight(solution, solution.plan.poses[:1])
+        await self._straight(solution, solution.plan.poses[1:2])
 
     def _outside(self, solution: HandSolution) -> Array | None:
         """Find joint positions (d,) in front of a compartment from which the object can be moved straight in.

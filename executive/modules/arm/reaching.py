@@ -219,11 +219,11 @@ class HandReaching(PlatformModule):
         await self.platform.hands.shape(arm, solution.plan.fingers)
         match solution.reach.kind:
             case ReachKind.RETREAT:
-                await self._straight(solution, solution.joints)
+                await self._straight(solution, solution.plan.poses[-len(solution.joints) :])
             case ReachKind.GRASP if grasps:
                 if not self.platform.arms.is_at(arm, first):
                     await self._joint_path(arm, first, None, label, iterations=iterations)
-                await self._straight(solution, solution.joints[1:2])
+                await self._straight(solution, solution.plan.poses[1:2])
             case _:
                 await self._joint_path(arm, first, None, label, iterations=iterations)
 
@@ -262,20 +262,15 @@ class HandReaching(PlatformModule):
                 await checkpoint()
         raise AssertionError("there is at least one round")
 
-    async def _straight(self, solution: HandSolution, joints: Array) -> None:
-        """Move the tip along straight lines to the poses after the first; for a retreat, to its last poses."""
-        retreats = solution.reach.kind is ReachKind.RETREAT
-        poses = solution.plan.poses[-len(joints) :] if retreats else solution.plan.poses[1 : 1 + len(joints)]
-        for pose, q in zip(poses, joints, strict=True):
-            await self._line(solution, pose, q)
-
-    async def _line(self, solution: HandSolution, pose: Array, q: Array) -> None:
-        """Move the tip along a straight line to a map pose (4, 4)."""
-        try:
-            trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
-        await self.follow_to_end(solution.arm.name, trajectory, solution.plan.label)
+    async def _straight(self, solution: HandSolution, poses: Array) -> None:
+        """Move the tip along straight lines through map poses (n, 4, 4)."""
+        arm, plan = solution.arm, solution.plan
+        for pose in poses:
+            try:
+                trajectory = self.platform.arms.straight_path(arm, pose, plan.touches)
+            except MotionError as problem:
+                raise ManipulationPoseUnreachable(arm=arm.name, what=plan.label) from problem
+            await self.follow_to_end(arm.name, trajectory, plan.label)
 
 
 @process_module

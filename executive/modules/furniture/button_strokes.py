@@ -36,19 +36,19 @@ class ButtonStrokes(StrokeWork):
 
     async def pushed(self) -> Motion:
         """Push, retreat, and return how the push ended. Raises a ManipulationFailure or NavigationFailure."""
-        grounding, phase, asked = self._grounding(), Phase(), self._asked()
-        await self._look(grounding, asked, phase)
-        plane = Plane(grounding.grounded(asked, phase).constraints[0])
-        lap = await self.stroke(grounding, phase, asked, plane, self._points(), closed=False)
+        grounding, phase, constraints = self._grounding(), Phase(), self._constraints()
+        await self._look(grounding, constraints, phase)
+        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
+        lap = await self.stroke(grounding, phase, constraints, plane, self._points(), closed=False)
         motion = await self.platform.follow(self._arm.name, lap)
         await self._back(lap)
         return motion
 
     def reach(self) -> bool:
         """Check whether the hand reaches the button from any base pose."""
-        grounding, phase, asked = self._grounding(), Phase(), self._asked()
-        plane = Plane(grounding.grounded(asked, phase).constraints[0])
-        return next(self._reaching(grounding, phase, asked, plane, self._points()), None) is not None
+        grounding, phase, constraints = self._grounding(), Phase(), self._constraints()
+        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
+        return next(self._reaching(grounding, phase, constraints, plane, self._points()), None) is not None
 
     def _grounding(self) -> Grounding:
         return Grounding(self.platform, {self._button.body, self._button.device})
@@ -58,7 +58,7 @@ class ButtonStrokes(StrokeWork):
         heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
         return np.column_stack([np.repeat(np.array([self._button.point]), len(heights), axis=0), heights])
 
-    def _asked(self) -> tuple[MotionConstraint, ...]:
+    def _constraints(self) -> tuple[MotionConstraint, ...]:
         """Build the constraints: the tip is over the button, and the hand leans little from its normal."""
         x, y, z = map(float, self._arm.frame.approach)
         hand = self.platform.robot.arm(self._arm.name).hand

@@ -140,7 +140,7 @@ class LeafWork(HandWork):
         platform.arms.choices.choose(arm.name)
         await platform.hands.move(arm, closed=False, fingers=path.fingers)
         await self.follow_to_end(arm.name, self.planned(arm, path.before, None), joint.handle)
-        await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
+        await self.straight(arm, path.poses[1], joint.handle)
         problem: ManipulationFailure | ContainerStuck | None = None
         try:
             await platform.hands.move(arm, closed=True)

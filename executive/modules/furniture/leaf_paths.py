@@ -122,8 +122,8 @@ class LeafPaths:
             if len(grips):
                 bases, _ = hypothetical._bases(arm, self._values, grips, self._enough)
                 roomy = np.ones(len(self._values), bool)
-                ways = _Ways(control, joint, arm, grips, self._values, roomy, hypothetical.rejected)
-                if len(bases) and ways.reach(bases[: BLOCK * MOST_BLOCKS]):
+                search = _ArmPaths(control, joint, arm, grips, self._values, roomy, hypothetical.rejected)
+                if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
 
@@ -133,11 +133,11 @@ class LeafPaths:
         if not len(grips):
             return
         roomy = self._roomy(arm, grips, values, enough)
-        ways = _Ways(self._control, self._joint, arm, grips, values, roomy, self.rejected)
+        search = _ArmPaths(self._control, self._joint, arm, grips, values, roomy, self.rejected)
         bases, steps = self._bases(arm, values, grips, enough)
         for first in range(0, min(len(bases), BLOCK * MOST_BLOCKS), BLOCK):
             block = slice(first, first + BLOCK)
-            yield from ways.of(bases[block], steps[block])
+            yield from search.of(bases[block], steps[block])
             yield None
 
     def _free(self, arm: ArmModel, grips: Grips) -> Grips:
@@ -261,7 +261,7 @@ def _lifted(control: Control, arm: ArmModel) -> InverseKinematics:
     return InverseKinematics(chain.between(arm.lift.joint, min(free), max(free)))
 
 
-class _Ways:
+class _ArmPaths:
     """Search for the paths of one arm with its grips of a handle."""
 
     def __init__(

@@ -91,16 +91,16 @@ class LeafStrokes(StrokeWork):
         approach = np.array(arm.frame.approach)
         tips = Pose(tuple((float((hand_with(platform.scene, arm) @ approach).max()) * approach).tolist()))
         path = self._along(value)
-        asked = self._asked(arm, path, tips)
+        constraints = self._constraints(arm, path, tips)
         grounding = Grounding(platform, {joint.holder} if joint.holder else (), joint.bodies)
         phase = Phase()
-        await self._look(grounding, asked, phase)
-        plane = Plane(grounding.grounded(asked, phase).constraints[0])
+        await self._look(grounding, constraints, phase)
+        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
         normal = np.array(plane.height.world.direction)
         local = moved(inverse(platform.belief.pose(joint.leaf).matrix()), path)
         heights = (local - local[1]) @ normal
         points = np.column_stack([local - heights[:, None] * normal, heights])
-        lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)
+        lap = await self.stroke(grounding, phase, constraints, plane, points, closed=False)
         link = platform.robot.arm(arm.name).tip
         try:
             await platform.follow(arm.name, lap, pushes=link)
@@ -146,7 +146,7 @@ class LeafStrokes(StrokeWork):
         point = np.where(np.abs(normal) > NORMAL, np.sign(normal) * half, np.clip(beside, -inner, inner))
         return middle + leaf.rotation @ point
 
-    def _asked(self, arm: ArmModel, path: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
+    def _constraints(self, arm: ArmModel, path: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
         """Build the constraints: fingertips (``tips`` in the tip frame) on the leaf, bounds of how the hand leans."""
         x, y, z = map(float, arm.frame.approach)
         hand = self.platform.robot.arm(arm.name).hand

@@ -263,18 +263,18 @@ class Pushing(StrokeWork):
         """Push an object once with one hand, update the belief, and look; returns as :meth:`_push` does."""
         platform, device = self.platform, self.platform.robot.arm(arm.name).hand
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
-        asked = tuple(one for one in constraints_of(stated) if one.is_active)
+        constraints = tuple(one for one in constraints_of(stated) if one.is_active)
         moving = (name, *platform.scene.world.standing_on(name))
         grounding, phase, before = Grounding(platform, gone=moving), Phase(), platform.belief.pose(name)
         push = goal - np.array(before.position[:2])
         heading = math.atan2(push[1], push[0])
-        asked = (*asked, *self._hand(asked, device, arm, before, heading))
-        motion = grounding.grounded(asked, phase)
+        constraints = (*constraints, *self._hand(constraints, device, arm, before, heading))
+        motion = grounding.grounded(constraints, phase)
         plane = Plane.of(motion, action)
         reach = platform.scene.bodies.block(name).support(heading)
         points = self._points(before, goal, reach + lead)
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
-        lap = await self.stroke(grounding, phase, asked, plane, places, closed=False)
+        lap = await self.stroke(grounding, phase, constraints, plane, places, closed=False)
         link, length = platform.robot.arm(arm.name).tip, float(np.hypot(*push))
         progress = arm.solver.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
         end = int(progress.argmax())
@@ -304,7 +304,7 @@ class Pushing(StrokeWork):
         return any(-np.array(touch.normal[:2]) @ _ahead(heading) > AHEAD for touch in touches)
 
     def _hand(
-        self, asked: Sequence[MotionConstraint], device: Device, arm: ArmModel, pose: Pose, heading: float
+        self, constraints: Sequence[MotionConstraint], device: Device, arm: ArmModel, pose: Pose, heading: float
     ) -> Iterator[MotionConstraint]:
         """Yield the constraints of a hand's orientation for pushing an object at a pose along a heading."""
         ahead, up = (pose.rotation.T @ one for one in ([*_ahead(heading), 0.0], [0.0, 0.0, 1.0]))
@@ -315,7 +315,7 @@ class Pushing(StrokeWork):
         ):
             tool, world = (
                 a_feature("LINE", of=of, position=(0.0, 0.0, 0.0), direction=tuple(map(float, along)))
-                for of, along in ((device, own), (asked[0].world.of, direction))
+                for of, along in ((device, own), (constraints[0].world.of, direction))
             )
             yield a_constraint("PERPENDICULARITY", tool, world, lower=lower, upper=upper, name=name)
 

@@ -189,7 +189,7 @@ async def _search_next(platform: Platform, search: Search) -> str | None:
         if not _lacks_places(platform, search) or search.within is not None:
             raise
         await look_around(platform)
-        if (name := _found(platform, search.what)) is not None:
+        if (name := _remembered(platform, search.what)) is not None:
             return name
         goal = platform.exploration.goal
         if goal is None:
@@ -222,10 +222,10 @@ async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyP
             break
         if place.seconds and not await _drives(place.base):
             search.failed[name] = "the base cannot reach a pose from which it is visible"
-            return _found(platform, search.what)
+            return _remembered(platform, search.what)
         points = searches.points(search, name, platform.base())
         shown = Shown(points)
-        if found := _found(platform, search.what) or await seen_from_here(platform, search.what, shown):
+        if found := _remembered(platform, search.what) or await seen_from_here(platform, search.what, shown):
             return found
         seen, screens = points[~shown.hidden], np.vstack([screens, shown.screens])
         unseen = unseen[~(unseen[:, None] == seen[None]).all(axis=2).any(axis=1)]
@@ -243,7 +243,7 @@ async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | N
         await perform(action("OpeningAContainerArtifact", object_acted_on=what))
     except IN_VAIN as failure:
         search.failed[leaf] = str(failure)
-    name = _found(platform, search.what)
+    name = _remembered(platform, search.what)
     if name is None and belief.is_left_open(leaf):
         name = await _seen_at(platform, search, leaf, None)
     if name is not None and _is_in(platform, name, leaf):
@@ -263,7 +263,7 @@ def _is_in(platform: Platform, name: str, leaf: str) -> bool:
     return away < NEAR_IT and all(away <= inside(other).away(centre) for other in platform.belief.joints)
 
 
-def _found(platform: Platform, what: Object) -> str | None:
+def _remembered(platform: Platform, what: Object) -> str | None:
     """Find the name of an object that was seen, from anywhere, and has not been moved since."""
     name = platform.scene.bodies.known(what)
     return name if name is not None and platform.belief.remembers(name) else None
@@ -283,7 +283,7 @@ async def seen_from_here(platform: Platform, what: Object, shown: Shown | None =
 
     Adds the hidden points of each image to ``shown``.
     """
-    already = _seen(platform, what)
+    already = _seen_here(platform, what)
     if already is not None:
         return already
     for point in _gazes(platform, what):
@@ -292,7 +292,7 @@ async def seen_from_here(platform: Platform, what: Object, shown: Shown | None =
             platform.sensing.see()
             if shown is not None:
                 shown.add(*platform.sensing.hidden(shown.points))
-        if (name := _seen(platform, what)) is not None:
+        if (name := _seen_here(platform, what)) is not None:
             return name
     known = platform.scene.bodies.known(what)
     if known is not None:
@@ -300,7 +300,7 @@ async def seen_from_here(platform: Platform, what: Object, shown: Shown | None =
     return None
 
 
-def _seen(platform: Platform, what: Object) -> str | None:
+def _seen_here(platform: Platform, what: Object) -> str | None:
     name = platform.scene.bodies.known(what)
     return name if name is not None and platform.belief.seen_from_here(name) else None
 

@@ -86,7 +86,11 @@ class ConstrainedWork(PlatformModule):
     # Base poses
 
     async def _solved(
-        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase, objection: Objection = no_objection
+        self,
+        grounding: Grounding,
+        constraints: Sequence[MotionConstraint],
+        phase: Phase,
+        objection: Objection = no_objection,
     ) -> tuple[GroundedMotion, PhaseMotion]:
         """Solve the motion from here, or drive to where it can be solved and repeat the phase before there.
 
@@ -94,8 +98,8 @@ class ConstrainedWork(PlatformModule):
         ``objection``.
         """
         tries = Tries(ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured)
-        await self._look(grounding, asked, phase)
-        motion = grounding.grounded(asked, phase)
+        await self._look(grounding, constraints, phase)
+        motion = grounding.grounded(constraints, phase)
         current = self.platform.base()
         stays = phase.before or not self._is_mobile()
         if stays or (
@@ -109,17 +113,17 @@ class ConstrainedWork(PlatformModule):
             if await compute_in_thread(partial(self._end, grounding, motion, place)) is None:
                 continue
             with tries:
-                if not await self._prepare_at(grounding, asked, phase, place):
+                if not await self._prepare_at(grounding, constraints, phase, place):
                     continue
-                motion = grounding.grounded(asked, phase)
+                motion = grounding.grounded(constraints, phase)
                 return motion, await self._accepted(grounding, motion, phase, objection)
             if (tried := tried + 1) == PLACES:
                 break
         if isinstance(tries.problem, NavigationFailure | AmountNotPoured):
             raise tries.problem
         if tried:
-            await self._look(grounding, asked, phase)
-            motion = grounding.grounded(asked, phase)
+            await self._look(grounding, constraints, phase)
+            motion = grounding.grounded(constraints, phase)
         # _end requires all constraints: if no base pose satisfies them, the motion is yet to be tried with fewer.
         last = self._solve if tries.problem is None else self._solve_plain
         try:
@@ -127,16 +131,16 @@ class ConstrainedWork(PlatformModule):
         except ConstraintsUnsatisfied as failure:
             if not moves or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
-            does = partial(self._ends_somewhere, grounding, asked, phase)
+            does = partial(self._ends_somewhere, grounding, constraints, phase)
             reason = await compute_in_thread(partial(out_of_reach, self.platform, motion, does))
             message = "; ".join(filter(None, (failure.message, reason)))
             raise ConstraintsUnsatisfied(
                 message, arm=failure.arm, constraints=failure.constraints
             ) from failure.__cause__
 
-    def _ends_somewhere(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> bool:
+    def _ends_somewhere(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> bool:
         """Check whether the goal can be reached from any of the first base poses, with objects as now believed."""
-        motion = grounding.grounded(asked, replace(phase, things={}))
+        motion = grounding.grounded(constraints, replace(phase, things={}))
         return any(self._end(grounding, motion, place) is not None for place in islice(self._places(motion), PLACES))
 
     async def _accepted(
@@ -149,20 +153,20 @@ class ConstrainedWork(PlatformModule):
         return solved
 
     async def _prepare_at(
-        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase, place: BasePose
+        self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase, place: BasePose
     ) -> bool:
         """Move the arms to the end of the motion, or of the phase before it, drive to ``place``, and look.
 
         The phase before is repeated there, so that the motion begins as intended. Returns False if no end exists there.
         """
-        first = phase.before or asked
+        first = phase.before or constraints
         motion = grounding.grounded(first, phase)
         end = await compute_in_thread(partial(self._end, grounding, motion, place))
         if end is None:
             return False
         await self._pose_arms(grounding, motion, end)
         await self.drive_with_room(place)
-        await self._look(grounding, asked, phase)
+        await self._look(grounding, constraints, phase)
         if phase.before:
             await self._repeat_phase(grounding, phase)
         return True
@@ -201,15 +205,16 @@ class ConstrainedWork(PlatformModule):
     def _is_mobile(self) -> bool:
         return not self.platform.robot.base.fixed
 
-    async def _look(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> None:
+    async def _look(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> None:
         """Look at world objects not seen since the base moved, and record their first seen poses in the phase."""
         belief = self.platform.belief
-        for name in grounding.world_things(asked):
+        for name in grounding.world_things(constraints):
             if name in phase.things or name in belief.held:
                 continue
             if not belief.seen_from_here(name):
                 with suppress(PerceptionFailure, LookingFailure):
-                    what = next(one.world.of for one in asked if self.platform.scene.bodies.bind(one.world.of) == name)
+                    bind = self.platform.scene.bodies.bind
+                    what = next(one.world.of for one in constraints if bind(one.world.of) == name)
                     await perform(action("LookingForSomething", object_acted_on=what))
             if belief.seen_from_here(name) or self.platform.robot.camera is None:
                 phase.things[name] = belief.pose(name)
@@ -224,10 +229,10 @@ class ConstrainedWork(PlatformModule):
         Tools that must not tilt stay upright if possible.
         """
         upright = grounding.uprights(motion)
-        for asked in dict.fromkeys(
+        for constraints in dict.fromkeys(
             ((*_inside(motion.constraints, ()), *upright), (*motion.constraints, *upright), motion.constraints)
         ):
-            end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
+            end = next(self._ends(grounding, replace(motion, constraints=constraints), base), None)
             if end is not None:
                 return end
         narrow = Ends.of(grounding.problem(motion, base), self._start(motion), [(*motion.constraints, *upright)])
@@ -275,10 +280,10 @@ class ConstrainedWork(PlatformModule):
         problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
         wishes = {one: wide for one, wide in zip(inside, motion.constraints, strict=True) if one != wide}
-        for asked, wished in ((inside, {}), (motion.constraints, wishes)):
+        for constraints, wished in ((inside, {}), (motion.constraints, wishes)):
             with suppress(MotionError):
-                phase_asked, kept = (*asked, *upright), (*before, *upright)
-                (solved,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
+                at_end, on_path = (*constraints, *upright), (*before, *upright)
+                (solved,) = solve_motion(problem, start, [at_end], on_path, wishes=wished, explains=False)
                 return solved
         return self._solve_plain(grounding, motion, phase, explains=explains)
 
@@ -333,11 +338,11 @@ class ConstrainedWork(PlatformModule):
     def _check_end(self, grounding: Grounding, motion: GroundedMotion, solved: PhaseMotion) -> None:
         """Raise ConstraintsUnsatisfied if a constraint that was not dropped is violated where the arms are now."""
         given_up = {one.name for one in solved.given_up}
-        asked = [one for one in motion.constraints if one.name not in given_up]
+        constraints = [one for one in motion.constraints if one.name not in given_up]
         problem = grounding.problem(motion, self.platform.base(), blocked=False)
-        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in asked])
+        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in constraints])
         excess = functions.excess(functions.all_values(self._start(motion)[None])[0])
-        outside = tuple(str(one.name or one) for one, beyond in zip(asked, excess, strict=True) if beyond > 1.0)
+        outside = tuple(str(one.name or one) for one, beyond in zip(constraints, excess, strict=True) if beyond > 1.0)
         if outside:
             raise ConstraintsUnsatisfied(arm=motion.arms[0].name, constraints=outside)
 
@@ -354,9 +359,9 @@ class ConstrainedMotions(ConstrainedWork):
 
         Without active constraints, nothing moves. Raises failures of the classes in ``failures``.
         """
-        asked = [one for one in constraints_of(action) if one.is_active]
+        constraints = [one for one in constraints_of(action) if one.is_active]
         phase = self.platform.phases.current()
-        if not asked:
+        if not constraints:
             phase.before = ()
             await checkpoint()
             return ()
@@ -367,7 +372,7 @@ class ConstrainedMotions(ConstrainedWork):
         def objection(motion: GroundedMotion, solved: PhaseMotion) -> AmountNotPoured | None:
             return pouring.too_slow(action, motion, grounding.group(motion), solved.trajectory)
 
-        motion, solved = await self._solved(grounding, asked, phase, objection)
+        motion, solved = await self._solved(grounding, constraints, phase, objection)
         reverse = self._reverse(grounding, motion, phase) if phase.pours else None
         if reverse is not None:
             solved = min(
@@ -379,17 +384,17 @@ class ConstrainedMotions(ConstrainedWork):
             await self.gone(motion, solved.trajectory)
             self._check_end(grounding, motion, solved)
         self._straightened()
-        phase.before, phase.taken, phase.way = tuple(asked), self.taken(), solved.trajectory.positions
-        names, rows = grounding.world_things(asked), solved.trajectory.positions
+        phase.before, phase.taken, phase.path = tuple(constraints), self.taken(), solved.trajectory.positions
+        names, rows = grounding.world_things(constraints), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
 
     def _reverse(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion | None:
         """Reverse the motion of the phase before, if that satisfies this phase: its flow has been predicted already."""
         start = self._start(motion)
-        if phase.way is None or phase.way.shape[1] != len(start) or np.abs(phase.way[-1] - start).max() > STRAY:
+        if phase.path is None or phase.path.shape[1] != len(start) or np.abs(phase.path[-1] - start).max() > STRAY:
             return None
-        rows = np.vstack([start, phase.way[-2::-1]])
+        rows = np.vstack([start, phase.path[-2::-1]])
         problem = grounding.problem(motion)
         functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in motion.constraints])
         if functions.excess(functions.all_values(rows[-1:])).max(initial=0.0) > 1.0 or problem.hits(rows[1:]):

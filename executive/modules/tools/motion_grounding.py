@@ -43,8 +43,8 @@ class GroundedMotion:
     def of_arm(self, number: int) -> GroundedMotion:
         """Select the constraints on the tools of one arm."""
         tools = {what: (0, offset) for what, (arm, offset) in self.tools.items() if arm == number}
-        asked = tuple(one for one in self.constraints if one.tool.of in tools)
-        return GroundedMotion(asked, self.arms[number : number + 1], tools, self.things)
+        constraints = tuple(one for one in self.constraints if one.tool.of in tools)
+        return GroundedMotion(constraints, self.arms[number : number + 1], tools, self.things)
 
 
 UP = Object("Up", "map:up")
@@ -159,8 +159,8 @@ class Grounding:
             if (limit := limits.get(tool.iri or "")) is None:
                 continue
             least = math.cos(limit)
-            asked = (one for one in motion.constraints if one.kind is ConstraintKind.PERPENDICULARITY)
-            if any(one.tool.of == tool and one.limits[1] < least for one in asked):
+            angles = (one for one in motion.constraints if one.kind is ConstraintKind.PERPENDICULARITY)
+            if any(one.tool.of == tool and one.limits[1] < least for one in angles):
                 continue
             axis, level = (
                 a_feature(kind, of=of, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))

@@ -90,14 +90,14 @@ class Plane:
         first /= np.linalg.norm(first)
         return first, np.cross(normal, first)
 
-    def at(self, point: Array, asked: Sequence[MotionConstraint]) -> Place:
+    def at(self, point: Array, constraints: Sequence[MotionConstraint]) -> Place:
         """Build the constraints at a waypoint (4,): a position in the object's frame, and a height over the plane."""
         x, y, z, over = map(float, point)
         feature = replace(self.height.world, kind=FeatureKind.LINE, position=(x, y, z))
         here = a_constraint("DISTANCE", self.height.tool, feature, upper=STRAY, name="place of the stroke")
         lower, upper = (None if one is None else one + over for one in (self.height.lower, self.height.upper))
         height = self.height if not over else replace(self.height, lower=lower, upper=upper)
-        return (height, *(one for one in asked if one != self.height), here)
+        return (height, *(one for one in constraints if one != self.height), here)
 
 
 class StrokeWork(ConstrainedWork):
@@ -105,12 +105,12 @@ class StrokeWork(ConstrainedWork):
 
     async def begun(self, action: Action) -> tuple[Grounding, Phase, tuple[MotionConstraint, ...], GroundedMotion]:
         """Look at the objects of a motion; return its grounding, phase, active constraints, and grounded motion."""
-        asked = tuple(one for one in constraints_of(action) if one.is_active)
-        if not asked:
+        constraints = tuple(one for one in constraints_of(action) if one.is_active)
+        if not constraints:
             raise ActionUnresolvable("a stroke needs active constraints in constrained_by", designator=str(action))
         grounding, phase = Grounding(self.platform), self.platform.phases.current()
-        await self._look(grounding, asked, phase)
-        return grounding, phase, asked, grounding.grounded(asked, phase)
+        await self._look(grounding, constraints, phase)
+        return grounding, phase, constraints, grounding.grounded(constraints, phase)
 
     def number(self, action: Action, name: str) -> float | None:
         """Read a positive number from an action, or from the nearest enclosing one that states it."""
@@ -127,7 +127,7 @@ class StrokeWork(ConstrainedWork):
         self,
         grounding: Grounding,
         phase: Phase,
-        asked: Sequence[MotionConstraint],
+        constraints: Sequence[MotionConstraint],
         plane: Plane,
         points: Array,
         *,
@@ -140,13 +140,13 @@ class StrokeWork(ConstrainedWork):
         NavigationFailure.
         """
         problem: MotionError | NavigationFailure | None = None
-        for base in chain((None,), self._reaching(grounding, phase, asked, plane, points) if drives else ()):
-            motion = grounding.grounded(asked, phase)
+        for base in chain((None,), self._reaching(grounding, phase, constraints, plane, points) if drives else ()):
+            motion = grounding.grounded(constraints, phase)
             try:
                 if base is not None:
                     await self.drive_with_room(base)
-                    await self._look(grounding, asked, phase)
-                    motion = grounding.grounded(asked, phase)
+                    await self._look(grounding, constraints, phase)
+                    motion = grounding.grounded(constraints, phase)
                 places = [plane.at(point, motion.constraints) for point in points]
                 kept = [one for one in places[0] if all(one in other for other in places)]
                 self.platform.sync()
@@ -167,12 +167,12 @@ class StrokeWork(ConstrainedWork):
         self,
         grounding: Grounding,
         phase: Phase,
-        asked: Sequence[MotionConstraint],
+        constraints: Sequence[MotionConstraint],
         plane: Plane,
         points: Array,
     ) -> Iterator[BasePose]:
         """Yield base poses from which the arm reaches all waypoints (n, 4), one after the other."""
-        motion = grounding.grounded(asked, phase)
+        motion = grounding.grounded(constraints, phase)
         in_map = moved(motion.things[plane.thing], points[:, :3])
         near = self.platform.base_poses().before(in_map, motion.arms) if self._is_mobile() else ()
         places = [plane.at(point, motion.constraints) for point in points]
@@ -196,15 +196,15 @@ class Strokes(StrokeWork):
 
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Move the tool in circles for the stated number and duration; return (), as no constraint is dropped."""
-        grounding, phase, asked, motion = await self.begun(action)
+        grounding, phase, constraints, motion = await self.begun(action)
         plane = Plane.of(motion, action)
         points = self._circle(plane, motion, self.number(action, "radius_of_circles"))
-        lap = await self.stroke(grounding, phase, asked, plane, points, closed=True)
+        lap = await self.stroke(grounding, phase, constraints, plane, points, closed=True)
         seconds = len(lap.positions) / self.platform.world.rate
         times, duration = self._laps(action, seconds)
         for _ in range(times):
             await self.gone(motion, slowed(lap, duration / seconds))
-        phase.before, phase.taken = asked, self.taken()
+        phase.before, phase.taken = constraints, self.taken()
         return ()
 
     def _laps(self, action: Action, seconds: float) -> tuple[int, float]:

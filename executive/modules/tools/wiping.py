@@ -60,11 +60,11 @@ class Wiping(StrokeWork):
         The lanes that the arm reaches most easily come first; from each base pose, all lanes within reach are wiped. If
         a lane fails, its halves are tried.
         """
-        grounding, phase, asked, motion = await self.begun(action)
+        grounding, phase, constraints, motion = await self.begun(action)
         plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), list[Array](), 0
-        await self._look_from_near(grounding, phase, asked, plane, motion)
-        motion = grounding.grounded(asked, phase)
-        stroke = partial(self.stroke, grounding, phase, asked, plane, closed=False)
+        await self._look_from_near(grounding, phase, constraints, plane, motion)
+        motion = grounding.grounded(constraints, phase)
+        stroke = partial(self.stroke, grounding, phase, constraints, plane, closed=False)
         room = self._room(plane, motion)
         pending = self._nearest_first(plane, motion, room.lanes())
         if not pending:
@@ -89,7 +89,7 @@ class Wiping(StrokeWork):
         self,
         grounding: Grounding,
         phase: Phase,
-        asked: Sequence[MotionConstraint],
+        constraints: Sequence[MotionConstraint],
         plane: Plane,
         motion: GroundedMotion,
     ) -> None:
@@ -103,7 +103,7 @@ class Wiping(StrokeWork):
                 return
             with suppress(NavigationFailure):
                 await self.drive_with_room(base)
-                await self._look(grounding, asked, phase)
+                await self._look(grounding, constraints, phase)
 
     async def _from_here(
         self,

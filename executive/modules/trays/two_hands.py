@@ -144,7 +144,7 @@ class TwoHands(HandWork):
         """Grasp the object from the current base pose. Return False if no path exists; raise if every path failed."""
         problem, tried = None, 0
         for paths in pairs:
-            async for grasp in _found(paths.grasps(name, [self.platform.base()])):
+            async for grasp in _results(paths.grasps(name, [self.platform.base()])):
                 try:
                     await self._grasp(paths, grasp, name)
                     return True
@@ -167,7 +167,7 @@ class TwoHands(HandWork):
             poses, arms = self.platform.base_poses(), paths.pair.arms
             every = chain(poses.before(point, arms, square_on), poses.before(point, arms))
             bases = (one for one in every if not _is_one_of(one, tried))
-            async for grasp in _found(paths.grasps(name, bases)):
+            async for grasp in _results(paths.grasps(name, bases)):
                 return grasp.base
         return None
 
@@ -299,7 +299,7 @@ class TwoHands(HandWork):
     async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> bool:
         """Lower the held object without moving the base. Return False if no path exists; raise if every path failed."""
         tries, tried, here = Tries(ManipulationPoseUnreachable), 0, partial(_only, self.platform.base())
-        async for place in _found(paths.places(name, spots, here)):
+        async for place in _results(paths.places(name, spots, here)):
             with tries:
                 if lowers:
                     await self._go(paths, place.lower, name, held=True)
@@ -379,7 +379,7 @@ def _is_one_of(base: BasePose, tried: Iterable[BasePose]) -> bool:
     return any(math.dist(base[:2], one[:2]) < SAME and abs(base[2] - one[2]) < SAME for one in tried)
 
 
-async def _found(results: Iterator[T | None]) -> AsyncIterator[T]:
+async def _results(results: Iterator[T | None]) -> AsyncIterator[T]:
     """Yield the results of a slow search; at each None, other tasks get a turn."""
     for result in results:
         if result is not None:
@@ -389,7 +389,7 @@ async def _found(results: Iterator[T | None]) -> AsyncIterator[T]:
 
 
 async def _first(results: Iterator[T | None]) -> T | None:
-    """Take the first result of a slow search, as :func:`_found`; None if there is none."""
-    async for result in _found(results):
+    """Take the first result of a slow search, as :func:`_results`; None if there is none."""
+    async for result in _results(results):
         return result
     return None
