@@ -80,7 +80,6 @@ class KnownThings:
         self.made: dict[str, MapObject] = {}
         """Objects created during the run, by name."""
         self._gone: dict[str, None] = {}
-        """Objects that no longer exist."""
         self.time = 0.0
         """Plan time up to which heating has been simulated in the believed world [s]."""
 

@@ -100,11 +100,10 @@ class ConstrainedWork(PlatformModule):
         tries = Tries(ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured)
         await self._look(grounding, constraints, phase)
         motion = grounding.grounded(constraints, phase)
-        current = self.platform.base()
         stays = phase.before or not self._is_mobile()
         if stays or (
             self.platform.base_poses().is_at_ease(_middle(motion), motion.arms)
-            and await compute_in_thread(partial(self._end, grounding, motion, current)) is not None
+            and await compute_in_thread(partial(self._end, grounding, motion, self.platform.base())) is not None
         ):
             with tries:
                 return motion, await self._accepted(grounding, motion, phase, objection)
@@ -131,12 +130,10 @@ class ConstrainedWork(PlatformModule):
         except ConstraintsUnsatisfied as failure:
             if not moves or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
-            does = partial(self._ends_somewhere, grounding, constraints, phase)
-            reason = await compute_in_thread(partial(out_of_reach, self.platform, motion, does))
-            message = "; ".join(filter(None, (failure.message, reason)))
-            raise ConstraintsUnsatisfied(
-                message, arm=failure.arm, constraints=failure.constraints
-            ) from failure.__cause__
+            possible = partial(self._ends_somewhere, grounding, constraints, phase)
+            reason = await compute_in_thread(partial(out_of_reach, self.platform, motion, possible))
+            message, names = "; ".join(filter(None, (failure.message, reason))), failure.constraints
+            raise ConstraintsUnsatisfied(message, arm=failure.arm, constraints=names) from failure.__cause__
 
     def _ends_somewhere(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> bool:
         """Check whether the goal can be reached from any of the first base poses, with objects as now believed."""
