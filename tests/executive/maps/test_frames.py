@@ -176,7 +176,7 @@ def test_a_thing_that_was_moved_is_a_conflict_also_where_the_frames_differ(merge
     there = Pose((6.0, 6.0, 0.4))
     semantic_map, result = merged(mapped(*PLACES), mapped(*PLACES, frame=FRAME, chair1=there), names="one")
     assert [one.code for one in result.diagnostics] == ["M027", "M022"]
-    assert "by 3 things of both" in result.diagnostics[0].message
+    assert "3 common objects" in result.diagnostics[0].message
     assert place(semantic_map, "chair1") == pytest.approx((6.0, 6.0, 0.4))
 
 
@@ -236,7 +236,7 @@ def test_poses_relative_to_two_maps_of_which_nothing_is_known_are_refused(
 
 def test_maps_of_which_nothing_is_where_it_was_are_refused(merged: Merge, mapped: Mapped) -> None:
     elsewhere = {name: Pose((3.0 * index, 7.0 + index**2, 0.4)) for index, name in enumerate(PLACES)}
-    with pytest.raises(BadInput, match="none of the 4 things"):
+    with pytest.raises(BadInput, match="none of their 4 common objects"):
         merged(mapped(*PLACES), mapped(*PLACES, **elsewhere))
 
 
