@@ -153,7 +153,7 @@ def test_an_opening_that_cannot_be_measured_is_missing_and_the_robot_has_no_grip
     (tmp_path / "jaw.urdf").write_text(arm(fingers=False, more=jaw))
     draft = draft_of(tmp_path / "jaw.urdf")
     (found,) = (one.message for one in draft.diagnostics() if "max_opening" in one.message)
-    assert "no gap between two fingers can be measured" in found
+    assert "no gap between two fingers" in found
     assert "# opened = { jaw = " in draft.text()
     assert bind_draft(draft, tmp_path / "jaw.urdf").arms[0].gripper is None
 
