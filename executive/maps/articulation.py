@@ -140,21 +140,25 @@ class _Reader:
 
     def _hinged(self, leaf: _Leaf) -> Articulation:
         """Derive the hinge of a door from its box, its handle and its furniture."""
-        away = None if leaf.handle is None else np.array(leaf.handle.pose.position) - leaf.body.pose.position
+        to_handle = None if leaf.handle is None else np.array(leaf.handle.pose.position) - leaf.body.pose.position
         if abs(leaf.outwards[2]) > LEVEL:
-            to_hinge = self._back_of_lid(leaf, away)
+            to_hinge = self._back_of_lid(leaf, to_handle)
         elif self._turns_level(leaf):
-            below = self.map.is_a(self.things[leaf.holder.iri], *BELOW) or away is None or float(away @ leaf.up) > 0
+            below = (
+                self.map.is_a(self.things[leaf.holder.iri], *BELOW)
+                or to_handle is None
+                or float(to_handle @ leaf.up) > 0
+            )
             to_hinge = -leaf.up if below else leaf.up
         else:
-            to_hinge = self._hinge_side(leaf, away) * leaf.across
+            to_hinge = self._hinge_side(leaf, to_handle) * leaf.across
         x, y, z = (np.array(leaf.body.pose.position) + leaf.half(to_hinge) * to_hinge).tolist()
         # positive angles move the free edge outwards
         return self._joint(leaf, JointKind.HINGED, (x, y, z), np.cross(leaf.outwards, to_hinge), 0.0, OPENED)
 
-    def _back_of_lid(self, leaf: _Leaf, away: Array | None) -> Array:
+    def _back_of_lid(self, leaf: _Leaf, to_handle: Array | None) -> Array:
         """Direction of a lid's hinge: opposite its handle, else towards the back of its furniture (-x)."""
-        backwards = -leaf.holder.pose.rotation[:, 0] if away is None else -away
+        backwards = -leaf.holder.pose.rotation[:, 0] if to_handle is None else -to_handle
         edges = [sign * edge for edge in (leaf.up, leaf.across) for sign in (1.0, -1.0)]
         return np.asarray(max(edges, key=lambda edge: round(float(edge @ backwards), 9)))
 
@@ -169,13 +173,13 @@ class _Reader:
                 return False
         return leaf.half(leaf.up) * UPRIGHT < leaf.half(leaf.across)
 
-    def _hinge_side(self, leaf: _Leaf, away: Array | None) -> float:
+    def _hinge_side(self, leaf: _Leaf, to_handle: Array | None) -> float:
         """Find the hinged side of a door: 1 in the direction ``across``, -1 against it.
 
         In order of precedence: opposite the handle, at a placed hinge, at the edge nearer to the side of the furniture.
         """
-        if away is not None and abs(float(away @ leaf.across)) > 1e-3:
-            return -math.copysign(1.0, float(away @ leaf.across))
+        if to_handle is not None and abs(float(to_handle @ leaf.across)) > 1e-3:
+            return -math.copysign(1.0, float(to_handle @ leaf.across))
         edges = {
             side: np.array(leaf.body.pose.position) + side * leaf.half(leaf.across) * leaf.across
             for side in (-1.0, 1.0)
@@ -255,12 +259,12 @@ class _Reader:
     def _hinges(self, thing: MapObject) -> list[str]:
         """Joints of an object: its parts, wholes that it is part of, and what it is hinged or rigidly connected to."""
         ontology, rigidly = self.map.ontology, expand("connectedTo-Rigidly")
-        named = [*thing.parts, *thing.hinged_to]
+        iris = [*thing.parts, *thing.hinged_to]
         for prop in (rigidly, expand("properPhysicalParts")):
             holders = (triple.subject for triple in ontology.triples(None, prop, thing.iri))
-            named += [one for one in holders if isinstance(one, str)]
-        named += [one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str)]
-        return [iri for iri in dict.fromkeys(named) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
+            iris += [one for one in holders if isinstance(one, str)]
+        iris += [one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str)]
+        return [iri for iri in dict.fromkeys(iris) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
 
     def _is_joint(self, iri: str, *classes: str) -> bool:
         return self.map.ontology.any_is_a((iri,), classes)
@@ -286,14 +290,14 @@ class _Reader:
 
         Sorted, because the first handle is used, and the order of statements differs between syntaxes of one map.
         """
-        found, level = {thing.iri: thing}, [thing]
+        seen, level = {thing.iri: thing}, [thing]
         for _ in range(DEEPEST):
             below = (
                 self.things[iri] for iri in sorted({iri for one in level for iri in one.parts} & self.things.keys())
             )
-            level = list({one.iri: one for one in below if one.iri not in found}.values())
-            found |= {one.iri: one for one in level}
-        parts = list(found.values())[1:]
+            level = list({one.iri: one for one in below if one.iri not in seen}.values())
+            seen |= {one.iri: one for one in level}
+        parts = list(seen.values())[1:]
         return [one for one in parts if one.iri in self.bodies and not self._is_joint(one.iri, "Joint-Physical")]
 
     def _handle(self, parts: Sequence[MapObject]) -> Body | None:
@@ -325,8 +329,8 @@ class _Reader:
         local = leaf.holder.pose.rotation.T @ leaf.outwards
         axis = int(np.argmax(np.abs(local)))
         normal = leaf.holder.pose.rotation[:, axis] * math.copysign(1.0, local[axis])
-        away = float((np.array(leaf.body.pose.position) - leaf.holder.pose.position) @ normal)
-        missing = (leaf.holder.size[axis] / 2 - away) / float(normal @ leaf.outwards)
+        offset = float((np.array(leaf.body.pose.position) - leaf.holder.pose.position) @ normal)
+        missing = (leaf.holder.size[axis] / 2 - offset) / float(normal @ leaf.outwards)
         if abs(missing) <= AT_FACE:
             return leaf
         position = np.array(leaf.body.pose.position) + missing * leaf.outwards

@@ -61,7 +61,7 @@ def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
 
 
 def _used(ontology: Ontology) -> frozenset[object]:
-    """Classes of which the ontology has individuals."""
+    """Classes with individuals in the ontology."""
     if _USED not in ontology.kept:
         ontology.kept[_USED] = frozenset(triple.object for triple in ontology.triples(p=RDF.type))
     return frozenset(ontology.kept[_USED])
@@ -74,18 +74,18 @@ def with_known_classes(ontology: Ontology, things: Iterable[str], notes: list[Di
     namespaces are left alone: :func:`is_kind` distinguishes them.
     """
     unknown = {cls: iri for iri in things for cls in ontology.types(iri) if not ontology.defined(cls)}
-    called = Counter(map(local_name, unknown))
+    counts = Counter(map(local_name, unknown))
     names: dict[str, str] = {}
     for cls, iri in unknown.items():
-        if called[local_name(cls)] > 1:
+        if counts[local_name(cls)] > 1:
             continue
         subject, span = f"{local_name(cls)}, the class of {local_name(iri)}", ontology.span(iri)
         if (match := known(ontology, cls)) != expand(cls):
             names[cls] = match
             notes.append(note("M031", f"{subject}, is read as {local_name(match)}", span))
             continue
-        every = {local_name(name) for name in ontology.class_names()}
-        close = similar(local_name(cls), sorted(every), least=0.8)
+        defined_names = {local_name(name) for name in ontology.class_names()}
+        close = similar(local_name(cls), sorted(defined_names), least=0.8)
         advice = f"did you mean {close[0]}?" if close else f"define it: Class: {local_name(cls)} SubClassOf: ..."
         notes.append(warning("M031", f"{subject}, is not defined: such objects have no known properties", span, advice))
     return ontology.renamed(names) if names else ontology

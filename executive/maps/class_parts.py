@@ -62,7 +62,7 @@ class _Reader:
         """Add the parts that the classes of an object state, and the parts of these parts."""
         if thing.pose is None:
             return
-        frames = {cls: thing.pose for own in thing.types for cls in self.ontology.ancestors(own)}
+        frames = {cls: thing.pose for stated_class in thing.types for cls in self.ontology.ancestors(stated_class)}
         before = len(self.parts)
         self._add(thing, frames, thing, DEEPEST)
         if len(self.parts) > before:
@@ -74,8 +74,8 @@ class _Reader:
         for cls in self._classes_of_parts(whole):
             if depth == 0 or len(self.parts) >= MOST_PARTS:
                 return
-            stated = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
-            part = next((one for one in stated if self.ontology.any_is_a(one.types, (cls,))), None)
+            stated_parts = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
+            part = next((one for one in stated_parts if self.ontology.any_is_a(one.types, (cls,))), None)
             pose = self._pose(cls, frames) if part is None or part.pose is None else part.pose
             if pose is None:
                 continue

@@ -59,12 +59,12 @@ def with_contents(bodies: Iterable[Body], semantic_map: SemanticMap, notes: list
 
     Invalid numbers are ignored, with a warning in ``notes``.
     """
-    held, types, numbers = dict[str, list[Portion]](), dict[str, tuple[str, ...]](), _Numbers(semantic_map, notes)
+    portions, types, numbers = dict[str, list[Portion]](), dict[str, tuple[str, ...]](), _Numbers(semantic_map, notes)
     for thing in semantic_map.objects:
         types[thing.iri] = thing.types
         for container in thing.inside if thing.pose is None else ():
-            held.setdefault(container, []).append(_portion(thing, numbers))
-    return [_with_content(body, held.get(body.iri, ()), types.get(body.iri, ()), numbers) for body in bodies]
+            portions.setdefault(container, []).append(_portion(thing, numbers))
+    return [_with_content(body, portions.get(body.iri, ()), types.get(body.iri, ()), numbers) for body in bodies]
 
 
 class _Numbers:

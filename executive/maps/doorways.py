@@ -86,8 +86,8 @@ def _cut(room: Body, pose: Pose, size: Sequence[float]) -> Cavity | None:
     local = room.pose.inverse() @ pose
     centre, half, inner = np.array(local.position), half_extents(local, size), np.array(room.size) / 2
     for axis, along in ((0, 1), (1, 0)):
-        beyond = abs(centre[axis]) - inner[axis]
-        if -half[axis] <= beyond <= half[axis] + THICKEST and abs(centre[along]) + half[along] <= inner[along]:
+        outside = abs(centre[axis]) - inner[axis]
+        if -half[axis] <= outside <= half[axis] + THICKEST and abs(centre[along]) + half[along] <= inner[along]:
             centre[axis] = np.copysign(inner[axis] + WALL / 2, centre[axis])
             half[axis] = WALL  # sticks out of the wall on both sides, so that no film of it is left
             x, y, z = centre.tolist()

@@ -135,12 +135,12 @@ def _as_stated(first: MapSource, source: MapSource) -> Pose | None:
 
 def _common(first: MapSource, source: MapSource, ontology: Ontology) -> Iterator[tuple[Pose, Pose]]:
     """Yield the poses in both maps of each common object: same IRI, or a local name that is unique in both."""
-    named = [Counter(local_name(thing.iri) for thing in one.map.objects) for one in (first, source)]
+    counts = [Counter(local_name(thing.iri) for thing in one.map.objects) for one in (first, source)]
     ours = {thing.iri: thing for thing in first.map.objects}
     by_name = {local_name(thing.iri): thing for thing in first.map.objects}
     for thing in source.map.objects:
         name = local_name(thing.iri)
-        alone = by_name.get(name) if named[0][name] == named[1][name] == 1 else None
+        alone = by_name.get(name) if counts[0][name] == counts[1][name] == 1 else None
         other = ours.get(thing.iri, alone)
         if other and other.pose and thing.pose and are_related(other, thing, ontology):
             yield other.pose, thing.pose
@@ -161,13 +161,13 @@ def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
     counts = [(len(_places(common, _HERE)), _HERE)]
     candidates = (ours @ theirs.inverse() for ours, theirs in common[:MOST_TRIED])
     counts += [(len(_places(common, way)), way) for way in candidates]
-    most, best = max(counts, key=lambda one: one[0])
-    if most < ENOUGH or most <= SURE * counts[0][0]:
+    best_count, best = max(counts, key=lambda one: one[0])
+    if best_count < ENOUGH or best_count <= SURE * counts[0][0]:
         return None, counts[0][0]
     agreeing = [pair for pair in common if _is_near(pair[0], best @ pair[1])]
     rotation = orthonormal(np.mean([product(ours.rotation, theirs.rotation.T) for ours, theirs in agreeing], axis=0))
     ours, theirs = (np.mean([pair[side].position for pair in agreeing], axis=0) for side in (0, 1))
-    return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), most
+    return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), best_count
 
 
 def _places(common: Sequence[tuple[Pose, Pose]], way: Pose) -> set[tuple[int, ...]]:
@@ -188,10 +188,10 @@ def _check_one_frame(first: MapSource, source: MapSource, common: int, alike: in
     """Raise BadInput if two maps seem to be in different frames: by their statements, or as no objects agree."""
     if alike >= ENOUGH:
         return
-    lost = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
+    parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
     ours, theirs = _named_frames(first), _named_frames(source)
-    if lost:
-        why = f"the frame of one is stated relative to {local_name(lost[0])}, of which the other states no pose"
+    if parents:
+        why = f"the frame of one is stated relative to {local_name(parents[0])}, which has no pose in the other"
     elif ours and theirs and not ours & theirs:
         why = f"poses are relative to {local_name(min(ours))} in one and to {local_name(min(theirs))} in the other"
     elif common >= ENOUGH and not alike:
@@ -210,8 +210,8 @@ def _named_frames(source: MapSource) -> set[str]:
     """Maps (IRIs) to which poses of a map are relative."""
     ontology = source.map.ontology
     maps = set(ontology.individuals(expand("SemanticEnvironmentMap")))
-    own = {PosesOfThings(ontology, []).place_of(iri) for iri in maps}
-    relative = (t for t in source.statements if t.predicate == expand("relativeTo") and t.subject not in own)
+    own_poses = {PosesOfThings(ontology, []).place_of(iri) for iri in maps}
+    relative = (t for t in source.statements if t.predicate == expand("relativeTo") and t.subject not in own_poses)
     return {str(t.object) for t in relative if t.object in maps}
 
 

@@ -57,17 +57,17 @@ def hollowed(
     for body in bodies:
         if body.movable or body.shape is not BodyShape.BOX:
             continue
-        things, own = _content(body, movable) if movable else [], stated(body)
+        things, cavity = _content(body, movable) if movable else [], stated(body)
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
-        parts = [] if own else [part for part in compartments(body) if part.name not in slides]
-        rooms = _rooms(body, own, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
-        held = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
+        parts = [] if cavity else [part for part in compartments(body) if part.name not in slides]
+        rooms = _rooms(body, cavity, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
+        reachable = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
         if things:
-            contents.append(_Contents(body, things, [*rooms] if held else []))
+            contents.append(_Contents(body, things, [*rooms] if reachable else []))
         if body.name in runs:
             by_name[body.name] = replace(body, cavities=tuple(runs[body.name]))
-        if rooms and (held or not things):
-            cavities = tuple(_with_room(room, body, held) for room in rooms.values())
+        if rooms and (reachable or not things):
+            cavities = tuple(_with_room(room, body, reachable) for room in rooms.values())
             by_name[body.name] = replace(body, cavities=(*cavities, *runs.get(body.name, ())))
             for part in parts:
                 if part.name in rooms:
@@ -95,27 +95,27 @@ class _Contents:
 
 
 def _rooms(
-    body: Body, own: Cavity | None, doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
+    body: Body, cavity: Cavity | None, doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
 ) -> dict[str, Cavity]:
     """Cavities of a body by the name of what opens them: doors, compartments without a door, or the body itself."""
-    if is_drawer and own is None:
+    if is_drawer and cavity is None:
         return {body.name: _open_above(body)}
     front = _front(body, doors)
     rooms = {door.name: room_behind(door, body) for door in doors}
     rooms |= {part.name: _compartment(part, body, *front) for part in parts}
-    return rooms if rooms or own is None else {body.name: own}
+    return rooms if rooms or cavity is None else {body.name: cavity}
 
 
 def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) -> Cavity | None:
     """Cavity of a box that is open at sides such as "+x"; None if no side is valid or the walls leave no space."""
     low, high = -np.asarray(size) / 2 + walls, np.asarray(size) / 2 - walls
-    known = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
-    for sign, axis in known:
+    openings = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
+    for sign, axis in openings:
         if sign == "+":
             high["xyz".index(axis)] += walls + BEYOND
         else:
             low["xyz".index(axis)] -= walls + BEYOND
-    return _cavity(low, high) if known and (low < high).all() else None
+    return _cavity(low, high) if openings and (low < high).all() else None
 
 
 def room_behind(leaf: Body, furniture: Body) -> Cavity:

@@ -62,20 +62,20 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
     """
     notes: list[Diagnostic] = []
     sources = [_source(path, load(path, folders=folders), notes) for path in paths]
-    whole = load(paths[0], folders=folders, also=paths[1:])
+    ontology = load(paths[0], folders=folders, also=paths[1:])
     things = {thing.iri: thing for thing in sources[0].map.objects}
     merged = [sources[0]]
-    for source in (in_frame_of(sources[0], one, whole, notes) for one in sources[1:]):
-        names = dict(_same(things, source, whole, notes))
+    for source in (in_frame_of(sources[0], one, ontology, notes) for one in sources[1:]):
+        names = dict(_same(things, source, ontology, notes))
         things = {names.get(one.iri, one.iri): one for one in source.map.objects} | things
         merged.append(source.named(names))
-    known = _newest(merged, [])
-    merged = [completed(source, known) for source in merged]
+    newest = _newest(merged, [])
+    merged = [completed(source, newest) for source in merged]
     statements = _united(merged, notes)
     placed = _newest(merged, notes)
-    _compare_classes(merged, whole, notes)
-    frames = {iri for iri in whole.individuals(expand("SemanticEnvironmentMap")) if iri not in placed}
-    statements = with_placements(statements, whole.iri, placed, gone=frames)
+    _compare_classes(merged, ontology, notes)
+    frames = {iri for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if iri not in placed}
+    statements = with_placements(statements, ontology.iri, placed, gone=frames)
     text = text_of(statements, sources[0].map.ontology.iri, notes)
     return Merged(text, len(things), len(placed), tuple(dict.fromkeys(notes)))
 
@@ -87,20 +87,20 @@ def _same(
     things: Mapping[str, MapObject], source: MapSource, ontology: Ontology, notes: list[Diagnostic]
 ) -> Iterator[tuple[str, str]]:
     """Yield the IRIs of objects that earlier maps have under another IRI, each with that IRI."""
-    own = {thing.iri for thing in source.map.objects}
-    others = {iri: thing for iri, thing in things.items() if iri not in own}
-    numbered, named = dict[str, list[MapObject]](), dict[str, list[MapObject]]()
+    own_iris = {thing.iri for thing in source.map.objects}
+    others = {iri: thing for iri, thing in things.items() if iri not in own_iris}
+    by_number, by_name = dict[str, list[MapObject]](), dict[str, list[MapObject]]()
     for one in others.values():
-        named.setdefault(local_name(one.iri), []).append(one)
+        by_name.setdefault(local_name(one.iri), []).append(one)
         for number in _numbers(one, ontology):
-            numbered.setdefault(number, []).append(one)
+            by_number.setdefault(number, []).append(one)
     placed = [one for one in others.values() if one.pose and one.size]
     places = np.array([one.pose.position for one in placed if one.pose]).reshape(-1, 3)
     for thing in source.map.objects:
         if thing.iri in things:
             continue
         numbers = _numbers(thing, ontology)
-        alike = [one for number in numbers for one in numbered.get(number, ())]
+        alike = [one for number in numbers for one in by_number.get(number, ())]
         alike += [one for one in _near(thing, placed, places) if not (numbers and _numbers(one, ontology))]
         other = next((one for one in alike if one.iri in others and are_related(thing, one, ontology)), None)
         if other is not None:
@@ -108,7 +108,7 @@ def _same(
             message = f"{local_name(thing.iri)} of {source.name} is the same object as {local_name(other.iri)}"
             notes.append(note("M023", message, thing.span, "both have the same class, and the same place or number"))
             yield thing.iri, other.iri
-        elif any(are_related(thing, one, ontology) for one in named.get(local_name(thing.iri), ())):
+        elif any(are_related(thing, one, ontology) for one in by_name.get(local_name(thing.iri), ())):
             message = f"{local_name(thing.iri)} of {source.name} is treated as another object than that of earlier maps"
             help = f"they are in different places; if they are the same, rename <{thing.iri}>"
             notes.append(note("M023", message, thing.span, help))
@@ -184,14 +184,14 @@ def _united(sources: Sequence[MapSource], notes: list[Diagnostic]) -> list[Tripl
     united: dict[tuple[object, str, object], Triple] = {}
     values: dict[tuple[object, str], tuple[str, list[Triple]]] = {}
     for source, statements in zip(sources, with_one_header([one.statements for one in sources]), strict=True):
-        stated: dict[tuple[object, str], list[Triple]] = {}
+        literals: dict[tuple[object, str], list[Triple]] = {}
         for triple in statements:
             if isinstance(triple.object, Literal) and not triple.predicate.startswith(str(RDFS)):
-                stated.setdefault((triple.subject, triple.predicate), []).append(triple)
+                literals.setdefault((triple.subject, triple.predicate), []).append(triple)
             else:
                 united.setdefault((triple.subject, triple.predicate, triple.object), triple)
-        _without_replaced_sizes(stated, values)
-        for key, triples in stated.items():
+        _without_replaced_sizes(literals, values)
+        for key, triples in literals.items():
             if key in values and key[1] not in poses:
                 notes += _difference(values[key], (source.name, triples))
             values[key] = (source.name, triples)
@@ -211,11 +211,11 @@ def _turned(statements: Sequence[Triple], ontology: Ontology) -> list[Triple]:
 
 
 def _without_replaced_sizes(
-    stated: Mapping[tuple[object, str], list[Triple]], values: dict[tuple[object, str], tuple[str, list[Triple]]]
+    literals: Mapping[tuple[object, str], list[Triple]], values: dict[tuple[object, str], tuple[str, list[Triple]]]
 ) -> None:
     """Drop earlier extents that a literal of all three replaces, and the other way round."""
     one, three = [expand(name) for name in EXTENTS], [expand(name) for name in TRIPLES]
-    for subject, prop in stated:
+    for subject, prop in literals:
         for other in three if prop in one else one if prop in three else ():
             values.pop((subject, other), None)
 
@@ -240,10 +240,10 @@ def _value(triple: Triple) -> object:
 
 def _compare_classes(sources: Sequence[MapSource], ontology: Ontology, notes: list[Diagnostic]) -> None:
     """Warn of objects with unrelated classes in two maps; they have both in the merged one."""
-    known: dict[str, tuple[MapObject, str]] = {}
+    first_seen: dict[str, tuple[MapObject, str]] = {}
     for source in sources:
         for thing in source.map.objects:
-            other, where = known.setdefault(thing.iri, (thing, source.name))
+            other, where = first_seen.setdefault(thing.iri, (thing, source.name))
             if not are_related(thing, other, ontology):
                 classes = [local_name(one.types[0]) for one in (other, thing)]
                 message = f"{thing.name} is a {classes[0]} in {where} and a {classes[1]} in {source.name}: it is both"

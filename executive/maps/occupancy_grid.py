@@ -109,8 +109,8 @@ def _entries(path: Path) -> dict[str, tuple[str, int]]:
             continue
         item, entry = _ITEM.fullmatch(line), _LINE.fullmatch(line)
         if item is not None and last:
-            before, first = entries[last]
-            entries[last] = f"{before} {item[1]}", first
+            text_before, first_line = entries[last]
+            entries[last] = f"{text_before} {item[1]}", first_line
         elif entry is not None:
             last = entry[1]
             entries[last] = entry[2].strip("\"'"), number
@@ -138,9 +138,9 @@ def read_pgm(path: Path) -> tuple[Array, Array]:
     header = _HEADER.match(content)
     if header is None:
         raise _bad("not a PGM image (P5 or P2)", path, 1)
-    width, height, most = (int(number) for number in header.groups()[1:])
-    if not (0 < width * height <= MOST_CELLS and 0 < most <= 65535):
-        message = f"an image of {width} x {height} with values up to {most} is empty or invalid, or has over"
+    width, height, greatest = (int(number) for number in header.groups()[1:])
+    if not (0 < width * height <= MOST_CELLS and 0 < greatest <= 65535):
+        message = f"an image of {width} x {height} with values up to {greatest} is empty or invalid, or has over"
         raise _bad(f"{message} {MOST_CELLS:,} cells", path, 1)
     data = content[header.end() :]
     if header[1] == b"P2":
@@ -148,12 +148,12 @@ def read_pgm(path: Path) -> tuple[Array, Array]:
             raise _bad("only numbers may follow the header", path, 1)
         values = np.fromstring(data, dtype=np.int64, sep=" ")[: width * height]
     else:
-        kind = np.dtype(np.uint8 if most < 256 else ">u2")
+        kind = np.dtype(np.uint8 if greatest < 256 else ">u2")
         values = np.frombuffer(data[: width * height * kind.itemsize], dtype=kind).astype(np.int64)
-    if len(values) != width * height or values.min() < 0 or values.max() > most:
-        raise _bad(f"the header promises {width} x {height} values from 0 to {most}, but the data differ", path, 1)
+    if len(values) != width * height or values.min() < 0 or values.max() > greatest:
+        raise _bad(f"the header promises {width} x {height} values from 0 to {greatest}, but the data differ", path, 1)
     raw = values.reshape(height, width).astype(float)
-    return raw / most, raw
+    return raw / greatest, raw
 
 
 def _bad(message: str, path: Path, line: int) -> BadInput:

@@ -47,10 +47,10 @@ class Standing:
         """Index the bodies by their bounding boxes; ``poses``, by name, override those of the scene."""
         self._poses = {body.name: (poses or {}).get(body.name, body.pose) for body in scene.bodies}
         self._scene = scene
-        there = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]
-        self._names = [body.name for body in there]
+        solid = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]
+        self._names = [body.name for body in solid]
         matrices = Pose.matrices(self._poses[name] for name in self._names)
-        half = np.array([body.size for body in there]).reshape(-1, 3) / 2
+        half = np.array([body.size for body in solid]).reshape(-1, 3) / 2
         self._centres, reach = matrices[:, :3, 3], rotated(np.abs(matrices[:, :3, :3]), half)
         self._low, self._high = self._centres - reach, self._centres + reach
 
@@ -201,8 +201,8 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
     wall *= movable
     body = Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
-    every = (above for one in thing.types for above in semantic_map.ontology.ancestors(one))
-    kinds = tuple(dict.fromkeys(map(local_name, every)))
+    ancestors = (above for one in thing.types for above in semantic_map.ontology.ancestors(one))
+    kinds = tuple(dict.fromkeys(map(local_name, ancestors)))
     return replace(body, handles=tuple(handle for _, handle in handles), kinds=kinds)
 
 
@@ -253,8 +253,8 @@ def _opened(
     def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
         parts = (semantic_map.find(iri) for iri in (() if thing is None else thing.parts))
-        kept = (part for part in parts if part is not None and semantic_map.is_a(part, *CONTAINERS))
-        return [by_iri[part.iri] for part in kept if part.iri in by_iri]
+        containers = (part for part in parts if part is not None and semantic_map.is_a(part, *CONTAINERS))
+        return [by_iri[part.iri] for part in containers if part.iri in by_iri]
 
     def report(body: Body, content: Sequence[Body], openings: Sequence[str]) -> None:
         thing, names = semantic_map.find(body.iri), ", ".join(one.name for one in content)
@@ -298,7 +298,7 @@ def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
     }
     name = max((one for one in below if below[one] < high), key=below.__getitem__, default="the floor")
     top = below.get(name, 0.0)
-    where = f"{low - top:.3f} m over {name}" if low >= top else f"{top - low:.3f} m inside of {name}"
+    where = f"{low - top:.3f} m over {name}" if low >= top else f"{top - low:.3f} m inside {name}"
     message = f"{body.name} stands on nothing: its lowest point is {where}"
     help = f"a pose is that of the box centre: with z = {z + top - low:.3f}, {body.name} stands on {name}"
     return warning("M015", message, span, help)
@@ -385,9 +385,9 @@ def _signed_distance(polygon: Array, points: Array) -> Array:
     lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-12)
     arrows = points[:, None] - polygon[None]
     along = np.clip(np.einsum("mnk,nk->mn", arrows, edges) / lengths**2, 0.0, 1.0)
-    away = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
+    distances = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
     side = (edges[:, 0] * arrows[..., 1] - edges[:, 1] * arrows[..., 0]) / lengths
-    signed: Array = np.where(np.all(side >= 0, axis=1), -away, away)
+    signed: Array = np.where(np.all(side >= 0, axis=1), -distances, distances)
     return signed
 
 
@@ -427,9 +427,9 @@ def controls_of(
 def _control(device: Body, body: Body, *, turns: bool) -> Control:
     """Build a control from a button or knob: its normal is its shortest axis, away from the device."""
     axis = int(np.argmin(body.size))
-    away = rotated(body.pose.rotation.T, np.array(body.pose.position) - device.pose.position)
+    outwards = rotated(body.pose.rotation.T, np.array(body.pose.position) - device.pose.position)
     normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-    normal[axis] = 1.0 if away[axis] >= 0 else -1.0
+    normal[axis] = 1.0 if outwards[axis] >= 0 else -1.0
     point[axis] = normal[axis] * body.size[axis] / 2
     return Control(device.name, body.name, (point[0], point[1], point[2]), (normal[0], normal[1], normal[2]), turns)
 

@@ -133,12 +133,12 @@ def read_map(ontology: Ontology) -> SemanticMap:
 def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnostic]:
     """Yield a warning for each map that is relative to something of another file: all files must share one frame."""
     for iri in ontology.individuals(expand("SemanticEnvironmentMap")):
-        own = ontology.span(iri)
+        span = ontology.span(iri)
         for parent in ontology.values(poses.place_of(iri) or "", expand("relativeTo")):
             other = ontology.span(str(parent))
-            if own is not None and other is not None and own.file != other.file:
+            if span is not None and other is not None and span.file != other.file:
                 message = f"the frame of {local_name(iri)} is relative to {local_name(str(parent))}: this is ignored"
-                yield warning("M027", message, own, "make one map of both: planlang merge")
+                yield warning("M027", message, span, "make one map of both: planlang merge")
 
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:
@@ -240,9 +240,9 @@ def _typed(ontology: Ontology) -> tuple[str, ...]:
 
 def _perceptions(ontology: Ontology) -> Iterator[str]:
     """Yield the events that place an object: those with eventOccursAt, except for proprioception."""
-    own = set(ontology.individuals(expand("Proprioception")))
+    proprioception = set(ontology.individuals(expand("Proprioception")))
     for triple in ontology.triples(None, expand("eventOccursAt")):
-        if isinstance(triple.subject, str) and triple.subject not in own:
+        if isinstance(triple.subject, str) and triple.subject not in proprioception:
             yield triple.subject
 
 
@@ -308,10 +308,10 @@ class PosesOfThings:
 
     def _places_of(self, thing: str) -> list[str]:
         """IRIs of the poses of an object, newest first: an older pose replaces one that cannot be read."""
-        own = [*self.ontology.iris(thing, "orientation"), *self.ontology.iris(thing, "pose")]
+        own_poses = [*self.ontology.iris(thing, "orientation"), *self.ontology.iris(thing, "pose")]
         if stated(self.ontology, thing, "translation"):
-            own.append(thing)
-        return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own[::-1]
+            own_poses.append(thing)
+        return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own_poses[::-1]
 
     def newest(self, thing: str) -> Seen | None:
         """Find the latest perception of an object whose pose can be read."""

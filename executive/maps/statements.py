@@ -77,12 +77,12 @@ def main_statements(ontology: Ontology, files: Container[Path | None]) -> list[T
     return [triple for statements in with_one_header(by_file) for triple in statements]
 
 
-def with_one_header(several: Sequence[Sequence[Triple]]) -> Iterator[list[Triple]]:
+def with_one_header(files: Sequence[Sequence[Triple]]) -> Iterator[list[Triple]]:
     """Yield the statements of several files under the header of the first, which imports what any of them imports."""
-    names = {t.subject: None for statements in several for t in statements if _is_header(t)}
-    types = (t for statements in several for t in statements if t.predicate == RDF.type)
+    names = {t.subject: None for statements in files for t in statements if _is_header(t)}
+    types = (t for statements in files for t in statements if t.predicate == RDF.type)
     things = {t.subject for t in types if not _is_header(t)}  # some maps have the same IRI as their file
-    for statements in several:
+    for statements in files:
         kept = []
         for triple in statements:
             if triple.predicate == OWL.imports:
@@ -106,10 +106,10 @@ def with_placements(
     things = {iri for iri in dict.fromkeys(str(t.subject) for t in statements) if iri in placed or iri in gone}
     things |= placed.keys()
     kept = _without_poses(statements, things)
-    taken = {str(triple.subject) for triple in kept}
+    used_iris = {str(triple.subject) for triple in kept}
     base = f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
     for placement in placed.values():
-        kept += _perception(placement, placed, base, taken)
+        kept += _perception(placement, placed, base, used_iris)
     return kept
 
 
@@ -119,8 +119,10 @@ def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Tripl
     others = {t.subject for t in statements if t.predicate == acted and t.object not in things}
     of_these = {t.subject for t in statements if t.predicate == acted and t.object in things}
     events = {t.subject for t in statements if t.predicate == at and t.subject in of_these - others}
-    own = (*_POSES, *_IN_PLACE)
-    kept = [t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in own)]
+    own_properties = (*_POSES, *_IN_PLACE)
+    kept = [
+        t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in own_properties)
+    ]
     dropped = {t.object for t in statements if t.subject in events or (t.subject in things and t.predicate in _POSES)}
     kinds = {expand("RotationMatrix3D"), expand("TimePoint")}
     removable: set[Term] = {t.subject for t in statements if t.predicate == RDF.type and t.object in kinds}
@@ -130,9 +132,11 @@ def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Tripl
     return [t for t in kept if t.subject not in unused]
 
 
-def _perception(placement: Placement, placed: Mapping[str, Placement], base: str, taken: set[str]) -> Iterator[Triple]:
+def _perception(
+    placement: Placement, placed: Mapping[str, Placement], base: str, used_iris: set[str]
+) -> Iterator[Triple]:
     name = local_name(placement.thing)
-    event, place = _free(f"{base}perception_{name}", taken), _free(f"{base}pose_{name}", taken)
+    event, place = _free(f"{base}perception_{name}", used_iris), _free(f"{base}pose_{name}", used_iris)
     parent = placed.get(placement.relative_to or "")
     pose = placement.pose if parent is None else parent.pose.inverse() @ placement.pose
     facts = placement.facts or ((RDF.type, expand("SemanticMapPerception")),)
@@ -150,8 +154,8 @@ def _perception(placement: Placement, placed: Mapping[str, Placement], base: str
         yield _stated(place, expand("relativeTo"), parent.thing)
 
 
-def _free(iri: str, taken: set[str]) -> str:
-    taken.add(free := unused_name(iri, taken))
+def _free(iri: str, used_iris: set[str]) -> str:
+    used_iris.add(free := unused_name(iri, used_iris))
     return free
 
 
@@ -178,8 +182,8 @@ def number(value: float) -> str:
 
 def text_of(statements: Iterable[Triple], map_iri: str | None, notes: list[Diagnostic]) -> str:
     """Write a map in Manchester syntax, with a warning if the syntax cannot express some statements."""
-    own = f"{map_iri.rstrip('#')}#" if map_iri else ""
-    prefixes = {"": own} if own else {}
+    namespace = f"{map_iri.rstrip('#')}#" if map_iri else ""
+    prefixes = {"": namespace} if namespace else {}
     prefixes |= {"knowrob": expand(""), "roboearth": "http://www.roboearth.org/kb/roboearth.owl#"}
     prefixes |= {"rdfs": str(RDFS), "xsd": str(XSD), "owl": str(OWL)}
     text, lost = write(statements, Target.MANCHESTER, prefixes)

@@ -55,10 +55,10 @@ def limb_of(mechanism: Mechanism, link: str, name: str) -> Limb | None:
     movers = [joint for joint in mechanism.chain(link) if mechanism.actuated(joint.name)]
     if len(movers) < LEAST_ARM:
         return None
-    whole = next((limb.joints for limb in limbs(mechanism) if movers[-1] in limb.joints), tuple(movers))
+    limb_joints = next((limb.joints for limb in limbs(mechanism) if movers[-1] in limb.joints), tuple(movers))
     fingers = moving_below(mechanism, link)
     hand = fingers[0].parent if fingers else link
-    return Limb(tuple(joint for joint in movers if joint in whole), hand, fingers, name)
+    return Limb(tuple(joint for joint in movers if joint in limb_joints), hand, fingers, name)
 
 
 def limbs(mechanism: Mechanism) -> Iterator[Limb]:
@@ -75,9 +75,9 @@ def limbs(mechanism: Mechanism) -> Iterator[Limb]:
         if len(chain_joints) >= LEAST_ARM and (grasps or not below):
             yield Limb(chain_joints, below[0].parent if below else _last(mechanism, link), below)
             continue
-        before = chain_joints if len(below) == 1 else ()
+        branch = chain_joints if len(below) == 1 else ()
         for joint in reversed(below):
-            stack.append((joint.child, (*before, joint) if mechanism.actuated(joint.name) else before))
+            stack.append((joint.child, (*branch, joint) if mechanism.actuated(joint.name) else branch))
 
 
 def _last(mechanism: Mechanism, link: str) -> str:

@@ -72,7 +72,7 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
 
 
 def _bind_urdf(path: Path) -> Robot:
-    """Bind a robot of which only the URDF is given: the draft of its robot file serves as robot file."""
+    """Bind a robot given by its URDF alone, using the draft of a robot file."""
     from executive.robots.draft import draft_of  # imported late: most robots have a robot file or a self-model
 
     draft = draft_of(path)
@@ -146,17 +146,17 @@ def _matching(model: SelfModel, absent: dict[str, str]) -> RobotFile | None:
     ``absent`` receives the robots that are not installed, and so not compared.
     """
     moving = set(model.joints.values())
-    own = Path(model.ontology.documents[0].path).resolve()
+    model_path = Path(model.ontology.documents[0].path).resolve()
     best: tuple[int, RobotFile] | None = None
     for numbers in _installed(absent):
-        if numbers.self_model is not None and numbers.self_model.resolve() == own:
+        if numbers.self_model is not None and numbers.self_model.resolve() == model_path:
             return numbers
         if not _mentions(numbers.urdf, moving):
             continue
         mechanism = Mechanism(numbers.urdf)
         common = sum(mechanism.actuated(joint) for joint in sorted(moving))
-        whole = any(moving.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
-        if whole and (best is None or common > best[0]):
+        has_arm = any(moving.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
+        if has_arm and (best is None or common > best[0]):
             best = (common, numbers)
     return best[1] if best else None
 

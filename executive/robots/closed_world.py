@@ -187,18 +187,18 @@ def _numbers(one: Literal, other: Literal) -> tuple[float, float]:
 def _of_datatype(value: Literal, datatype: str) -> bool | None:
     if datatype in (RDFS.Literal, value.datatype):
         return True
-    stated = value.datatype or XSD.string
+    own_type = value.datatype or XSD.string
     name = unit_of(value)
-    own, wanted = unit(name or ""), unit(local_name(datatype))
-    if own is not None and (datatype in _FRACTIONS or wanted is not None):
-        return wanted is None or own.dimension == wanted.dimension
+    own_unit, datatype_unit = unit(name or ""), unit(local_name(datatype))
+    if own_unit is not None and (datatype in _FRACTIONS or datatype_unit is not None):
+        return datatype_unit is None or own_unit.dimension == datatype_unit.dimension
     if datatype == XSD.string or not datatype.startswith(XSD):
-        return stated == datatype if datatype.startswith(XSD) else None
-    if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
+        return own_type == datatype if datatype.startswith(XSD) else None
+    if own_type in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
         return True
-    if stated in _FRACTIONS and datatype in _FRACTIONS:
+    if own_type in _FRACTIONS and datatype in _FRACTIONS:
         return True
-    if datatype in (XSD.nonNegativeInteger, XSD.positiveInteger) and stated in _WHOLE:
+    if datatype in (XSD.nonNegativeInteger, XSD.positiveInteger) and own_type in _WHOLE:
         try:
             return value.number() >= (datatype == XSD.positiveInteger)
         except ValueError:

@@ -1,7 +1,7 @@
 """Draft of a robot file from a URDF, and from an SRDF if there is one: derived, assumed and missing values.
 
 Every value has a reason. Written out, it is a file for the user to complete, with missing values as comments; the same
-text serves as robot file for a robot of which there is only a URDF.
+text serves as robot file for a robot that is given by its URDF alone.
 
 The SRDF (https://wiki.ros.org/srdf) states end effectors, named postures, the type of the base, and pairs of links
 that may touch. It is untrusted, as the URDF is, and read with the same bounds; names unknown to the URDF are ignored.
@@ -122,11 +122,11 @@ class Draft:
         diagnostics: list[Diagnostic] = []
         for table in self.tables:
             subject = table.header if table.path else "the robot"
-            for status, tell, code in ((Status.ASSUMED, note, "B010"), (Status.MISSING, warning, "B016")):
+            for status, severity, code in ((Status.ASSUMED, note, "B010"), (Status.MISSING, warning, "B016")):
                 entries = [entry for entry in table.entries if entry.status is status]
                 if entries:
                     reasons = "; ".join(f"{entry.key}: {entry.why}" if entry.why else entry.key for entry in entries)
-                    diagnostics.append(tell(code, f"{subject} {status.value}: {reasons}", Span(str(self.urdf))))
+                    diagnostics.append(severity(code, f"{subject} {status.value}: {reasons}", Span(str(self.urdf))))
         return diagnostics
 
 

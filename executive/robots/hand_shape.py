@@ -167,8 +167,8 @@ class _Hand:
     def _roll_axis(self) -> Array:
         """Axis of the last joint, pointing out of the arm: the approach of a hand without fingers."""
         axis = self._last_axis()
-        before = self._place(self.limb.joints[-2].child)
-        outwards = float(axis @ (self._place(self.limb.hand) - before))
+        elbow = self._place(self.limb.joints[-2].child)
+        outwards = float(axis @ (self._place(self.limb.hand) - elbow))
         return -axis if outwards < -1e-6 else axis
 
     def _closing(self, approach: Array) -> Array:
@@ -242,15 +242,15 @@ class _Hand:
     # Where it grips
 
     def _grip(self, approach: Array, closing: Array, closed: Values) -> Array:
-        """Return the point (3,) between the ends of the closed fingers."""
-        every = np.concatenate(list(self._points(closed).values()))
-        along = every @ approach
+        """Find the grip point (3,) between the tips of the closed fingers."""
+        points = np.concatenate(list(self._points(closed).values()))
+        along = points @ approach
         end, start = float(along.max()), float(along.min())
         depth = end - min(PAD, (end - start) / 2)
         gap = self._gap(approach, closing, closed)
         middle = float(closing @ self.wrist) if gap is None else sum(gap) / 2
         third = np.cross(approach, closing)
-        height = float((every[along >= end - FRONT] @ third).mean())
+        height = float((points[along >= end - FRONT] @ third).mean())
         wrist = float(third @ self.wrist)
         point = depth * approach + middle * closing + (wrist if abs(height - wrist) < PAD / 2 else height) * third
         return np.asarray(point.round(4) + 0.0)
@@ -261,9 +261,9 @@ class _Hand:
         tools = [link for link in group if TOOL.search(link)]
         if grip is None:
             return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
-        away = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
-        nearest = min(away, key=lambda link: away[link], default=None)
-        if nearest is not None and away[nearest] <= BESIDE:
+        distances = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
+        nearest = min(distances, key=lambda link: distances[link], default=None)
+        if nearest is not None and distances[nearest] <= BESIDE:
             return nearest, None
         return self.limb.hand, _axis(grip)
 

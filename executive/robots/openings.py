@@ -153,14 +153,14 @@ def _outline(at: Array, hull: ConvexSolid, axes: Array) -> Array:
     """Project a convex solid at a pose (4, 4) onto two axes (3, 2): points (n, 2) that span its outline."""
     points = moved(at, hull.points) @ axes
     extreme = points[sorted({*(points @ AROUND).argmax(axis=0).tolist()})]
-    thick = hull.radius + hull.beyond
-    return np.asarray((extreme[:, None] + thick * AROUND.T).reshape(-1, 2) if thick > 0 else extreme)
+    radius = hull.radius + hull.beyond
+    return np.asarray((extreme[:, None] + radius * AROUND.T).reshape(-1, 2) if radius > 0 else extreme)
 
 
 def _sections(outline: Array) -> Array:
     """Find the least second coordinate of a convex outline (n, 2) at each section of the first; infinite beside it.
 
-    Every pair of points is taken as an edge: inner ones do not change the minimum.
+    Every pair of points is treated as an edge, as inner ones do not change the minimum.
     """
     first, second = outline[:, None], outline[None]
     low, high = np.minimum(first[..., 0], second[..., 0]), np.maximum(first[..., 0], second[..., 0])

@@ -111,8 +111,8 @@ class OriginalMatcher:
     """Compares the tasks of an ontology with one robot by the original rules."""
 
     def __init__(self, ontology: Ontology, robot: Possessions) -> None:
-        own = [] if robot.model is None or robot.model.ontology is ontology else [robot.model.ontology]
-        self.classes = ClassProperties([ontology, *own])
+        model_ontologies = [] if robot.model is None or robot.model.ontology is ontology else [robot.model.ontology]
+        self.classes = ClassProperties([ontology, *model_ontologies])
         self.robot = robot
         self._world = ClosedWorld(self.classes.ontologies)
         self._claimed: dict[Node, str] = {}

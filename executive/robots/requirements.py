@@ -71,10 +71,10 @@ class Finding:
         """Draw the tree, line by line; without ``all_of_it`` only the findings that are not available."""
         yield from self._lines("", "", all_of_it, set())
 
-    def _lines(self, first: str, rest: str, all_of_it: bool, shown: set[tuple[str, str]]) -> Iterator[str]:
+    def _lines(self, first: str, rest: str, all_of_it: bool, drawn: set[tuple[str, str]]) -> Iterator[str]:
         key = (self.kind.value, self.iri or self.text)
-        repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in shown
-        shown.add(key)
+        repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in drawn
+        drawn.add(key)
         label = self.text if self.kind in _UNLABELLED else f"{self.kind.value} {self.text}"
         reason = f": {self.reason}" if self.reason else ""
         where = f" ({self.span})" if self.span is not None and self.kind in NEEDED else ""
@@ -85,7 +85,7 @@ class Finding:
         for one in below:
             last = one is below[-1]
             corner, beam = ("`- ", "   ") if last else ("|- ", "|  ")
-            yield from one._lines(rest + corner, rest + beam, all_of_it, shown)
+            yield from one._lines(rest + corner, rest + beam, all_of_it, drawn)
 
     def as_json(self) -> dict[str, Any]:
         """Convert the tree to JSON data."""

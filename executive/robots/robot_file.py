@@ -201,8 +201,8 @@ class _Table:
 
     def bad(self, key: str, message: str, help: str | None = None) -> None:
         """Report an error in the value of a key."""
-        whole = f"{self.name}.{key}".lstrip(".")
-        self.report.problems.append(error("B001", f"{whole}: {message}", self.report.span(whole), help))
+        dotted = f"{self.name}.{key}".lstrip(".")
+        self.report.problems.append(error("B001", f"{dotted}: {message}", self.report.span(dotted), help))
 
     def table(self, key: str, kind: str | None, *, required: bool = False) -> _Table:
         """Read a table; empty if it is absent."""

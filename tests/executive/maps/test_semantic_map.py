@@ -199,7 +199,7 @@ def test_what_is_sunk_into_a_table_is_told_the_height_at_which_it_stands(
     scene_of(map_of(*table, *cup), found)
     (told,) = found
     assert told.code == "M015"
-    assert "0.050 m inside of table1" in told.message
+    assert "0.050 m inside table1" in told.message
     assert "z = 0.750, cup1 stands on table1" in (told.help or "")
 
 
