@@ -21,7 +21,7 @@ MOST_PARTS = 1000
 """Most parts that a map gets from classes: a guard against hostile files."""
 
 
-class Known(NamedTuple):
+class StatedObject(NamedTuple):
     """An object as the map states it; parts are IRIs."""
 
     iri: str
@@ -43,7 +43,7 @@ class ClassPart(NamedTuple):
     size: Size | None
 
 
-def parts_of_classes(things: Iterable[Known], ontology: Ontology, notes: list[Diagnostic]) -> list[ClassPart]:
+def parts_of_classes(things: Iterable[StatedObject], ontology: Ontology, notes: list[Diagnostic]) -> list[ClassPart]:
     """Derive the parts, and the poses of parts, that the map leaves to the classes of its objects."""
     reader = _Reader(things, ontology, notes)
     for thing in tuple(reader.things.values()):
@@ -52,13 +52,13 @@ def parts_of_classes(things: Iterable[Known], ontology: Ontology, notes: list[Di
 
 
 class _Reader:
-    def __init__(self, things: Iterable[Known], ontology: Ontology, notes: list[Diagnostic]) -> None:
+    def __init__(self, things: Iterable[StatedObject], ontology: Ontology, notes: list[Diagnostic]) -> None:
         self.things = {thing.iri: thing for thing in things}
         self.names = {thing.name for thing in self.things.values()}
         self.ontology, self.notes = ontology, notes
         self.parts: list[ClassPart] = []
 
-    def complete(self, thing: Known) -> None:
+    def complete(self, thing: StatedObject) -> None:
         """Add the parts that the classes of an object state, and the parts of these parts."""
         if thing.pose is None:
             return
@@ -69,7 +69,7 @@ class _Reader:
             names = ", ".join(part.name for part in self.parts[before:])
             self.notes.append(note("M026", f"{thing.name} has {names} where its class has them", thing.span))
 
-    def _add(self, whole: Known, frames: dict[str, Pose], root: Known, depth: int) -> None:
+    def _add(self, whole: StatedObject, frames: dict[str, Pose], root: StatedObject, depth: int) -> None:
         """Add the parts of ``whole``; ``frames`` are poses of classes in the map frame."""
         for cls in self._classes_of_parts(whole):
             if depth == 0 or len(self.parts) >= MOST_PARTS:
@@ -92,16 +92,16 @@ class _Reader:
             self.parts.append(ClassPart(whole.iri, part.iri, part.name, cls, pose, size))
             self._add(part, {**frames, **dict.fromkeys(self.ontology.ancestors(cls), pose)}, root, depth - 1)
 
-    def _classes_of_parts(self, thing: Known) -> Iterator[str]:
+    def _classes_of_parts(self, thing: StatedObject) -> Iterator[str]:
         for cls in thing.types:
             for restriction in self.ontology.inherited_restrictions(cls, expand("properPhysicalParts")):
                 if restriction.kind == "some" and isinstance(restriction.filler, str):
                     yield restriction.filler
 
-    def _new(self, root: Known, cls: str, pose: Pose) -> Known:
+    def _new(self, root: StatedObject, cls: str, pose: Pose) -> StatedObject:
         name = unused_name(f"{root.name}_{local_name(cls)}", self.names)
         self.names.add(name)
-        return Known(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
+        return StatedObject(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
 
     def _pose(self, cls: str, frames: dict[str, Pose]) -> Pose | None:
         """Find the pose of a part's class in the map; None if none is stated, or it is relative to an unknown frame."""

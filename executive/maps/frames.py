@@ -27,7 +27,7 @@ NEAR, TURNED = 0.1, math.radians(10.0)
 """Greatest difference between the poses of an object that is in the same place in two maps [m, rad]."""
 ENOUGH = 3
 """Least number of objects, in different places, to estimate a transformation from."""
-SURE = 3
+CLEARLY_MORE = 3
 """A transformation is accepted if it makes more than this many times as many objects agree as the identity does."""
 MOST_TRIED = 200
 """Greatest number of candidate transformations."""
@@ -58,16 +58,19 @@ class MapSource:
             placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
         return replace(self, statements=statements, placed=placed)
 
-    def moved(self, way: Pose) -> MapSource:
-        """Transform objects, files and joint directions into another frame; ``way`` is the pose of this map in it."""
+    def moved(self, transform: Pose) -> MapSource:
+        """Move objects, files and joint directions into another frame; ``transform`` is the pose of this map in it."""
         poses = PosesOfThings(self.map.ontology, [])
-        files = {iri: Placement(iri, poses.pose(iri) or _HERE) for iri in _maps_with_files(self.map.ontology)}
-        placed = {iri: replace(one, pose=way @ one.pose) for iri, one in {**files, **self.placed}.items()}
-        things = (replace(one, pose=way @ one.pose) if one.pose else one for one in self.map.objects)
+        files = {iri: Placement(iri, poses.pose(iri) or _IDENTITY) for iri in _maps_with_files(self.map.ontology)}
+        placed = {iri: replace(one, pose=transform @ one.pose) for iri, one in {**files, **self.placed}.items()}
+        things = (replace(one, pose=transform @ one.pose) if one.pose else one for one in self.map.objects)
         turned = {
             str(t.object) for t in self.statements if t.predicate == expand("direction") and t.subject not in placed
         }
-        statements = [_turned(one, way, self.map.ontology) if one.subject in turned else one for one in self.statements]
+        statements = [
+            _rotated_vector(one, transform, self.map.ontology) if one.subject in turned else one
+            for one in self.statements
+        ]
         return replace(self, map=replace(self.map, objects=tuple(things)), statements=statements, placed=placed)
 
 
@@ -76,26 +79,26 @@ def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, notes: 
 
     Raises BadInput if the frames differ and the transformation cannot be determined.
     """
-    way, why = _as_stated(first, source), "as stated"
-    if way is None:
-        common = list(_common(first, source, ontology))
-        way, count = _by_things(common)
+    transform, why = _stated_transform(first, source), "as stated"
+    if transform is None:
+        common = list(_common_objects(first, source, ontology))
+        transform, count = _estimate(common)
         why = f"estimated from {count} common objects"
-        if way is None:
+        if transform is None:
             _check_one_frame(first, source, len(common), count)
             return source
-    if _is_same(way, _HERE):
+    if _is_same(transform, _IDENTITY):
         return source
-    x, y, z = (number(round(one, 3)) for one in way.position)
-    yaw = math.degrees(math.atan2(way.rotation[1, 0], way.rotation[0, 0])) + 0.0
+    x, y, z = (number(round(one, 3)) for one in transform.position)
+    yaw = math.degrees(math.atan2(transform.rotation[1, 0], transform.rotation[0, 0])) + 0.0
     message = (
         f"{source.name} is in another frame than {first.name}, {why}: moved by ({x}, {y}, {z}) m, {yaw:.1f} degrees"
     )
     notes.append(note("M027", message, Span(str(source.map.ontology.documents[0].path))))
-    return source.moved(way)
+    return source.moved(transform)
 
 
-_HERE = Pose((0.0, 0.0, 0.0))
+_IDENTITY = Pose((0.0, 0.0, 0.0))
 
 
 # Stated frames
@@ -116,14 +119,14 @@ def _anchors(source: MapSource) -> dict[str, Pose]:
     """Collect the poses, in the frame of a map, of everything that another frame may be relative to, by IRI."""
     ontology = source.map.ontology
     anchors = {iri: one.pose for iri, one in source.placed.items()}
-    anchors |= {iri: _HERE for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
+    anchors |= {iri: _IDENTITY for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
     for _, parent, pose in _frames(ontology):
         if parent is not None:
             anchors[parent] = pose.inverse()
     return anchors
 
 
-def _as_stated(first: MapSource, source: MapSource) -> Pose | None:
+def _stated_transform(first: MapSource, source: MapSource) -> Pose | None:
     """Find the stated pose of a map's frame in that of the first; None if neither map relates them."""
     ours, theirs = _anchors(first), _anchors(source)
     parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
@@ -133,7 +136,7 @@ def _as_stated(first: MapSource, source: MapSource) -> Pose | None:
 # Estimated frames
 
 
-def _common(first: MapSource, source: MapSource, ontology: Ontology) -> Iterator[tuple[Pose, Pose]]:
+def _common_objects(first: MapSource, source: MapSource, ontology: Ontology) -> Iterator[tuple[Pose, Pose]]:
     """Yield the poses in both maps of each common object: same IRI, or a local name that is unique in both."""
     counts = [Counter(local_name(thing.iri) for thing in one.map.objects) for one in (first, source)]
     ours = {thing.iri: thing for thing in first.map.objects}
@@ -152,17 +155,17 @@ def are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
     return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
 
 
-def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
+def _estimate(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
     """Estimate the transformation on which most common objects agree, and count the places at which they do.
 
     Each common object proposes a candidate; the best is refined by averaging over the objects that agree with it.
     None unless that is clearly more than without a transformation: objects move, and some may have moved together.
     """
-    counts = [(len(_places(common, _HERE)), _HERE)]
+    counts = [(len(_places(common, _IDENTITY)), _IDENTITY)]
     candidates = (ours @ theirs.inverse() for ours, theirs in common[:MOST_TRIED])
-    counts += [(len(_places(common, way)), way) for way in candidates]
+    counts += [(len(_places(common, transform)), transform) for transform in candidates]
     best_count, best = max(counts, key=lambda one: one[0])
-    if best_count < ENOUGH or best_count <= SURE * counts[0][0]:
+    if best_count < ENOUGH or best_count <= CLEARLY_MORE * counts[0][0]:
         return None, counts[0][0]
     agreeing = [pair for pair in common if _is_near(pair[0], best @ pair[1])]
     rotation = orthonormal(np.mean([product(ours.rotation, theirs.rotation.T) for ours, theirs in agreeing], axis=0))
@@ -170,9 +173,9 @@ def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
     return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), best_count
 
 
-def _places(common: Sequence[tuple[Pose, Pose]], way: Pose) -> set[tuple[int, ...]]:
+def _places(common: Sequence[tuple[Pose, Pose]], transform: Pose) -> set[tuple[int, ...]]:
     """Cells of the objects whose poses agree after a transformation; objects close together count once."""
-    agreeing = (ours.position for ours, theirs in common if _is_near(ours, way @ theirs))
+    agreeing = (ours.position for ours, theirs in common if _is_near(ours, transform @ theirs))
     return {tuple(round(one / NEAR) for one in position) for position in agreeing}
 
 
@@ -242,7 +245,7 @@ def _maps_with_files(ontology: Ontology) -> list[str]:
     return [iri for iri in ontology.individuals(expand("Map")) if any(ontology.said(iri, "linkToMapFile"))]
 
 
-def _turned(triple: Triple, way: Pose, ontology: Ontology) -> Triple:
+def _rotated_vector(triple: Triple, transform: Pose, ontology: Ontology) -> Triple:
     """Rotate a statement about a component of a vector into another frame."""
     axis = _AXES.get(local_name(triple.predicate))
     parts = [stated(ontology, str(triple.subject), name) for name in _AXES]
@@ -251,7 +254,7 @@ def _turned(triple: Triple, way: Pose, ontology: Ontology) -> Triple:
     values = [None if part is None else length(part, []) for part in parts]
     if any(value is None for value in values):
         return triple
-    return replace(triple, object=decimal(float(rotated(way.rotation, np.array(values, dtype=float))[axis])))
+    return replace(triple, object=decimal(float(rotated(transform.rotation, np.array(values, dtype=float))[axis])))
 
 
 _AXES = {"vectorX": 0, "vectorY": 1, "vectorZ": 2}

@@ -24,7 +24,7 @@ SHEET = 0.01
 """Default thickness of the walls of drawers [m]."""
 BEYOND = 0.1
 """Length by which a cavity sticks out of the open side of its furniture, so that nothing closes it [m]."""
-ROOM_FOR_IT = 0.05
+TOLERATED = 0.05
 """An object that penetrates a wall or shelf by less than this pushes it back: maps are no more accurate [m]."""
 
 
@@ -44,10 +44,12 @@ def hollowed(
     by_name = {body.name: body for body in bodies}
     joints = tuple(joints)
     slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
-    runs: dict[str, list[Cavity]] = {}
+    slide_cavities: dict[str, list[Cavity]] = {}
     for joint in joints:
         if joint.leaf in slides and joint.holder is not None:
-            runs.setdefault(joint.holder, []).append(_run_of(by_name[joint.leaf], by_name[joint.holder], joint))
+            slide_cavities.setdefault(joint.holder, []).append(
+                _slide_of(by_name[joint.leaf], by_name[joint.holder], joint)
+            )
     doors: dict[str, list[Body]] = {}
     for joint in joints:
         if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
@@ -64,17 +66,17 @@ def hollowed(
         reachable = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
         if things:
             contents.append(_Contents(body, things, [*rooms] if reachable else []))
-        if body.name in runs:
-            by_name[body.name] = replace(body, cavities=tuple(runs[body.name]))
+        if body.name in slide_cavities:
+            by_name[body.name] = replace(body, cavities=tuple(slide_cavities[body.name]))
         if rooms and (reachable or not things):
             cavities = tuple(_with_room(room, body, reachable) for room in rooms.values())
-            by_name[body.name] = replace(body, cavities=(*cavities, *runs.get(body.name, ())))
-            for part in parts:
+            by_name[body.name] = replace(body, cavities=(*cavities, *slide_cavities.get(body.name, ())))
+            for part in parts:  # a compartment is a cavity of its furniture from here on, not a body
                 if part.name in rooms:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
     for one in contents:
-        if left := one.without_drawers(contents):
-            report(one.body, left, one.openings)
+        if to_report := one.without_drawers(contents):
+            report(one.body, to_report, one.openings)
     return list(by_name.values())
 
 
@@ -170,7 +172,7 @@ def _open_above(body: Body) -> Cavity:
     return _cavity(low, high)
 
 
-def _run_of(drawer: Body, furniture: Body, joint: Articulation) -> Cavity:
+def _slide_of(drawer: Body, furniture: Body, joint: Articulation) -> Cavity:
     """Cavity of furniture in which a drawer slides."""
     half, local = np.asarray(furniture.size) / 2, _in_frame(drawer, furniture)
     slide = furniture.pose.rotation.T @ np.asarray(joint.axis)
@@ -189,14 +191,14 @@ def _is_in(room: Cavity, body: Body, thing: Body) -> bool:
 
 
 def _with_room(room: Cavity, body: Body, things: Iterable[Body]) -> Cavity:
-    """Widen a cavity around the objects in it that penetrate its walls by less than :data:`ROOM_FOR_IT`."""
+    """Widen a cavity around the objects in it that penetrate its walls by less than :data:`TOLERATED`."""
     low, high = (np.asarray(room.centre) + sign * np.asarray(room.size) / 2 for sign in (-1.0, 1.0))
     for thing in things:
         if _is_in(room, body, thing):
             local = _in_frame(thing, body)
             lower, upper = local.min(axis=0), local.max(axis=0)
-            low = np.where((lower < low) & (lower > low - ROOM_FOR_IT), lower, low)
-            high = np.where((upper > high) & (upper < high + ROOM_FOR_IT), upper, high)
+            low = np.where((lower < low) & (lower > low - TOLERATED), lower, low)
+            high = np.where((upper > high) & (upper < high + TOLERATED), upper, high)
     return _cavity(low, high)
 
 

@@ -51,7 +51,7 @@ def _source(path: Path, ontology: Ontology, notes: list[Diagnostic]) -> MapSourc
     semantic_map = read_map(ontology)
     filled_in = ("M005", "M006")  # default sizes are reported again when the merged map is used
     notes += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
-    statements = _turned(main_statements(ontology, {ontology.documents[0].path}), ontology)
+    statements = _with_places_reversed(main_statements(ontology, {ontology.documents[0].path}), ontology)
     return MapSource(path.name, semantic_map, statements, placements(semantic_map))
 
 
@@ -66,7 +66,7 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
     things = {thing.iri: thing for thing in sources[0].map.objects}
     merged = [sources[0]]
     for source in (in_frame_of(sources[0], one, ontology, notes) for one in sources[1:]):
-        names = dict(_same(things, source, ontology, notes))
+        names = dict(_identified(things, source, ontology, notes))
         things = {names.get(one.iri, one.iri): one for one in source.map.objects} | things
         merged.append(source.named(names))
     newest = _newest(merged, [])
@@ -83,7 +83,7 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
 # One object under two names
 
 
-def _same(
+def _identified(
     things: Mapping[str, MapObject], source: MapSource, ontology: Ontology, notes: list[Diagnostic]
 ) -> Iterator[tuple[str, str]]:
     """Yield the IRIs of objects that earlier maps have under another IRI, each with that IRI."""
@@ -145,14 +145,16 @@ def _newest(sources: Sequence[MapSource], notes: list[Diagnostic]) -> dict[str, 
             newest[iri] = (placement, source) if placement.time >= before[0].time else before
             why = "is named" if placement.time == before[0].time else "has seen it"
             if _differ(placement, before[0]):
-                places = " and ".join(f"{_shown(one)} in {where.name}" for one, where in (before, (placement, source)))
+                places = " and ".join(
+                    f"{_coordinates(one)} in {where.name}" for one, where in (before, (placement, source))
+                )
                 message = f"{local_name(iri)} is at {places}: that of {newest[iri][1].name} counts, which {why} later"
                 thing = source.map.find(iri)
                 notes.append(warning("M022", message, None if thing is None else thing.span))
-    return {iri: _carried(iri, newest) for iri in newest}
+    return {iri: _with_newest_parents(iri, newest) for iri in newest}
 
 
-def _carried(iri: str, newest: Mapping[str, tuple[Placement, MapSource]]) -> Placement:
+def _with_newest_parents(iri: str, newest: Mapping[str, tuple[Placement, MapSource]]) -> Placement:
     """Move an object along with what its pose is relative to: compose the newest poses of the whole chain."""
     placement, source = newest[iri]
     steps, parent = [iri], placement.relative_to
@@ -170,7 +172,7 @@ def _differ(a: Placement, b: Placement) -> bool:
     return a.pose.distance(b.pose) > SAME_PLACE or a.pose.turn(b.pose) > SAME_HEADING
 
 
-def _shown(placement: Placement) -> str:
+def _coordinates(placement: Placement) -> str:
     x, y, z = placement.pose.position
     return f"({x:.3f}, {y:.3f}, {z:.3f})"
 
@@ -198,7 +200,7 @@ def _united(sources: Sequence[MapSource], notes: list[Diagnostic]) -> list[Tripl
     return [*united.values(), *(triple for _, triples in values.values() for triple in triples)]
 
 
-def _turned(statements: Sequence[Triple], ontology: Ontology) -> list[Triple]:
+def _with_places_reversed(statements: Sequence[Triple], ontology: Ontology) -> list[Triple]:
     """Reverse statements that make a larger place a part of a smaller one."""
     wrong = {(triple.subject, triple.object) for triple in inverted(ontology)}
     parts = expand("properPhysicalParts")

@@ -60,12 +60,12 @@ class OccupiedSpace:
 
         Returns also the greatest length of gaps that a box may bridge [m].
         """
-        points, length = self._thinned()
+        points, length = self._downsampled()
         points = points[self._unexplained(points, bodies, EXPLAINED + length)]
         cells, across = _joined(_cells(points, length)), 1
         while len(cells) > MOST_BOXES:
             across *= 2
-            cells = _joined(_fewer(cells, across, MOST_BOXES))
+            cells = _joined(_joined_over_gaps(cells, across, MOST_BOXES))
         boxes = [self._box(low, high, length) for low, high in cells.reshape(-1, 3, 2).transpose(0, 2, 1)]
         return boxes, across * length if across > 1 else length - self.cell
 
@@ -76,7 +76,7 @@ class OccupiedSpace:
             z, height = self.height / 2, self.height
         return self.frame @ Pose((x, y, z)), (depth, width, height)
 
-    def _thinned(self) -> tuple[Array, float]:
+    def _downsampled(self) -> tuple[Array, float]:
         """Keep the points that can be in a robot's way, one per cell if there are too many; and the cell's edge [m]."""
         points = self.points
         if self.height is None:
@@ -156,7 +156,7 @@ def _joined(boxes: NDArray[np.int64]) -> NDArray[np.int64]:
     return boxes
 
 
-def _fewer(boxes: NDArray[np.int64], across: int, most: int) -> NDArray[np.int64]:
+def _joined_over_gaps(boxes: NDArray[np.int64], across: int, most: int) -> NDArray[np.int64]:
     """Cover boxes (m, 6), and gaps between them, with at most ``most`` boxes if joining them once is enough.
 
     Boxes up to ``across`` cells large that begin in one cube of that edge are joined, the most crowded cubes first:

@@ -40,7 +40,7 @@ def read_points(path: Path) -> Array:
             case ".ply":
                 points = _ply(content)
             case _:
-                points = _lines(content)
+                points = _xyz(content)
     except ValueError as problem:
         raise BadInput([error(CODE, str(problem), Span(str(path), 1))]) from None
     return points.astype(np.float64)
@@ -95,7 +95,7 @@ def _ply(content: bytes) -> Array:
     return _records(data, fields, [order + _PLY_TYPES[words[1]] for words in properties], ones, count)
 
 
-def _lines(content: bytes) -> Array:
+def _xyz(content: bytes) -> Array:
     """Read the points of lines that begin with x, y and z; # starts a comment. Raises ValueError."""
     lines = [line for line in re.sub(rb"#[^\n]*", b"", content).splitlines() if line.strip()]
     _count([str(len(lines))])

@@ -30,7 +30,7 @@ from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
 PENETRATION = 0.02
 """Greatest penetration of an object into its support [m]."""
 
-HAIR = 1e-6
+ROUNDING = 1e-6
 """Tolerance for rounding errors [m]."""
 
 GAP = 0.03
@@ -64,8 +64,8 @@ class Standing:
         low, place = float(corners(pose, self._scene.body(name).size)[:, 2].min()), np.array(pose.position[:2])
         best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
         tops = self._high[:, 2]
-        near = (tops - PENETRATION - HAIR <= low) & (low <= tops + GAP + HAIR)
-        near &= ((self._low[:, :2] - HAIR <= place) & (place <= self._high[:, :2] + HAIR)).all(axis=1)
+        near = (tops - PENETRATION - ROUNDING <= low) & (low <= tops + GAP + ROUNDING)
+        near &= ((self._low[:, :2] - ROUNDING <= place) & (place <= self._high[:, :2] + ROUNDING)).all(axis=1)
         for other in (self._names[index] for index in np.flatnonzero(near).tolist()):
             at, size = self._poses[other], self._scene.body(other).size
             top = float(corners(at, size)[:, 2].max())

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from executive.maps.class_names import with_known_classes
-from executive.maps.class_parts import Known, parts_of_classes
+from executive.maps.class_parts import StatedObject, parts_of_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
@@ -144,7 +144,7 @@ def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnost
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:
     """Add the parts, and the poses of parts, that the classes of the objects state."""
     things = {thing.iri: thing for thing in objects}
-    known = (Known(one.iri, one.name, one.types, one.pose, one.parts, one.span) for one in objects)
+    known = (StatedObject(one.iri, one.name, one.types, one.pose, one.parts, one.span) for one in objects)
     for part in parts_of_classes(known, ontology, notes):
         if part.iri in things:
             things[part.iri] = replace(things[part.iri], pose=part.pose)
@@ -262,7 +262,7 @@ def _unique(name: str, names: set[str]) -> str:
     return unique
 
 
-class Seen(NamedTuple):
+class Perception(NamedTuple):
     """A perception of an object; ordered by age, the newest is the greatest."""
 
     time: float
@@ -284,12 +284,12 @@ class PosesOfThings:
     def __init__(self, ontology: Ontology, notes: list[Diagnostic]) -> None:
         self.ontology = ontology
         self.notes = notes
-        self.places: dict[str, list[Seen]] = {}
+        self.places: dict[str, list[Perception]] = {}
         for rank, event in enumerate(_perceptions(ontology)):
             when = self._time(event)
             for thing in ontology.iris(event, "objectActedOn"):
                 for place in ontology.iris(event, "eventOccursAt"):
-                    self.places.setdefault(thing, []).append(Seen(when, rank, place, event))
+                    self.places.setdefault(thing, []).append(Perception(when, rank, place, event))
         self.known: dict[str, Array | None] = {}
         self.open: list[str] = []
 
@@ -313,7 +313,7 @@ class PosesOfThings:
             own_poses.append(thing)
         return [seen.place for seen in sorted(self.places.get(thing, ()), reverse=True)] or own_poses[::-1]
 
-    def newest(self, thing: str) -> Seen | None:
+    def newest(self, thing: str) -> Perception | None:
         """Find the latest perception of an object whose pose can be read."""
         seen = sorted(self.places.get(thing, ()), reverse=True)
         return next((one for one in seen if self._resolve(one.place) is not None), None)

@@ -253,7 +253,7 @@ LOWEST = 0.3
 """Least height of the hand above the floor [m]."""
 SEEDS = 6
 """Number of random seeds for inverse kinematics, besides the middle of the joint limits."""
-STRAY = 100
+RANDOM_POSTURES = 100
 """Number of random postures to try as well if no level one is free of contact."""
 TORSO = 0.3
 """Height of the torso as a fraction of its range."""
@@ -301,7 +301,7 @@ def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWor
     free = arm.gripper.opened if arm.gripper is not None else {}
     shoulder = world.link_pose(arm.base_link, Configuration(ORIGIN, fixed)).position[2]
     best: tuple[tuple[float, float, float], dict[str, float]] | None = None
-    for rows in (candidates, chain.sample(rng, STRAY)):
+    for rows in (candidates, chain.sample(rng, RANDOM_POSTURES)):
         for number, row in enumerate(rows):
             share(number / len(rows))
             joints = dict(zip(chain.names, map(float, row), strict=True))

@@ -61,7 +61,7 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
         numbers = read_robot_file(path)
         model_path = numbers.self_model
         model = read_self_model(load(model_path, folders=tuple(folders))) if model_path is not None else None
-        return _bind(model, numbers, _built(numbers, urdf))
+        return _bind(model, numbers, _urdf_of(numbers, urdf))
     if looks_like_urdf(path):
         return _bind_urdf(path)
     ontology = load(path, folders=tuple(folders))
@@ -104,7 +104,7 @@ def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
     if urdf is not None:
         beside = urdf.with_suffix(".toml")
         numbers_beside = read_robot_file(beside) if beside.is_file() else _numbers_for(urdf)
-        return _bind(model, numbers_beside, _built(numbers_beside, urdf) if numbers_beside else urdf)
+        return _bind(model, numbers_beside, _urdf_of(numbers_beside, urdf) if numbers_beside else urdf)
     absent: dict[str, str] = {}
     numbers = _matching(model, absent)
     if numbers is None:
@@ -133,7 +133,7 @@ def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
     return any(f'"{joint}"' in text for joint in joints)
 
 
-def _built(numbers: RobotFile, urdf: Path | None) -> Path:
+def _urdf_of(numbers: RobotFile, urdf: Path | None) -> Path:
     """Choose the user's URDF, with links added at the grip points of a robot file, else the robot file's own URDF."""
     if urdf is None:
         return numbers.urdf

@@ -105,7 +105,7 @@ class ClosedWorld:
         answers = [
             self.satisfies(value, fillers[0], depth - 1) if fillers else True for value in self.values(thing, prop)
         ]
-        return compared(expression.kind, expression.number, answers)
+        return cardinality(expression.kind, expression.number, answers)
 
     def _named(self, thing: Term, cls: Term | None, depth: int) -> bool | None:
         if isinstance(thing, Literal):
@@ -136,7 +136,7 @@ class ClosedWorld:
         return self._defined[cls]
 
 
-def compared(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:
+def cardinality(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:
     """Evaluate a cardinality "min", "max" or "exactly" over truth values; None if unknown ones could change it."""
     answers = list(answers)
     least = sum(answer is True for answer in answers)
@@ -213,7 +213,7 @@ def _facet(value: Term, facet: str, bound: Literal) -> bool | None:
     lengths = {"length": "exactly", "minLength": "min", "maxLength": "max"}
     try:
         if name in lengths:
-            return compared(lengths[name], int(bound.number()), [True] * len(value.value))
+            return cardinality(lengths[name], int(bound.number()), [True] * len(value.value))
         number, limit = _numbers(value, bound)
     except ValueError:
         return False

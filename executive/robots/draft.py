@@ -359,7 +359,7 @@ class _Maker:
             table.add(joint, value, why if number == 0 else "")
 
 
-HARMLESS = ("Never", "Adjacent")
+IGNORED_REASONS = ("Never", "Adjacent")
 """Reasons of pairs that need no entry: they cannot touch, or are never checked."""
 
 
@@ -425,5 +425,5 @@ def _positions(state: ElementTree.Element) -> Iterator[tuple[str, float]]:
 
 def _touching(robot: Element) -> Iterator[tuple[str, str]]:
     for pair in robot.iterfind("disable_collisions"):
-        if pair.get("reason") not in HARMLESS:
+        if pair.get("reason") not in IGNORED_REASONS:
             yield pair.get("link1", ""), pair.get("link2", "")

@@ -29,21 +29,21 @@ PAD = 0.02
 """Distance of the grip point behind the fingertips [m]; for short fingers, half their length."""
 FRONT = 0.03
 """Length of the fingertips between which the gap is measured [m]."""
-STILL = 0.002
+LEAST_TRAVEL = 0.002
 """Joints that move the fingers less than this do not open the hand [m]."""
 SHARE = 0.95
 """Width of the widest object that fits, as a fraction of the gap."""
 LEAST_OPENING = 0.01
 """Least plausible opening [m]: a smaller gap means that the fingers do not face each other."""
-WIDEST = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
+GREATEST_RANGE = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
 """Greatest plausible range of a finger joint [rad, m]."""
 WIDEST_GAP = 0.13
 """Greatest gap to which fingers are opened [m]: wider hands collide with objects beside the grasped one."""
-THROUGH = -0.02
+LEAST_CLOSED_GAP = -0.02
 """Least gap of closed fingers [m]: collision shapes are coarse and may overlap a little."""
 STEPS = [k / 20 for k in range(21)]
 """Fractions of the travel from closed to opened at which the gap is measured."""
-BESIDE = 0.05
+NEAR_GRIP = 0.05
 """Greatest distance of a tool link from the measured grip point to be used as tip [m]."""
 
 FIXED = ""
@@ -82,7 +82,9 @@ class _Hand:
         self.links = {joint.name: _below(mechanism, joint) for joint in limb.fingers}
         """Finger joint -> links that move with it."""
         inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
-        self.joints = [j for j in inner if mechanism.actuated(j.name) and 0 < j.upper - j.lower <= WIDEST[j.kind]]
+        self.joints = [
+            j for j in inner if mechanism.actuated(j.name) and 0 < j.upper - j.lower <= GREATEST_RANGE[j.kind]
+        ]
         self.middle = {joint.name: (joint.lower + joint.upper) / 2 for joint in self.joints}
         self.wrist = self._place(limb.joints[-1].child)
 
@@ -145,7 +147,7 @@ class _Hand:
         if not points:
             return None
         middle = np.mean([one.mean(axis=0) for one in points.values()], axis=0) - self.wrist
-        if np.linalg.norm(middle) < STILL:
+        if np.linalg.norm(middle) < LEAST_TRAVEL:
             return None
         return self._straightened(middle / np.linalg.norm(middle))
 
@@ -179,9 +181,9 @@ class _Hand:
             for finger in self.links:
                 travel = (ends[1][finger] - ends[0][finger]).mean(axis=0)
                 travel = travel - approach * float(travel @ approach)
-                if np.linalg.norm(travel) > np.linalg.norm(best) + STILL:
+                if np.linalg.norm(travel) > np.linalg.norm(best) + LEAST_TRAVEL:
                     best = travel
-        if np.linalg.norm(best) < STILL:
+        if np.linalg.norm(best) < LEAST_TRAVEL:
             best = min(np.eye(3)[[1, 0, 2]], key=lambda axis: round(abs(float(axis @ approach)), 6))
         across = self._straightened(best / np.linalg.norm(best))
         across = across - approach * float(across @ approach)
@@ -198,13 +200,13 @@ class _Hand:
             low, high = (self._spread(closing, {joint.name: value}) for value in (joint.lower, joint.upper))
             limits = (joint.lower, joint.upper) if low < high else (joint.upper, joint.lower)
             closed[joint.name], opened[joint.name], travels[joint.name] = *limits, abs(high - low)
-        opening = [name for name, travel in travels.items() if travel >= STILL] or list(travels)
+        opening = [name for name, travel in travels.items() if travel >= LEAST_TRAVEL] or list(travels)
         wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
         last = max((k for k, width in widths.items() if width <= WIDEST_GAP), default=len(STEPS) - 1)
-        first = min((k for k, width in widths.items() if width >= THROUGH and k < last), default=0)
+        first = min((k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last), default=0)
         return steps[last], steps[first]
 
     def _spread(self, closing: Array, values: Values) -> float:
@@ -263,7 +265,7 @@ class _Hand:
             return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
         distances = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
         nearest = min(distances, key=lambda link: distances[link], default=None)
-        if nearest is not None and distances[nearest] <= BESIDE:
+        if nearest is not None and distances[nearest] <= NEAR_GRIP:
             return nearest, None
         return self.limb.hand, _axis(grip)
 

@@ -60,7 +60,7 @@ class Limbs:
             if is_gripper(model, composition) and composition.base is not None:
                 base = naming.link(composition.base, composition.span)
                 if base is None:
-                    self._lost(composition, composition.base)
+                    self._report_missing(composition, composition.base)
                 else:
                     grippers[base] = composition
         located = []
@@ -99,7 +99,7 @@ class Limbs:
         links = {iri: naming.link(iri, composition.span) for iri in iris}
         for iri, link in links.items():
             if link is None:
-                self._lost(composition, iri)
+                self._report_missing(composition, iri)
         ends = [link for iri in composition.ends if (link := links[iri])]
         if None in links.values() or not ends:
             return None
@@ -127,7 +127,7 @@ class Limbs:
         group = self.mechanism.rigid_with(hand)
         return next((arm for arm in self.numbers.arms if arm.tip in group), None) if self.numbers else None
 
-    def _lost(self, composition: Composition, iri: str) -> None:
+    def _report_missing(self, composition: Composition, iri: str) -> None:
         message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which is not in"
         help = "give --urdf FILE with the URDF of the self-model"
         self.diagnostics.append(error("B004", f"{message} {self.mechanism.path.name}", composition.span, help))

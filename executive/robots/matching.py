@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
-from executive.robots.closed_world import ClosedWorld, compared, conjunction, disjunction, negation
+from executive.robots.closed_world import ClosedWorld, cardinality, conjunction, disjunction, negation
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -182,7 +182,7 @@ class Matcher:
         parts = zip(self.robot.parts, self._classes, strict=True)
         answers = [self._fits(part, classes, needed) for part, classes in parts]
         kind = needed.quantifier if needed.quantifier in ("min", "max", "exactly") else "min"
-        enough = compared(kind, needed.number, answers)
+        enough = cardinality(kind, needed.number, answers)
         matching = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
         if enough:
             return self._usable(needed, matching)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import FindingKind, Semantics
-from executive.robots.closed_world import ClosedWorld, compared
+from executive.robots.closed_world import ClosedWorld, cardinality
 from executive.robots.matching import Possessions
 from executive.robots.robot import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match
@@ -291,7 +291,7 @@ def test_expressions_are_told_in_manchester_syntax(tmp_path: Path) -> None:
 def test_counts_are_unknown_only_if_the_unknown_decides(
     kind: str, number: int, answers: list[bool | None], expected: bool | None
 ) -> None:
-    assert compared(kind, number, answers) is expected
+    assert cardinality(kind, number, answers) is expected
 
 
 # -- the command
