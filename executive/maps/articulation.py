@@ -144,12 +144,8 @@ class _Reader:
         if abs(leaf.outwards[2]) > LEVEL:
             to_hinge = self._back_of_lid(leaf, to_handle)
         elif self._turns_level(leaf):
-            below = (
-                self.map.is_a(self.things[leaf.holder.iri], *BELOW)
-                or to_handle is None
-                or float(to_handle @ leaf.up) > 0
-            )
-            to_hinge = -leaf.up if below else leaf.up
+            is_upper = to_handle is None or float(to_handle @ leaf.up) > 0
+            to_hinge = -leaf.up if is_upper or self.map.is_a(self.things[leaf.holder.iri], *BELOW) else leaf.up
         else:
             to_hinge = self._hinge_side(leaf, to_handle) * leaf.across
         x, y, z = (np.array(leaf.body.pose.position) + leaf.half(to_hinge) * to_hinge).tolist()
@@ -174,10 +170,7 @@ class _Reader:
         return leaf.half(leaf.up) * UPRIGHT < leaf.half(leaf.across)
 
     def _hinge_side(self, leaf: _Leaf, to_handle: Array | None) -> float:
-        """Find the hinged side of a door: 1 in the direction ``across``, -1 against it.
-
-        In order of precedence: opposite the handle, at a placed hinge, at the edge nearer to the side of the furniture.
-        """
+        """Find the hinged side, 1 or -1 along ``across``: opposite the handle, at a placed hinge, or the outer edge."""
         if to_handle is not None and abs(float(to_handle @ leaf.across)) > 1e-3:
             return -math.copysign(1.0, float(to_handle @ leaf.across))
         edges = {

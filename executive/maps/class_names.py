@@ -28,8 +28,7 @@ def known(ontology: Ontology, cls: str) -> str:
 def is_kind(ontology: Ontology, one: str, cls: str) -> bool:
     """Check whether class ``one`` is ``cls`` or a subclass of it, matching unknown classes by name.
 
-    Matched by IRI only if the map has objects of ``cls`` itself: two unknown classes of the same name in different
-    namespaces are different classes.
+    By IRI only if the map has objects of ``cls`` itself: unknown classes of one name in two namespaces differ.
     """
     iri = expand(cls)
     if not ontology.defined(iri) and iri in _used(ontology):
@@ -39,10 +38,7 @@ def is_kind(ontology: Ontology, one: str, cls: str) -> bool:
 
 
 def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
-    """List the classes of the vocabulary that a class can mean: itself if it is defined, else matches by name.
-
-    Matches by local name precede those by ``alsoCalled``; without any, the class itself.
-    """
+    """List the classes that a class can mean: itself if defined or without match, else matches by name, best first."""
     iri = expand(cls)
     if ontology.defined(iri):
         return (iri,)

@@ -43,7 +43,7 @@ def with_doorways(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list
             linked |= set(map(frozenset, combinations(through, 2)))
     for pair in _connected(semantic_map.ontology, list(rooms)):
         if frozenset(pair) not in linked:
-            rooms |= _with_default_doorway(rooms[pair[0]], rooms[pair[1]], semantic_map, notes)
+            rooms |= _with_doorway(rooms[pair[0]], rooms[pair[1]], semantic_map, notes)
     return [rooms.get(body.iri, body) for body in bodies]
 
 
@@ -96,13 +96,8 @@ def _cut(room: Body, pose: Pose, size: Sequence[float]) -> Cavity | None:
     return None
 
 
-def _with_default_doorway(
-    one: Body, other: Body, semantic_map: SemanticMap, notes: list[Diagnostic]
-) -> dict[str, Body]:
-    """Cut a doorway into the middle of the longest wall that two rooms share.
-
-    Returns both rooms by IRI, or nothing, with a warning, if no shared wall is long enough.
-    """
+def _with_doorway(one: Body, other: Body, semantic_map: SemanticMap, notes: list[Diagnostic]) -> dict[str, Body]:
+    """Cut a doorway into the longest wall that two rooms share; both rooms by IRI, none if no wall is long enough."""
     thing, names = semantic_map.find(one.iri), f"{local_name(one.iri)} and {local_name(other.iri)}"
     span = None if thing is None else thing.span
     widest = max(_adjoining(one, other), key=lambda wall: wall[1], default=None)

@@ -193,10 +193,7 @@ TOLERANCE = 1e-3
 """Greatest deviation of R^T R from the identity without a note."""
 
 FLAT = 0.1
-"""Least determinant, relative to a cube of the root mean square of its rows, of a matrix that can mean a rotation.
-
-It is reached when one of three orthogonal axes has about a twentieth of the others' length.
-"""
+"""Least determinant of a usable matrix, relative to its scale cubed: one of its axes has a twentieth of the length."""
 
 POSE = 'a pose needs m00..m22 and m03, m13, m23, or translation "x y z" and a heading or quaternion "x y z w"'
 """Advice for an incomplete pose."""

@@ -106,10 +106,10 @@ def with_placements(
     things = {iri for iri in dict.fromkeys(str(t.subject) for t in statements) if iri in placed or iri in gone}
     things |= placed.keys()
     kept = _without_poses(statements, things)
-    used_iris = {str(triple.subject) for triple in kept}
+    used = {str(triple.subject) for triple in kept}
     base = f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
     for placement in placed.values():
-        kept += _perception(placement, placed, base, used_iris)
+        kept += _perception(placement, placed, base, used)
     return kept
 
 
@@ -119,9 +119,9 @@ def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Tripl
     others = {t.subject for t in statements if t.predicate == acted and t.object not in things}
     of_these = {t.subject for t in statements if t.predicate == acted and t.object in things}
     events = {t.subject for t in statements if t.predicate == at and t.subject in of_these - others}
-    own_properties = (*_POSES, *_IN_PLACE)
+    pose_facts = (*_POSES, *_IN_PLACE)
     kept = [
-        t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in own_properties)
+        t for t in statements if t.subject not in events and not (t.subject in things and t.predicate in pose_facts)
     ]
     dropped = {t.object for t in statements if t.subject in events or (t.subject in things and t.predicate in _POSES)}
     kinds = {expand("RotationMatrix3D"), expand("TimePoint")}
@@ -132,11 +132,9 @@ def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Tripl
     return [t for t in kept if t.subject not in unused]
 
 
-def _perception(
-    placement: Placement, placed: Mapping[str, Placement], base: str, used_iris: set[str]
-) -> Iterator[Triple]:
+def _perception(placement: Placement, placed: Mapping[str, Placement], base: str, used: set[str]) -> Iterator[Triple]:
     name = local_name(placement.thing)
-    event, place = _free(f"{base}perception_{name}", used_iris), _free(f"{base}pose_{name}", used_iris)
+    event, place = _free(f"{base}perception_{name}", used), _free(f"{base}pose_{name}", used)
     parent = placed.get(placement.relative_to or "")
     pose = placement.pose if parent is None else parent.pose.inverse() @ placement.pose
     facts = placement.facts or ((RDF.type, expand("SemanticMapPerception")),)
@@ -154,8 +152,8 @@ def _perception(
         yield _stated(place, expand("relativeTo"), parent.thing)
 
 
-def _free(iri: str, used_iris: set[str]) -> str:
-    used_iris.add(free := unused_name(iri, used_iris))
+def _free(iri: str, used: set[str]) -> str:
+    used.add(free := unused_name(iri, used))
     return free
 
 

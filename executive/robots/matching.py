@@ -103,9 +103,8 @@ def missing_in(trees: Iterable[Finding]) -> tuple[Missing, ...]:
         if finding.kind in NEEDED:
             because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
             what = finding.iri or finding.text
-            missing.setdefault(
-                (finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason)
-            )
+            entry = Missing(what, finding.kind, finding.state, because, finding.reason)
+            missing.setdefault((finding.kind, what), entry)
     return tuple(missing.values())
 
 

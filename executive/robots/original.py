@@ -10,8 +10,7 @@ and alternatives are ignored. A task requires
 * its own components, those of its sub-actions and those of the required capabilities.
 
 A capability is available if it or a subclass is claimed, whatever components it depends on, or if all components and
-capabilities that it depends on, possibly none, are available. There is no third answer: what is unknown requires
-nothing.
+capabilities that it depends on, possibly none, are available. Nothing is unknown: undefined classes require nothing.
 """
 
 from __future__ import annotations
