@@ -15,7 +15,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from planlang.kernel.schedule import checked_draws
+from planlang.kernel.schedule import parse_draws
 from planlang.records import dataclass
 from planlang.runs.codec import SCHEMA, Exact, load, load_failure
 
@@ -334,7 +334,7 @@ def _done(line: Line) -> Done:
             line.number,
             load(record.get("value")),
             failure,
-            checked_draws(record["draws"]) and record["draws"] if "draws" in record else None,
+            parse_draws(record["draws"]) and record["draws"] if "draws" in record else None,
             load(_mapping(record, "fluents")),
             _counts(record, "spent"),
             _counts(record, "used"),

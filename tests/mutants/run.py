@@ -152,7 +152,7 @@ MUTANTS = [
     ("what a thread sets is set in the thread", "kernel/fluent.py", "if self._handed_over(self.set, value):", "if False:"),
     ("what a thread sets before the run has come to it is set in the thread", "kernel/fluent.py", "scheduler = self._home.scheduler", "return False"),
     ("a call in a thread takes no plan time", "kernel/threads.py", "if steps and scheduler.live is None:", "if False:"),
-    ("an evaporated branch leaves its asyncio code behind", "kernel/threads.py", "                asynchronous.cancel()", "                pass"),
+    ("an evaporated branch leaves its asyncio code behind", "kernel/threads.py", "                work.cancel()", "                pass"),
     ("draws of a stream are counted as one", "kernel/schedule.py", "self.moved += 2", "self.moved += 1"),
     ("a call without await is no error", "kernel/runner.py", "        raise first", "        pass"),
 ]  # fmt: skip
