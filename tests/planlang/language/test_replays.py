@@ -289,7 +289,7 @@ def test_a_watch_whose_number_is_none_is_told_with_its_line() -> None:
     events = run_plan(top, resumable=True).trace.events
     (first,) = (place for place, one in enumerate(events) if one.get("node") == 1 and one["event"] == "started")
     watch = {"step": 0, "event": "world", "node": 1, "name": "watch", "number": [], "value": False}
-    with pytest.raises(ValueError, match=f"line {first + 2} tells of no watch"):
+    with pytest.raises(ValueError, match=f"line {first + 2}: number"):
         replay(top, RecordedRun.of([*events[: first + 1], watch, *events[first + 1 :]]))
 
 
