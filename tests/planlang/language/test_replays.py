@@ -409,7 +409,7 @@ def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:
             assert f"line {place + 1} is damaged" in str(found)
     assert str(replay(top, run)) == f"equal to the end: {len(run.trace.events)} lines"
     part = replay(top, RecordedRun.of(run.trace.events[:9]))
-    assert str(part) == "equal to the end: 9 lines, where the record ends before the plan does"
+    assert str(part) == "equal to the end: 9 lines, and the trace ends before the plan"
 
 
 async def lose() -> None:

@@ -321,9 +321,7 @@ def test_a_trace_of_another_run_is_refused_with_the_differences() -> None:
         await seq(partial(sleep, 1))
 
     run = run_plan(top, resumable=True)
-    with pytest.raises(
-        ValueError, match="seed was 0 and is 1; schedule was None and is 3"
-    ):
+    with pytest.raises(ValueError, match="seed was 0 and is 1; schedule was None and is 3"):
         run_plan(top, seed=1, schedule=3, resume=run)
     with pytest.raises(ValueError, match="plan was 'top' and is 'other'"):
         run_plan(other, resume=run)
