@@ -107,8 +107,8 @@ class _ReplayedExecutive(RecordedExecutive):
             for name, actions, failures in self._trace.answer("modules", _nothing)
         ]
 
-    # These two questions have no recorded answer for an action that is new. Any answer will do: the difference to report
-    # is the start of that action.
+    # For an action that was not performed before, these two questions have no recorded answer. Any answer will do, as
+    # the start of that action is the difference to report.
 
     def ancestors(self, action_type: str) -> Sequence[str]:
         """The recorded superclasses, by default only the class itself."""
