@@ -193,7 +193,7 @@ class _Par(_SideBySide):
             if task.outcome is SUCCEEDED:
                 results[task.index] = task.result
             else:
-                self.fail([one for one in dead if one.outcome is not SUCCEEDED])
+                self.fail([each for each in dead if each.outcome is not SUCCEEDED])
                 return
 
     def finish(self) -> tuple[Any, ...]:

@@ -143,7 +143,7 @@ async def take_attempt(construct: str) -> None:
     shielded task continues, and its attempt is charged to the budgets that have attempts left.
     """
     decided: list[_Budget] = []
-    while empty := [one for one in _enclosing_budgets() if one.left == 0 and one not in decided]:
+    while empty := [each for each in _enclosing_budgets() if each.left == 0 and each not in decided]:
         await _expire(empty)
         decided += empty
     charge("used", construct, 1)

@@ -119,14 +119,14 @@ async def partial_order(
     for pair in orderings:
         try:
             first, second = pair
-            one, other = rank[first], rank[second]
+            earlier, later = rank[first], rank[second]
         except (KeyError, TypeError, ValueError):
             raise _wrong_pair(pair, steps) from None
         if pair.__class__ is not tuple and isinstance(pair, (str, Set, Mapping)):
             raise _wrong_pair(pair, steps)
-        after[one].append(other)
-        missing[other] += 1
-        if one >= other:
+        after[earlier].append(later)
+        missing[later] += 1
+        if earlier >= later:
             forward = False
     if not forward:  # else there cannot be a cycle
         _refuse_cycle(names, after, missing)
@@ -149,7 +149,7 @@ def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongVal
     """Error for an ordering that is not a pair of step names."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         return _PARTIAL_ORDER.wrong("orderings", [pair], "pairs (before, after) of names")
-    unknown = next(one for one in pair if not isinstance(one, str) or one not in steps)
+    unknown = next(name for name in pair if not isinstance(name, str) or name not in steps)
     message = f"ordering ({pair[0]}, {pair[1]}): no step {unknown!r}; steps: {', '.join(steps)}"
     return _PARTIAL_ORDER.refused("orderings", message, [pair])
 
@@ -157,9 +157,9 @@ def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongVal
 def _predecessors(after: list[list[int]]) -> list[list[int]]:
     """Invert the lists of successors to lists of predecessors."""
     before: list[list[int]] = [[] for _ in after]
-    for one, later in enumerate(after):
-        for other in later:
-            before[other].append(one)
+    for step, successors in enumerate(after):
+        for successor in successors:
+            before[successor].append(step)
     return before
 
 
@@ -184,7 +184,7 @@ def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) 
         walked[step] = None
         step = next(earlier for earlier in before[step] if left[earlier])
     path = list(walked)
-    cycle = [names[one] for one in (step, *reversed(path[path.index(step) :]))]
+    cycle = [names[number] for number in (step, *reversed(path[path.index(step) :]))]
     text = f"cycle in orderings: {' < '.join(cycle)}"
     raise _PARTIAL_ORDER.refused("orderings", text, [*pairwise(cycle)])
 

@@ -191,8 +191,8 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
 def _unresolvable(action: Action, executive: Executive) -> ActionUnresolvable:
     """Failure of an action without a module, with a suggestion if its class is misspelt."""
     failure = ActionUnresolvable(designator=str(action))
-    known = {cls for module in executive.modules for cls in module.actions}
-    if hint := did_you_mean(local_name(action.type), known, alike=0.8):
+    classes = {cls for module in executive.modules for cls in module.actions}
+    if hint := did_you_mean(local_name(action.type), classes, alike=0.8):
         failure.message = f"{failure}{hint}"
     return failure
 

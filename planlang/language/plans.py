@@ -94,8 +94,8 @@ class Plan(Generic[P, R]):
 def _always_returns_none(function: object) -> bool:
     """Check in the byte code whether a function only returns None; others may return an awaitable, as wrappers do."""
     return isinstance(function, FunctionType) and not any(
-        one.opname == "RETURN_VALUE" and before.opname != "LOAD_CONST"
-        for before, one in itertools.pairwise(dis.get_instructions(function))
+        instruction.opname == "RETURN_VALUE" and previous.opname != "LOAD_CONST"
+        for previous, instruction in itertools.pairwise(dis.get_instructions(function))
     )
 
 

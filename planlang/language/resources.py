@@ -44,7 +44,7 @@ class Lease(Wait):
         self.scheduler = scheduler
         self.task = task
 
-    def around(self) -> Iterator[Lease]:
+    def enclosing(self) -> Iterator[Lease]:
         """Yield the enclosing leases, innermost first."""
         outer = self.outer
         while outer is not None:
@@ -101,8 +101,8 @@ class Arbiter:
         for lease in tuple(self._waiting):
             if lease.task.holds:
                 continue
-            around = set(lease.around())
-            ahead = [needs for lock in lease.locks for needs in earlier.get(lock, ()) if around.isdisjoint(needs)]
+            enclosing = set(lease.enclosing())
+            ahead = [needs for lock in lease.locks for needs in earlier.get(lock, ()) if enclosing.isdisjoint(needs)]
             needs = {lock.holder for lock in lease.locks if lock.holder is not None}
             if not needs and not ahead:
                 del self._waiting[lease]
@@ -165,6 +165,6 @@ def holding() -> Lease | None:
 
 
 def _touch(lease: Lease, name: str) -> None:
-    for outer in lease.around():
+    for outer in lease.enclosing():
         if name in outer.inner:
             outer.touched.add(name)

@@ -36,15 +36,15 @@ class Place:
     """A node of the tree: its name and its parent. Full paths would take quadratic memory in deep trees."""
 
     name: str
-    around: Place | None
+    parent: Place | None
 
     @property
     def path(self) -> str:
         """Names from the root, joined by ``/``."""
-        names, place = [self.name], self.around
+        names, place = [self.name], self.parent
         while place is not None:
             names.append(place.name)
-            place = place.around
+            place = place.parent
         return "/".join(reversed(names))
 
 

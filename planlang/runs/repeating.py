@@ -224,5 +224,5 @@ def _content(record: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if key not in ("step", "event")}
 
 
-def _is_in(path: str | None, around: str) -> bool:
-    return path is not None and (path == around or path.startswith(f"{around}/"))
+def _is_in(path: str | None, ancestor: str) -> bool:
+    return path is not None and (path == ancestor or path.startswith(f"{ancestor}/"))

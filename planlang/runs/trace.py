@@ -215,12 +215,12 @@ class Trace:
         written = node.written = f'{number}{self._parent_text}{node.kind}", "name": {name}{ordinal}"'
         data = f"{self._started}{written}}}\n".encode()
         try:
-            taken = self._put(data)
+            written_bytes = self._put(data)
         except _UNWRITABLE as error:
             self._stop(error)
             return
-        if taken != len(data):
-            self._write_through(data[taken:])
+        if written_bytes != len(data):
+            self._write_through(data[written_bytes:])
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
@@ -241,12 +241,12 @@ class Trace:
                 self._format_step(step)
             data = f'{self._ended}{node.written}, "status": "{word}"}}\n'.encode()
             try:
-                taken = self._put(data)
+                written_bytes = self._put(data)
             except _UNWRITABLE as error:
                 self._stop(error)
                 return
-            if taken != len(data):
-                self._write_through(data[taken:])
+            if written_bytes != len(data):
+                self._write_through(data[written_bytes:])
         elif node.number and node.parent is not None and self._put is None and not (self.is_compared or self.listeners):
             self.events.append(_span(step, "ended", node, node.parent) | {"status": word})
         else:
