@@ -1,9 +1,9 @@
-"""Dialect D4: action data tables, individuals with a chunk as ``subAction``; ``nextAction`` leads from it to the next.
+"""Dialect D4: action data tables: individuals with a first chunk as ``subAction``, chained by ``nextAction``.
 
-A chunk is an individual of a class of actions. ``nextAction`` and ``previousAction`` are the only orders; what no
-chain leads to but ``subAction`` names is unordered. The objects of a table have roles: the main object is acted on, the
-secondary one is where it goes. A chunk acts on what it states, else on what stood on its supporting plane, else on
-the table's main object, if actions of its class act on objects at all.
+A chunk is an individual of a class of actions. ``nextAction`` and ``previousAction`` are the only orders; a chunk that
+only ``subAction`` names is unordered. The objects of a table have roles: the main object is acted on, the secondary one
+is its target. A chunk acts on the object that it states, else on the one on its supporting plane, else on the main
+object of the table, if actions of its class act on objects at all.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _ROLES = {
     _ACTED_ON: ("adtMainObject", "adtPrimaryObject"),
     "toLocation": ("adtSecondaryObject",),
 }
-"""Property of the action -> roles of an object in a table; the first that is filled counts."""
+"""Property of the action -> roles of an object in a table; the first role that is filled counts."""
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
@@ -34,7 +34,7 @@ def tasks(ontology: Ontology) -> Iterator[str]:
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """Return the chunks of a table in the order of the chain; None if the individual has no sub-action."""
+    """Read the chunks of a table in the order of the chain; None if the individual has no sub-action."""
     firsts = facts(ontology, iri, *_SUBS)
     if not firsts:
         return None
@@ -63,13 +63,13 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 
 def _in_role(ontology: Ontology, table: str, property_name: str) -> list[Filling]:
-    """Return what has the role in a table that fills a property of its action."""
+    """Fillings of an action's property from the objects with the matching role in a table."""
     found = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
     return [Filling(expand(property_name), fact.term, fact.span) for fact in found]
 
 
 def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
-    """Return what a chunk acts on, unless it or its class states that; nothing for actions without objects."""
+    """Object of a chunk, unless the chunk or its class states one; none for actions without objects."""
     acted_on = expand(_ACTED_ON)
     cls = action_class(ontology, chunk)
     if cls is None or acted_on not in ontology.valid_properties(cls):
@@ -81,7 +81,7 @@ def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
 
 
 def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
-    """Return what stood on the supporting plane of a chunk: tables name and describe a plane of a log."""
+    """Object on the supporting plane of a chunk. Tables may name a plane of a log by its local name only."""
     found: list[Filling] = []
     for plane in facts(ontology, chunk, "adtChunkSupport"):
         name = str(plane.term)
