@@ -331,7 +331,7 @@ class BodyWriter:
         return before, named
 
     def _partial_order(self, node: PartialOrder, depth: int) -> tuple[list[str], CallExpression]:
-        """Write a partial order; a branch that uses results of others has parameters with the names of these branches."""
+        """Write a partial order; a branch that uses results of others has parameters named after these branches."""
         before: list[str] = []
         named: dict[str, Expression] = {}
         giving = {key: branch for key, branch in node.branches if self._is_giving(branch)}

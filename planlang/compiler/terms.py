@@ -359,7 +359,7 @@ def _device(fillers: Iterable[Filler]) -> Thing | None:
 
 
 def _unclashed(key: str, taken: Iterable[str]) -> str:
-    """Keyword argument of ``action`` for a property, distinct from Python's keywords and ``action``'s own parameters."""
+    """Keyword argument of ``action`` for a property, distinct from Python's keywords and its own parameters."""
     return unused_name(key, {*taken, "type", "name", "below", *kwlist})
 
 
