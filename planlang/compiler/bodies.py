@@ -88,8 +88,8 @@ class BodyWriter:
             moment = snake_case(event.moment)
             preferred = f"{snake_case(local_name(event.step))}_{moment}"
             self._events[event] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else moment)
-            made = call(self._symbols.use("Fluent"), "False")
-            lines += assignment([Text(self._events[event])], made, depth=depth)
+            fluent = call(self._symbols.use("Fluent"), "False")
+            lines += assignment([Text(self._events[event])], fluent, depth=depth)
         for node in series.nodes:
             written = self._statement(node, depth)
             used = self._variables_used() if depth == 1 else []
@@ -340,11 +340,11 @@ class BodyWriter:
             sources = tuple(k for k, other in giving.items() if k != key and self._passing.needed(branch, other))
             if sources:
                 name = self._local_name(snake_case(key))
-                kept = dict(self._variables)
+                variables = dict(self._variables)
                 before += self._local_function(name, branch, depth, sources)
                 for step in (step for k in sources for step in self._given[k]):
                     del self._variables[step]  # the parameter's name is valid only inside the branch
-                self._variables.update(kept)
+                self._variables.update(variables)
                 named[key] = Text(name)
             else:
                 inner, named[key] = self._branch(branch, depth, key)
@@ -386,12 +386,12 @@ class BodyWriter:
     def _latest(self, machine: Machine, depth: int) -> list[str]:
         """Write a fluent for each product of states that others use, named so that a run can be resumed."""
         lines: list[str] = []
-        for kept in dict.fromkeys(kept for state in machine.states for kept in state.keeps):
-            preferred = f"latest_{snake_case(kept)}"
-            self._kept[kept] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else "latest")
-            made = call(self._symbols.use("Fluent"), "None", quoted(kept))
-            annotation = f"{self._kept[kept]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
-            lines += statement(made, depth=depth, before=annotation)
+        for product in dict.fromkeys(product for state in machine.states for product in state.keeps):
+            preferred = f"latest_{snake_case(product)}"
+            self._kept[product] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else "latest")
+            fluent = call(self._symbols.use("Fluent"), "None", quoted(product))
+            annotation = f"{self._kept[product]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
+            lines += statement(fluent, depth=depth, before=annotation)
         return [*lines, ""] if lines else []
 
     def _case(self, case: Case) -> Expression:
@@ -426,8 +426,8 @@ class BodyWriter:
                 f"{indent}return {quoted(DONE)}",
             ]
         if state.keeps:
-            made = self._local_name("made")
-            lines = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
+            result_name = self._local_name("made")
+            lines = [*statement(expression, depth=depth, before=f"{result_name} = await "), *kept(result_name)]
         else:
             lines = statement(expression, depth=depth, before="await ")
         return [*lines, f"{indent}return {quoted(DONE)}"]

@@ -129,11 +129,11 @@ def _thing(symbols: Symbols, thing: Thing) -> list[str]:
 
 
 def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:
-    made = call(symbols.use("a_posture"), quoted(place.name))
+    posture = call(symbols.use("a_posture"), quoted(place.name))
     if place.pose is not None:
         numbers = {key: repr(round(value, 9)) for key, value in zip(("x", "y", "z", "yaw"), place.pose, strict=True)}
-        made = call(symbols.use("a_pose"), quoted(place.name), **numbers)
-    return assignment([Text(name)], made, depth=0)
+        posture = call(symbols.use("a_pose"), quoted(place.name), **numbers)
+    return assignment([Text(name)], posture, depth=0)
 
 
 def _function(symbols: Symbols, function: Function) -> list[str]:
@@ -153,7 +153,7 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
 
 
 def _parameter(symbols: Symbols, thing: Thing) -> str:
-    """Return a parameter with its default; without one, and with its name outside of Python, if it fills a slot."""
+    """Parameter with its default; for a slot without a default, and annotated with its name in the recipe."""
     name, type = symbols.thing(thing), _type(symbols, thing)
     if thing.slot is None:
         return f"{name}: {type} = {symbols.constant(thing)}"
@@ -166,7 +166,7 @@ def _type(symbols: Symbols, thing: Thing) -> str:
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
-    """Return a docstring; characters that would end it or form an escape are escaped."""
+    """Write a docstring, without characters that would end it or form an escape."""
     indent = INDENT * depth
     lines: list[str] = []
     for paragraph in paragraphs:
@@ -273,9 +273,9 @@ def _compiled(read: Actions, task: str | None, *, scopes: bool, data_flow: bool)
     switches = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
     options = tuple(option for option, is_set in switches if is_set)
     source, functions = emit(tree, recipes, installed_version(), options)
-    found = (*diagnostics, *lowering.diagnostics)
+    reported = (*diagnostics, *lowering.diagnostics)
     name = recipes.main.name
-    return CompiledPlan(source, name, functions, recipes, lowering.added, found, lowering.recoveries)
+    return CompiledPlan(source, name, functions, recipes, lowering.added, reported, lowering.recoveries)
 
 
 def installed_version() -> str:
@@ -297,15 +297,15 @@ def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
     in the file. Where the recipe leaves an order open, names decide, and numbers in them count as numbers. Recipes come
     in order of first use, the task first, by the order of steps.
     """
-    known = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
-    found: dict[str, Recipe] = {}
+    sorted_recipes = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
+    in_order: dict[str, Recipe] = {}
     waiting = [recipes.task]
     while waiting:
         iri = waiting.pop()
-        if iri not in found:
-            found[iri] = known[iri]
-            waiting += reversed([callee for step in known[iri].steps for callee in step.recipes])
-    return replace(recipes, recipes=found)
+        if iri not in in_order:
+            in_order[iri] = sorted_recipes[iri]
+            waiting += reversed([callee for step in sorted_recipes[iri].steps for callee in step.recipes])
+    return replace(recipes, recipes=in_order)
 
 
 def natural(name: str) -> Key:

@@ -80,9 +80,9 @@ class Lowering:
         if recipe.iri == self._recipes.task:
             things = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
             about = things[0] if things else None
-            known = self._steps.recoveries
-            recoveries = known.around_step(recipe.action_class, about, frozenset())
-            recoveries += known.going_back(recipe.action_class, about)
+            chooser = self._steps.recoveries
+            recoveries = chooser.around_step(recipe.action_class, about, frozenset())
+            recoveries += chooser.going_back(recipe.action_class, about)
             if recoveries:
                 body = Series((Handle(body, recoveries),))
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
@@ -113,12 +113,12 @@ class Lowering:
             if unit.base is not None and unit.steps:
                 return self._scope(recipe, unit, [overlaps.gated(iri, node(iri)) for iri in unit.steps])
             (iri,) = unit.members()
-            made = node(iri)
+            inner = node(iri)
             # if the recipe does not move the base, the scope of its caller handles recoveries that look from elsewhere
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
             if unit.base is None and is_outermost:
-                made = self._steps.with_looking(recipe, made, [recipe.step(iri)], in_scope=not self._scopes)
-            return overlaps.gated(iri, made)
+                inner = self._steps.with_looking(recipe, inner, [recipe.step(iri)], in_scope=not self._scopes)
+            return overlaps.gated(iri, inner)
 
         nodes = [unit_node(unit) for unit in scoping.units]
         body = structured(scoping.order, nodes, [recipe.step(unit.members()[0]).name for unit in scoping.units])
@@ -145,8 +145,8 @@ class Lowering:
 
 def above_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """Direct superclasses of a class, or the class of actions of an individual."""
-    found = action_class(ontology, iri) if not ontology.is_class(iri) else None
-    return ontology.parents(iri) if found is None else (found,)
+    cls = action_class(ontology, iri) if not ontology.is_class(iri) else None
+    return ontology.parents(iri) if cls is None else (cls,)
 
 
 def stated_classes(ontology: Ontology, classes: Iterable[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
@@ -268,9 +268,9 @@ class Steps:
         Steps that must not be repeated get none.
         """
         keeping = {id(node): self._kept_by(recipe, steps) for node, steps in units}
-        made, self._open[recipe.iri] = going_back(body, keeping)
-        assert isinstance(made, Series)
-        return made
+        handled, self._open[recipe.iri] = going_back(body, keeping)
+        assert isinstance(handled, Series)
+        return handled
 
     def _kept_by(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
         steps = tuple(steps)
@@ -342,8 +342,8 @@ class Steps:
             return own
         acted_on = [filler for filler in recipe.fillers("objectActedOn") if isinstance(filler, Thing)]
         objects = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
-        known = [thing for thing in acted_on if thing in objects] or objects
-        return known[0] if len(known) == 1 else None
+        candidates = [thing for thing in acted_on if thing in objects] or objects
+        return candidates[0] if len(candidates) == 1 else None
 
 
 def _in_words(recovery: Recover) -> str:
@@ -394,8 +394,8 @@ def going_back(node: Node, keeping: Mapping[int, Keeping]) -> tuple[Node, Keepin
     """
     match node:
         case Series(nodes):
-            made, whole = _series([going_back(inner, keeping) for inner in nodes])
-            return Series(made), whole
+            handled, whole = _series([going_back(inner, keeping) for inner in nodes])
+            return Series(handled), whole
         case Parallel(branches):
             named, whole = _branches(branches, keeping)
             return Parallel(named), whole
@@ -440,9 +440,9 @@ def _handled(node: Node, recoveries: Sequence[Recover]) -> Node:
 def _branches(
     branches: Sequence[tuple[str, Node]], keeping: Mapping[int, Keeping]
 ) -> tuple[tuple[tuple[str, Node], ...], Keeping]:
-    made, whole = [], Keeping()
+    handled, whole = [], Keeping()
     for name, branch in branches:
         node, after = going_back(branch, keeping)
-        made.append((name, node))
+        handled.append((name, node))
         whole |= after
-    return tuple(made), whole
+    return tuple(handled), whole

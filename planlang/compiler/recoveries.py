@@ -52,12 +52,12 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
 def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
     """Report a rule whose strategy is not registered."""
     try:
-        known = find_strategy(rule.strategy) is not None
+        is_registered = find_strategy(rule.strategy) is not None
     except Exception as failed:  # the user's package may raise anything
         message = f"the strategy {rule.strategy} of the recovery `{rule.name}` cannot be loaded"
         yield error("R043", message, rule.span, "; ".join([f"{type(failed).__name__}: {failed}", *failed.__notes__]))
         return
-    if not known:
+    if not is_registered:
         names = {one.name for one in registered_strategies()}
         yield _unknown(rule, "strategy", rule.strategy, names | {NEXT_SOLUTION})
 

@@ -118,12 +118,12 @@ def _series(order: Precedence[_N], inside: int) -> list[int]:
     A linear extension can be cut where exactly the nodes before the cut come before every node after it.
     """
     groups: list[int] = []
-    before_all, tail, left = inside, 0, inside
+    before_all, tail, remaining = inside, 0, inside
     for node in reversed(list(order.members(inside))):
         before_all &= order.earlier(node)
         tail |= order.bit(node)
-        left ^= order.bit(node)
-        if before_all == left:
+        remaining ^= order.bit(node)
+        if before_all == remaining:
             groups.append(tail)
             tail = 0
     return groups[::-1]
@@ -142,9 +142,11 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
         # keyed by hash, because with 10,000 nodes each set takes 1 KB
         groups_with: dict[int, list[_N]] = {}
         for node in list(groups):
-            around = order.earlier(node) & mask, order.later(node) & mask
-            twins = groups_with.setdefault(hash(around), [])
-            same = next((one for one in twins if (order.earlier(one) & mask, order.later(one) & mask) == around), None)
+            neighbours = order.earlier(node) & mask, order.later(node) & mask
+            twins = groups_with.setdefault(hash(neighbours), [])
+            same = next(
+                (one for one in twins if (order.earlier(one) & mask, order.later(one) & mask) == neighbours), None
+            )
             if same is None:
                 twins.append(node)
             else:
@@ -191,8 +193,8 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
     part = decomposed(order)
     if part is None:
         return Series(())
-    known = BranchNames()
-    own = list(map(known.claim, names))
+    branch_names = BranchNames()
+    own = list(map(branch_names.claim, names))
 
     def called(part: Part) -> str:
         """Name of a branch: that of its step, or made of the names of its first and last steps."""
@@ -204,7 +206,7 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
             name = f"{first}_then_{last}" if len(leaves) == 2 else f"{first}_to_{last}"
         else:
             name = f"{first}_and_{last}" if len(leaves) == 2 else f"{first}_and_others"
-        return known.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more")
+        return branch_names.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more")
 
     def made(part: Part) -> Node:
         if isinstance(part, int):
@@ -324,8 +326,8 @@ def machine(
     """
     assert recipe.machine is not None
     steps = {step.iri: step for step in recipe.steps}
-    known = BranchNames()
-    names = {iri: known.claim(step.name) for iri, step in steps.items()}
+    state_names = BranchNames()
+    names = {iri: state_names.claim(step.name) for iri, step in steps.items()}
     ends = [end for end in recipe.machine.ends if end in steps]
     leaving: dict[str, list[Transition]] = {iri: [] for iri in steps}
     for transition in recipe.machine.transitions:

@@ -79,16 +79,18 @@ class Terms:
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """Objects and persons that a recipe uses, directly or in recipes that it calls, by first use."""
         if recipe.iri not in self._parameters:
-            found: dict[Thing, None] = {}
+            by_first_use: dict[Thing, None] = {}
             for step in self.steps(recipe):
                 for parameter in _ordered(step):
-                    found.update(dict.fromkeys(_things(parameter[1])))
+                    by_first_use.update(dict.fromkeys(_things(parameter[1])))
                 checked = step.condition.parameters if step.condition is not None else ()
-                found.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
+                by_first_use.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
                 for callee in step.recipes:
-                    for given in self.renaming(recipe, step, callee).values():
-                        found.update(dict.fromkeys(given.arguments if isinstance(given, PlaceUse) else (given,)))
-            self._parameters[recipe.iri] = tuple(thing for thing in found if thing.kind is not Kind.DEVICE)
+                    for argument in self.renaming(recipe, step, callee).values():
+                        by_first_use.update(
+                            dict.fromkeys(argument.arguments if isinstance(argument, PlaceUse) else (argument,))
+                        )
+            self._parameters[recipe.iri] = tuple(thing for thing in by_first_use if thing.kind is not Kind.DEVICE)
         return self._parameters[recipe.iri]
 
     def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
@@ -153,9 +155,9 @@ class Terms:
         """Argument that a step passes to its recipe, or the result of an earlier step for it."""
         filler = given.place if isinstance(given, PlaceUse) else given
         for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == filler):
-            found = self._from_others(recipe, step, name, filler, given)
-            if found is not None:
-                return found
+            result = self._from_others(recipe, step, name, filler, given)
+            if result is not None:
+                return result
         return given
 
     def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | Passed:
@@ -287,10 +289,10 @@ class Terms:
     def _effective_devices(self) -> dict[str, Thing]:
         """Device of each recipe: its own, else the one that all its callers use."""
         devices: dict[str, Thing] = {}
-        given: dict[str, set[Thing | None]] = {}
+        offers_to: dict[str, set[Thing | None]] = {}
         for recipe in reversed(callees_first(self._recipes)):
             own = _device(recipe.fillers("deviceUsed"))
-            offers = given.get(recipe.iri, set())
+            offers = offers_to.get(recipe.iri, set())
             if own is not None:
                 devices[recipe.iri] = own
             elif len(offers) == 1 and (only := next(iter(offers))) is not None:
@@ -298,7 +300,7 @@ class Terms:
             for step in recipe.steps:
                 for callee in step.recipes:
                     offer = _device(step.fillers("deviceUsed")) or devices.get(recipe.iri)
-                    given.setdefault(callee, set()).add(offer)
+                    offers_to.setdefault(callee, set()).add(offer)
         return devices
 
 
@@ -425,17 +427,17 @@ class Roles:
         return self._known[key]
 
     def _found(self, recipe: Recipe, step: Step) -> set[Role]:
-        found: set[Role] = {(role, None) for role in ROLES} if step.is_abstract else set()
+        roles: set[Role] = {(role, None) for role in ROLES} if step.is_abstract else set()
         for callee in step.recipes:
             below = self._recipes.recipes[callee]
-            found |= {role for inner in below.steps for role in self._roles(below, inner)}
+            roles |= {role for inner in below.steps for role in self._roles(below, inner)}
         primitive = self._actions.primitive(step)
         if primitive is not None:
             side = _side(self._terms.device(recipe, step))
-            found |= {(role, side if role in SIDED else None) for role in primitive.resources}
+            roles |= {(role, side if role in SIDED else None) for role in primitive.resources}
             implied = (self._actions.primitives.get(action) for action in primitive.implies)
-            found |= {(role, None) for other in implied if other is not None for role in other.resources}
-        return found
+            roles |= {(role, None) for other in implied if other is not None for role in other.resources}
+        return roles
 
     def _names(self, role: str, side: str | None) -> tuple[str, ...]:
         if role not in SIDED or not self._has_sides:

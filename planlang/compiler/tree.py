@@ -351,17 +351,17 @@ class Passing:
         return tuple(self._home.get(id(series), ()))
 
     def _walk(self, node: Node, total: Counter[Event]) -> None:
-        made: dict[str, None] = {}
+        produced: dict[str, None] = {}
         used: Counter[str] = Counter(_passed(node))
         events: Counter[Event] = Counter(_events(node) if isinstance(node, Gate) else ())
         if isinstance(node, (Perform, Call, Alternatives)):
-            made[node.step] = None
+            produced[node.step] = None
         for inner in inside(node):
             self._walk(inner, total)
-            made.update(self._made[id(inner)])
+            produced.update(self._made[id(inner)])
             used.update(self._used[id(inner)])
             events.update(self._events[id(inner)])
-        self._made[id(node)], self._used[id(node)], self._events[id(node)] = made, used, events
+        self._made[id(node)], self._used[id(node)], self._events[id(node)] = produced, used, events
         if isinstance(node, Series):
             home = [event for event in events if events[event] == total[event] and event not in self._settled]
             self._settled.update(home)

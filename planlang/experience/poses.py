@@ -47,7 +47,7 @@ class Transform:
 
 def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
     """Yield the poses in the records of a trace; malformed ones are skipped."""
-    asked: dict[Any, str] = {}
+    thing_of: dict[Any, str] = {}
     for record in records:
         step, node = record["step"], record.get("node")
         match record:
@@ -55,9 +55,9 @@ def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
                 yield from _base(step, base)
             case {"event": "request", "action": str(action)} if isinstance(node, int):
                 things = [role.filler for role in roles_of(action) if role.property == "objectActedOn"]
-                asked[node] = things[0] if len(things) == 1 else ""
-            case {"event": "performed", "value": dict(value)} if isinstance(node, int) and asked.get(node):
-                yield from _pose(step, asked[node], value, "perception")
+                thing_of[node] = things[0] if len(things) == 1 else ""
+            case {"event": "performed", "value": dict(value)} if isinstance(node, int) and thing_of.get(node):
+                yield from _pose(step, thing_of[node], value, "perception")
             case {"event": "belief", "name": str(name), "pose": dict(pose)}:
                 yield from _pose(step, name, pose, "belief")
             case {"event": "completed", "left": {"belief": dict(belief), **left}}:
@@ -142,7 +142,7 @@ def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]
     An incomplete last line is skipped.
     """
     head: Mapping[str, Any] = {}
-    found: list[Transform] = []
+    transforms: list[Transform] = []
     for number, line in enumerate(lines, 1):
         if number == len(lines) and not line.endswith("\n"):
             break
@@ -151,27 +151,27 @@ def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]
             if number == 1:
                 head = dict(value)
                 continue
-            found.append(_transform(value))
+            transforms.append(_transform(value))
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise ValueError(f"line {number} is not a pose") from None
-    return head, found
+    return head, transforms
 
 
 def read_log(path: Path, header: Mapping[str, Any]) -> list[Transform]:
     """Read the pose log of the run with a certain trace header. Raises BadInput for malformed logs and other runs."""
     lines = read_file(path, "C001", largest=LARGEST).decode(errors="replace").splitlines(keepends=True)
     try:
-        known, found = read_poses(lines)
+        head, transforms = read_poses(lines)
     except ValueError as problem:
         raise BadInput([error("K081", f"not a pose log: {problem}", Span(str(path)))]) from None
-    if any(one.step > header["rate"] * LONGEST for one in found):
+    if any(one.step > header["rate"] * LONGEST for one in transforms):
         raise BadInput([error("K081", "a pose has an impossible time", Span(str(path)))])
-    differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
+    differing = [key for key in IDENTITY if head.get(key) != header.get(key)]
     if differing:
         advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
         message = f"the poses belong to another run: {', '.join(differing)} differ"
         raise BadInput([error("K081", message, Span(str(path)), advice)])
-    return found
+    return transforms
 
 
 def _transform(value: Any) -> Transform:

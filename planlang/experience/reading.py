@@ -51,10 +51,10 @@ class _Reader:
         self._about: dict[str, dict[str, list[Triple]]] = {}
         for triple in triples:
             self._about.setdefault(str(triple.subject), {}).setdefault(triple.predicate, []).append(triple)
-        found = [one for one in self._about if SOMA.Episode in self._kinds(one)]
-        if len(found) != 1:
-            self._refuse(f"a narrative has exactly one episode (soma:Episode), this one has {len(found)}", None)
-        self.episode = found[0]
+        episodes = [one for one in self._about if SOMA.Episode in self._kinds(one)]
+        if len(episodes) != 1:
+            self._refuse(f"a narrative has exactly one episode (soma:Episode), this one has {len(episodes)}", None)
+        self.episode = episodes[0]
         self._failures: dict[str, Failure] = {}
         self._roles: dict[str, tuple[Role, ...]] = {}
 
@@ -176,10 +176,10 @@ class _Reader:
         return Occurrence(step, event, self._json(node, EXPERIENCE.details, {}), self._failed(node))
 
     def _failed(self, node: str) -> Failure | None:
-        found = self._many(node, EXPERIENCE.failedWith)
-        if len(found) > 1:
+        failures = self._many(node, EXPERIENCE.failedWith)
+        if len(failures) > 1:
             self._refuse("it has two failures", node)
-        return self._failure(found[0]) if found else None
+        return self._failure(failures[0]) if failures else None
 
     def _failure(self, node: str) -> Failure:
         chain = [node]
@@ -217,33 +217,33 @@ class _Reader:
         return [value for value in self._values(node, prop) if isinstance(value, str)]
 
     def _one(self, node: str, prop: str) -> str:
-        found = self._many(node, prop)
-        if len(found) != 1:
-            self._refuse(f"{prop} is stated {len(found)} times instead of once", node)
-        return found[0]
+        values = self._many(node, prop)
+        if len(values) != 1:
+            self._refuse(f"{prop} is stated {len(values)} times instead of once", node)
+        return values[0]
 
     def _maybe(self, node: str, prop: str) -> str | None:
-        found = [value for value in self._values(node, prop) if isinstance(value, Literal)]
-        if len(found) > 1:
-            self._refuse(f"{prop} is stated {len(found)} times", node)
-        if not found:
+        values = [value for value in self._values(node, prop) if isinstance(value, Literal)]
+        if len(values) > 1:
+            self._refuse(f"{prop} is stated {len(values)} times", node)
+        if not values:
             return None
-        if found[0].datatype != EXPERIENCE.json:
-            return found[0].value
-        return str(self._loaded(found[0].value, node))
+        if values[0].datatype != EXPERIENCE.json:
+            return values[0].value
+        return str(self._loaded(values[0].value, node))
 
     def _text(self, node: str, prop: str) -> str:
-        found = self._maybe(node, prop)
-        if found is None:
+        text = self._maybe(node, prop)
+        if text is None:
             self._refuse(f"{prop} is missing", node)
-        return found
+        return text
 
     def _json(self, node: str, prop: str, default: Any) -> Any:
         text = self._maybe(node, prop)
-        found = default if text is None else self._loaded(text, node)
-        if isinstance(default, dict) and not isinstance(found, dict):
+        value = default if text is None else self._loaded(text, node)
+        if isinstance(default, dict) and not isinstance(value, dict):
             self._refuse(f"{prop} is not a JSON object", node)
-        return found
+        return value
 
     def _loaded(self, text: str, node: str) -> Any:
         try:
@@ -252,10 +252,10 @@ class _Reader:
             self._refuse("a value is not JSON, or is too deeply nested", node)
 
     def _whole(self, node: str, prop: str) -> int:
-        found = self._maybe_whole(node, prop)
-        if found is None:
+        number = self._maybe_whole(node, prop)
+        if number is None:
             self._refuse(f"{prop} is missing", node)
-        return found
+        return number
 
     def _maybe_whole(self, node: str, prop: str) -> int | None:
         number = self._maybe(node, prop)

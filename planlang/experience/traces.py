@@ -224,15 +224,15 @@ def failure_of(json: object) -> Failure:
         json = json.get("cause")
     if not links:
         raise ValueError("a failure is missing")
-    found: Failure | None = None
+    failure: Failure | None = None
     for link in reversed(links):
         where = link.get("where")
         others = tuple(other for relation in ("siblings", "members", "cleanup") for other in _others(link, relation))
-        found = Failure(
-            _text(link["type"]), _text(link["message"]), None if where is None else _text(where), found, others
+        failure = Failure(
+            _text(link["type"]), _text(link["message"]), None if where is None else _text(where), failure, others
         )
-    assert found is not None
-    return found
+    assert failure is not None
+    return failure
 
 
 def _others(link: Mapping[str, Any], relation: str) -> Iterator[tuple[str, str, str]]:

@@ -313,7 +313,7 @@ def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
     return actions.performers[iri]
 
 
-def meant(actions: Actions, recipes: tuple[str, ...], parameters: Sequence[Parameter]) -> tuple[str, ...]:
+def best_recipes(actions: Actions, recipes: tuple[str, ...], parameters: Sequence[Parameter]) -> tuple[str, ...]:
     """Choose among several recipes of the library the one that fits the parameters of an action best.
 
     The best recipe states the fewest properties that the action does not state, then the most that it does. Recipes of
@@ -354,10 +354,10 @@ def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
         for ancestor in level:
             if ancestor in actions.primitives:
                 return (), ancestor
-        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
-        found = found or tuple(recipe for ancestor in level for recipe in actions.library.get(ancestor, ()))
-        if found:
-            return found, None
+        recipes = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        recipes = recipes or tuple(recipe for ancestor in level for recipe in actions.library.get(ancestor, ()))
+        if recipes:
+            return recipes, None
     return (), None
 
 
@@ -367,7 +367,7 @@ def _levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
     if not ontology.is_class(iri):
         yield (iri,)
         cls = action_class(ontology, iri) or iri
-    known = set(ontology.ancestors(cls))
+    ancestors = set(ontology.ancestors(cls))
     seen = {cls, iri}
     level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
     while level:
@@ -375,7 +375,7 @@ def _levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
         above: list[str] = []
         for member in level:
             for ancestor in ontology.parents(member):
-                if ancestor in known and ancestor not in seen:
+                if ancestor in ancestors and ancestor not in seen:
                     seen.add(ancestor)
                     above.append(ancestor)
         level = tuple(above)

@@ -45,17 +45,19 @@ def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> t
     tool, world = (_whole(next((p.filler for p in read if p.property == name), None)) for name in ROLES)
     named = [one.filler.iri for one in read if one.property == CONSTRAINED_BY and isinstance(one.filler, Name)]
     replaced = {ancestor for name in named for ancestor in _levels(ontology, name)[1:]}
-    found = []
+    replaced_parameters = []
     for one in read:
         if one.property != CONSTRAINED_BY or not isinstance(one.filler, Name):
-            found.append(one)
+            replaced_parameters.append(one)
         elif one.filler.iri not in replaced:
-            found.append(replace(one, filler=read_constraint(ontology, one.filler.iri, tool, world) or one.filler))
-    return tuple(found)
+            replaced_parameters.append(
+                replace(one, filler=read_constraint(ontology, one.filler.iri, tool, world) or one.filler)
+            )
+    return tuple(replaced_parameters)
 
 
 def _whole(filler: object) -> Part | None:
-    """Filler of a motion's device or object as a part; None if it is no thing."""
+    """Filler of a motion's device or object as a part; None if it is not a thing."""
     return Part(filler) if isinstance(filler, Thing) else filler if isinstance(filler, Part) else None
 
 

@@ -288,7 +288,7 @@ NO_PARAMETERS = (
     "startTime",
     "endTime",
 )
-"""Properties of actions (local names) about their steps, requirements and times, which are no parameters."""
+"""Properties of actions (local names) about their steps, requirements and times, which are not parameters."""
 
 READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
 """Properties of individuals (local names) that the readers of dialects read."""
@@ -319,30 +319,30 @@ def _may_fill(property_name: str) -> bool:
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
     """Fillings from the restrictions of a class; none for classes of the bundled vocabulary."""
     cache: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
-    found = cache.get(cls)
-    if found is None:
+    own = cache.get(cls)
+    if own is None:
         is_users = shorten(cls) == cls or ontology.main(cls)
         every = filled(ontology.restrictions(cls)) if is_users else ()
-        found = cache[cls] = [filling for filling in every if _may_fill(filling.property)]
-    return found
+        own = cache[cls] = [filling for filling in every if _may_fill(filling.property)]
+    return own
 
 
 def read_parameters(
-    ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), made: frozenset[str] = frozenset()
+    ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), created: frozenset[str] = frozenset()
 ) -> tuple[Parameter, ...]:
     """Read the parameters of an action: ``more``, its own, and those of its ancestors.
 
     A nearer filler replaces a farther one of the same property; constraints of motions add up. A robot part stated as a
-    body part is read as the device used. ``made`` are individuals that another step creates: they may be undefined.
+    body part is read as the device used. ``created`` are individuals that another step creates: they may be undefined.
     """
-    found: dict[str, list[Parameter]] = {}
+    by_property: dict[str, list[Parameter]] = {}
     for level in fillings(ontology, iri, more):
-        nearer = set(found)
+        nearer = set(by_property)
         for filling in level:
-            parameter = _parameter(ontology, filling, made)
+            parameter = _parameter(ontology, filling, created)
             if parameter is not None and (parameter.property not in nearer or parameter.property == CONSTRAINED_BY):
-                found.setdefault(parameter.property, []).append(parameter)
-    return tuple(dict.fromkeys(parameter for parameters in found.values() for parameter in parameters))
+                by_property.setdefault(parameter.property, []).append(parameter)
+    return tuple(dict.fromkeys(parameter for parameters in by_property.values() for parameter in parameters))
 
 
 def action_class(ontology: Ontology, individual: str) -> str | None:
@@ -351,8 +351,8 @@ def action_class(ontology: Ontology, individual: str) -> str | None:
     The type with the most superclasses is the most specific: a grasp rather than a chunk of a table.
     """
     types = ontology.types(individual)
-    for wanted in ("Action", "Event"):
-        if fitting := [cls for cls in types if ontology.is_a(cls, expand(wanted))]:
+    for top in ("Action", "Event"):
+        if fitting := [cls for cls in types if ontology.is_a(cls, expand(top))]:
             return max(fitting, key=lambda cls: len(ontology.ancestors(cls)))
     return next((cls for cls in types if len(ontology.ancestors(cls)) > 1), next(iter(types), None))
 
@@ -394,9 +394,9 @@ def _is_annotation(ontology: Ontology, name: str) -> bool:
     return name.startswith((OWL, RDF, RDFS)) or OWL.AnnotationProperty in ontology.values(name, RDF.type)
 
 
-def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:
+def _parameter(ontology: Ontology, filling: Filling, created: frozenset[str]) -> Parameter | None:
     filler = read_filler(ontology, filling.term, filling.property)
-    if filler is None and filling.term in made:
+    if filler is None and filling.term in created:
         filler = Name(str(filling.term))
     if filler is None:
         return None

@@ -56,8 +56,8 @@ class _Supply:
             for slot in self._actions.slots(step.action_class).values():
                 if self._is_stated(step, slot):
                     continue
-                if slot.is_shared and (around := offered(self._ontology, recipe, slot)):
-                    more += [replace(one, is_inherited=True) for one in around]
+                if slot.is_shared and (candidates := offered(self._ontology, recipe, slot)):
+                    more += [replace(one, is_inherited=True) for one in candidates]
                 elif needed(step, slot):
                     more += self._filled(recipe, step, slot)
         for callee in step.recipes:
@@ -79,18 +79,18 @@ class _Supply:
 
     def _filled(self, recipe: Recipe, step: Step, slot: Slot) -> list[Parameter]:
         """Parameter for an empty slot of a step; none for a missing motion target."""
-        around = offered(self._ontology, recipe, slot)
-        if len(around) == 1:
-            return [replace(around[0], is_inherited=True)]
+        candidates = offered(self._ontology, recipe, slot)
+        if len(candidates) == 1:
+            return [replace(candidates[0], is_inherited=True)]
         home = self._recipes[recipe.within] if recipe.within is not None else recipe
         is_called = home.iri != self._task
         is_target = slot.absence is Absence.ERROR
         own = self._actions.slots(home.action_class).get(slot.property)
         is_own = own is not None and own.absence is Absence.PARAMETER
         slot = own if own is not None and is_own else slot
-        if around:
+        if candidates:
             thing = parameter_for(slot, f"{home.name}.{step.name}" if is_called else step.name)
-            self._report(home, step, thing, [one.filler for one in around])
+            self._report(home, step, thing, [one.filler for one in candidates])
         elif slot.absence is Absence.ERROR and shorten(home.iri) != home.iri:
             return []  # recipes of the vocabulary state no targets; those come from the recipes that use them
         elif is_called:

@@ -54,7 +54,7 @@ class Precedence(Generic[Node]):
         successors = [list(after) for after in following]
         extension = _linear_extension(successors)
         if len(extension) != len(self.nodes):
-            raise ValueError("the graph has a cycle: it is no order")
+            raise ValueError("the pairs have a cycle, so they are not an order")
         self.extension: tuple[Node, ...] = tuple(self.nodes[index] for index in extension)
         """The linear extension that is closest to the given order of the nodes."""
         self._position = {node: position for position, node in enumerate(self.extension)}
@@ -147,7 +147,7 @@ def _linear_extension(successors: list[list[int]]) -> list[int]:
     for after in successors:
         for other in after:
             missing[other] += 1
-    ready = [number for number, left in enumerate(missing) if not left]
+    ready = [number for number, number_before in enumerate(missing) if not number_before]
     order: list[int] = []
     while ready:
         number = heapq.heappop(ready)
@@ -209,8 +209,8 @@ def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
     best: tuple[Node, ...] | None = None
     for node in graph.nodes:
         if node in after:
-            found = _cycle_through(node, after, len(best) - 1 if best else len(after))
-            best = found or best
+            cycle = _cycle_through(node, after, len(best) - 1 if best else len(after))
+            best = cycle or best
             _take_out(node, after, before)
     return best
 
@@ -259,17 +259,17 @@ class Intervals:
     def __init__(self, recipe: Recipe) -> None:
         self._steps = [step.iri for step in recipe.steps]
         self._graph = nx.DiGraph()
-        known = {recipe.iri, *self._steps, *recipe.phases}
+        names = {recipe.iri, *self._steps, *recipe.phases}
         for name in (*self._steps, *recipe.phases, recipe.iri):
             self._add(Point(name, False), Point(name, True), None, is_strict=True)
         for name in self._steps:
             self._add(Point(recipe.iri, False), Point(name, False), None)
             self._add(Point(name, True), Point(recipe.iri, True), None)
         for ordering in recipe.orderings:
-            if {ordering.before, ordering.after} <= known - {recipe.iri}:
+            if {ordering.before, ordering.after} <= names - {recipe.iri}:
                 self._add(Point(ordering.before, True), Point(ordering.after, False), ordering, is_strict=True)
         for overlap in recipe.overlaps:
-            for one, is_strict, other in overlap.endpoints() if {overlap.first, overlap.second} <= known else ():
+            for one, is_strict, other in overlap.endpoints() if {overlap.first, overlap.second} <= names else ():
                 self._add(one, other, overlap, is_strict=is_strict)
                 if not is_strict:
                     self._add(other, one, overlap)
@@ -299,8 +299,8 @@ class Intervals:
     def _add(
         self, earlier: Point, later: Point, because: Ordering | Overlap | None, *, is_strict: bool = False
     ) -> None:
-        known = self._graph.get_edge_data(earlier, later)
-        if known is None or (is_strict and not known["strict"]):
+        edge = self._graph.get_edge_data(earlier, later)
+        if edge is None or (is_strict and not edge["strict"]):
             self._graph.add_edge(earlier, later, strict=is_strict, because=because)
 
 

@@ -11,7 +11,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
-from planlang.recipe.actions import Actions, meant, recipes_for, recipes_of_task, statements_for
+from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.checks import (
     Check,
     CheckedFile,
@@ -32,7 +32,7 @@ from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_fi
 from planlang.recipe.inheritance import supplied
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
-from planlang.recipe.readers import loose_parts, made, tasks_of
+from planlang.recipe.readers import created_individuals, loose_parts, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.records import dataclass
 from planlang.spelling import guess
@@ -72,9 +72,9 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         return tops[0]
     stated = stated_tasks(actions)
     if not stated:
-        found = loose_parts(ontology)
-        if found:
-            raise BadInput(found)
+        problems = loose_parts(ontology)
+        if problems:
+            raise BadInput(problems)
         advice = "a recipe is an action class with restrictions such as `subAction some Reaching`"
         raise BadInput([error("R001", "no class or individual of this file states sub-actions", span, advice)])
     names = ", ".join(local_name(task) for task in tops or stated)
@@ -163,7 +163,7 @@ def read_recipes(actions: Actions, task: str) -> RecipeSet:
     return RecipeSet(task, recipes, Source(printable(document.path.name), document.sha256))
 
 
-def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
+def read_step(actions: Actions, sub_action: SubAction, created: frozenset[str] = frozenset()) -> Step | None:
     """Read a sub-action as a step; None if it names nothing that is defined.
 
     ``known`` are individuals that another step creates, which may be undefined.
@@ -175,12 +175,12 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
         return None
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
     recipes, primitive = recipes_for(actions, iri)
-    parameters = read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known))
+    parameters = read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, created))
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
         parameters,
-        meant(actions, recipes, parameters),
+        best_recipes(actions, recipes, parameters),
         primitive,
         _label(ontology, iri) if shorten(iri) == iri else None,
         sub_action.span,
@@ -215,11 +215,11 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
     if statements is None:
         raise KeyError(stating)
     task = task or statements.iri
-    known = made(ontology, statements)
+    created = created_individuals(ontology, statements)
     steps: dict[str, Step] = {}
     for sub_action in (*statements.sub_actions, *_states(actions, statements)):
         if sub_action.iri is None or sub_action.iri not in steps:
-            step = read_step(actions, sub_action, known)
+            step = read_step(actions, sub_action, created)
             if step is not None:
                 steps[step.iri] = step
     cls = None if ontology.is_class(task) else action_class(ontology, task)
@@ -228,7 +228,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         nearest_in_vocabulary(ontology, cls or task),
         tuple(steps.values()),
         statements.orderings if statements.states is None else (),
-        read_parameters(ontology, task, statements.fillings, known),
+        read_parameters(ontology, task, statements.fillings, created),
         _label(ontology, task),
         ontology.span(task),
         statements.dialect,
@@ -372,13 +372,13 @@ def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = Tru
     right = corrected(actions.ontology, misspelt)
     if right is not actions.ontology:
         actions = Actions(right, actions.performed)
-    recipes, found = _read(actions, task, scopes=scopes)
-    found = (*actions.ontology.diagnostics, *found)
+    recipes, diagnostics = _read(actions, task, scopes=scopes)
+    diagnostics = (*actions.ontology.diagnostics, *diagnostics)
     guessed = corrected(actions.ontology, misspelt, guessing=True)
     if guessed is not actions.ontology:  # problems that disappear with the guessed names only follow from the typo
         remaining = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
-        found = tuple(one for one in found if one in {*guessed.diagnostics, *remaining})
-    return Reading(recipes, (*misspelt, *found), actions, misspelt)
+        diagnostics = tuple(one for one in diagnostics if one in {*guessed.diagnostics, *remaining})
+    return Reading(recipes, (*misspelt, *diagnostics), actions, misspelt)
 
 
 def _read(actions: Actions, task: str | None, *, scopes: bool) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
@@ -416,13 +416,13 @@ def _checked(
 ) -> list[Diagnostic]:
     """Diagnostics of all checks that are not suppressed; ``before`` are codes that were reported earlier."""
     reported = set(before)
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for one in checks:
         if one.applies(reported):
             new = list(one(subject))
             reported.update(diagnostic.code for diagnostic in new)
-            found += new
-    return found
+            diagnostics += new
+    return diagnostics
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

@@ -97,8 +97,8 @@ class Statements:
             *((one.producer, one.consumer) for one in self.flows),
             *((one.source, one.target) for one in states.transitions),
         )
-        found = dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends))
-        return tuple(name for name in found if name not in self.phases)
+        names_in_order = dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends))
+        return tuple(name for name in names_in_order if name not in self.phases)
 
 
 def is_word(iri: str, *names: str) -> bool:

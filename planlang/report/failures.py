@@ -30,14 +30,14 @@ class Failures:
         self.table: list[dict[str, Any]] = []
         self.index: dict[int, int] = {}
         self._reasons, self._remedies = reasons, remedies or {}
-        known: dict[str, int] = {}
+        index_of: dict[str, int] = {}
         for number, node in tree.numbered.items():
             if node.failure is not None:
                 key = json.dumps(node.failure, sort_keys=True)
-                if key not in known:
-                    known[key] = len(self.table)
+                if key not in index_of:
+                    index_of[key] = len(self.table)
                     self.table.append(self._entry(node.failure))
-                self.index[number] = known[key]
+                self.index[number] = index_of[key]
 
     def lowered(self, node: TaskNode) -> str:
         """Headline of a node's failure, to be used within a sentence."""
@@ -53,36 +53,36 @@ class Failures:
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         message, where = str(failure["message"]), str(failure.get("where", ""))
-        found: dict[str, Any] = {"type": str(failure["type"]), "message": shown(message, 1000)}
-        found |= {"where": shown(_LINE.sub("", where).strip())} if where else {}
+        entry: dict[str, Any] = {"type": str(failure["type"]), "message": shown(message, 1000)}
+        entry |= {"where": shown(_LINE.sub("", where).strip())} if where else {}
         line = _LINE.search(where)
-        found |= {"file": shown(line[1]), "line": int(line[2])} if line else {}
+        entry |= {"file": shown(line[1]), "line": int(line[2])} if line else {}
         if (reason := self._reasons.get(message)) is not None:
             # the page shows advice and counts on separate lines
-            found |= {
+            entry |= {
                 "message": shown(message.partition(f": {reason['advice']}" if "advice" in reason else " (")[0]),
                 **{key: value for key, value in reason.items() if key != "missing"},
             }
             remedies = [self._remedies[part] for part in reason.get("missing", ()) if part in self._remedies]
-            found |= {"advice": remedies[0]} if remedies else {}
+            entry |= {"advice": remedies[0]} if remedies else {}
         beside = {"at the same time": "siblings", "branch": "members", "during cleanup": "cleanup"}
         others = [
             [relation, shown(name), shown(text)]
             for relation, key in beside.items()
             for name, text in _named(failure.get(key))
         ]
-        return found | ({"others": others} if others else {})
+        return entry | ({"others": others} if others else {})
 
 
 def _chain(failure: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Yield a failure and its causes, without those that repeat type and message."""
     link: object = failure
-    stated: set[tuple[str, str]] = set()
+    seen: set[tuple[str, str]] = set()
     while isinstance(link, Mapping):
         key = str(link["type"]), str(link["message"])
-        if key not in stated:
+        if key not in seen:
             yield link
-        stated.add(key)
+        seen.add(key)
         link = link.get("cause")
 
 
@@ -175,9 +175,9 @@ def _card(node: TaskNode, failures: Failures, wording: Wording, rate: float) -> 
         trying = step if events or (trying is None and (step.kind == "plan" or step.parent is None)) else trying
         step = step.parent
     failure = failures.index[ended_by.number]
-    for made in _actions(trying or node, node.last):
-        text = _ended(made, failures, wording, failure)
-        tried[made.first, made.number] = [round(made.start or 0.0, 4), made.number, text]
+    for action in _actions(trying or node, node.last):
+        text = _ended(action, failures, wording, failure)
+        tried[action.first, action.number] = [round(action.start or 0.0, 4), action.number, text]
     return {
         "node": node.number,
         "time": None if node.end is None else round(node.end, 4),
@@ -199,12 +199,12 @@ def _without_known(one: Happened, node: TaskNode) -> Happened:
 def _actions(construct: TaskNode, last: int) -> Iterator[TaskNode]:
     """Yield the actions in a construct that began before a position in the trace, the innermost of nested ones."""
     inside = [child for child in construct.children if child.first < last] if not construct.is_request else []
-    found = False
+    has_inner = False
     for child in inside:
         for one in _actions(child, last):
-            found = True
+            has_inner = True
             yield one
-    if not found and construct.kind == "perform" and construct.start is not None:
+    if not has_inner and construct.kind == "perform" and construct.start is not None:
         yield construct
 
 

@@ -123,8 +123,8 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
 
 
 def _note(one: Diagnostic) -> dict[str, str]:
-    found = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
-    return found | ({"help": shown(one.help)} if one.help else {})
+    entry = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
+    return entry | ({"help": shown(one.help)} if one.help else {})
 
 
 def _graph(graph: TaskGraph) -> dict[str, Any]:
@@ -139,8 +139,8 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
     Recoveries and process modules also use ``at_location``, but have no line: a line counts only if a relation of the
     location follows it closely.
     """
-    found: dict[int, int] = {}
-    known: dict[int, list[object]] = {}
+    line_of: dict[int, int] = {}
+    visited: dict[int, list[object]] = {}
     rows = [] if plan is None else plan.text.splitlines()
     for number, node in tree.numbered.items():
         caller = node.parent
@@ -159,37 +159,37 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
         ]
         if not fitting:
             continue
-        seen = known.setdefault(caller.number, [])
+        seen = visited.setdefault(caller.number, [])
         if text not in seen:
             seen.append(text)
-        found[number] = fitting[min(seen.index(text), len(fitting) - 1)]
-    return found
+        line_of[number] = fitting[min(seen.index(text), len(fitting) - 1)]
+    return line_of
 
 
 def _extent(source: Source, node: Mapping[str, Any]) -> tuple[int, int] | None:
-    if (found := source.extent(node.get("class", ""))) is not None:
-        return found
+    if (extent := source.extent(node.get("class", ""))) is not None:
+        return extent
     return source.extent(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
 
 
 def _outcome(run: Told, failures: Failures) -> dict[str, Any]:
     root = run.tree.roots[0] if run.tree.roots else None
     status = "interrupted" if run.is_interrupted else "running" if root is None else root.status
-    found = failures.index.get(root.number) if root is not None else None
+    failure = failures.index.get(root.number) if root is not None else None
     text = {"succeeded": "done", "failed": "failed", "evaporated": "ended", "running": "not ended"}.get(status, status)
-    return {"status": status, "text": text, "failure": found}
+    return {"status": status, "text": text, "failure": failure}
 
 
 def _facts(run: Told, end: float) -> dict[str, object]:
     header = run.header
-    known: dict[str, object] = {"plan time": f"{end:.1f} s"}
+    facts: dict[str, object] = {"plan time": f"{end:.1f} s"}
     if isinstance(start := header.get("start"), list):
-        known["start"] = pose_text(start)
-    for key, called in (("robot", "robot"), ("map", "environment"), ("seed", "seed"), ("schedule", "schedule")):
+        facts["start"] = pose_text(start)
+    for key, label in (("robot", "robot"), ("map", "environment"), ("seed", "seed"), ("schedule", "schedule")):
         value = header.get(key)
         if value is not None:
-            known[called] = local_name(str(value)).partition(".")[0] if key == "map" else value
+            facts[label] = local_name(str(value)).partition(".")[0] if key == "map" else value
     versions = header.get("versions")
     if isinstance(versions, dict) and versions.get("planlang"):
-        known["planlang"] = versions["planlang"]
-    return known
+        facts["planlang"] = versions["planlang"]
+    return facts

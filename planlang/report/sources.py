@@ -70,10 +70,10 @@ def _drives(tree: ast.Module) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue
-        called = [one for one in (node.func, *node.args[:1]) if isinstance(one, ast.Name) and one.id == "at_location"]
+        named = [one for one in (node.func, *node.args[:1]) if isinstance(one, ast.Name) and one.id == "at_location"]
         by = [one.value for one in node.keywords if one.arg == "by"]
         names = [cls for _, _, cls in _named(ast.Module([ast.Expr(one) for one in by], []))]
-        yield from ((one.lineno, cls) for one in called for cls in names)
+        yield from ((one.lineno, cls) for one in named for cls in names)
 
 
 def source_of(function: object) -> Source | None:
@@ -137,8 +137,8 @@ def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
     about: dict[Term, list[tuple[int, Term]]] = {}
     for triple in document.triples():
         about.setdefault(triple.subject, []).append((triple.span.line, triple.object))
-    found = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
-    begins = {iri: span.line for iri, span in found if span is not None}
+    spans = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
+    begins = {iri: span.line for iri, span in spans if span is not None}
     starts, rows = sorted(set(begins.values())), text.splitlines()
     following = dict(zip(starts, [*starts[1:], len(rows) + 1], strict=True))
     extents = {}
@@ -153,12 +153,12 @@ def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
 def _lines_about(iri: str, about: Mapping[Term, Sequence[tuple[int, Term]]]) -> Iterator[int]:
     """Yield the lines of statements about a name, and about the anonymous nodes that it refers to."""
     pending: list[Term] = [iri]
-    known = set(pending)
+    visited = set(pending)
     while pending:
         for line, value in about.get(pending.pop(), ()):
             yield line
-            if isinstance(value, BNode) and value not in known:
-                known.add(value)
+            if isinstance(value, BNode) and value not in visited:
+                visited.add(value)
                 pending.append(value)
 
 

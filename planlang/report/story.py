@@ -17,16 +17,16 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
     Activities of process modules inside an action are left out. A failed step has a sentence at its start, and one with
     the cause at its end.
     """
-    found = [one for root in tree.roots for one in _ends(root, failures, end)]
+    sentences = [one for root in tree.roots for one in _ends(root, failures, end)]
     for node in tree.numbered.values():
-        found += _happened(node, tree.rate)
+        sentences += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
-            found += _steps(node, wording, failures)
+            sentences += _steps(node, wording, failures)
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
-            found.append((one.place, [time, None, f"Belief: {belief_text(one.details)}.", "belief"]))
-    return [sentence for _, sentence in sorted(found, key=lambda one: one[0])]
+            sentences.append((one.place, [time, None, f"Belief: {belief_text(one.details)}.", "belief"]))
+    return [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
 
 
 _Placed = tuple[float, list[Any]]

@@ -29,13 +29,13 @@ def nodes_of(tree: RunTree, labels: Mapping[str, str], index: Mapping[int, int])
     ``labels`` maps classes of actions (local names) to the labels of the recipe.
     """
     within: dict[int, bool] = {}  # filled in one pass, because parents come before children
-    found = []
+    nodes = []
     for number, node in sorted(tree.numbered.items()):
         parent = node.parent
         inside = parent is not None and (within[parent.number] or parent.is_request)
         within[number] = inside
-        found.append(_node(node, labels, inside, index.get(number), tree.rate))
-    return found
+        nodes.append(_node(node, labels, inside, index.get(number), tree.rate))
+    return nodes
 
 
 def class_of(node: TaskNode) -> str | None:
@@ -48,7 +48,7 @@ def _node(
     node: TaskNode, labels: Mapping[str, str], is_inner: bool, failure: int | None, rate: float
 ) -> dict[str, Any]:
     cls = class_of(node)
-    found: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "id": node.number,
         "parent": None if node.parent is None else node.parent.number,
         "kind": node.kind,
@@ -69,7 +69,7 @@ def _node(
             if (text := event_text(one)) is not None
         ],
     }
-    return found | {key: value for key, value in optional.items() if value or (value == 0 and value is not False)}
+    return entry | {key: value for key, value in optional.items() if value or (value == 0 and value is not False)}
 
 
 def is_minor(node: TaskNode) -> bool:
@@ -187,18 +187,18 @@ def _held(node: TaskNode) -> Iterator[tuple[str, int, int | None]]:
 
 def marks_of(tree: RunTree) -> list[list[Any]]:
     """List events in time: [time s, node or None, "attempt", "recovery", "failure" or "belief", text]."""
-    found: list[list[Any]] = []
+    marks: list[list[Any]] = []
     for number, node in tree.numbered.items():
         for one in node.happened:
             text = event_text(one)
             kind = {"attempt": "attempt", "recovery": "recovery", "pose failed": "failure"}.get(one.event)
             if kind is not None and text is not None:
-                found.append([_seconds(one.step / tree.rate), number, kind, text])
+                marks.append([_seconds(one.step / tree.rate), number, kind, text])
         if is_origin(node):
-            found.append([_seconds(node.end), number, "failure", shown(node.reason)])
+            marks.append([_seconds(node.end), number, "failure", shown(node.reason)])
     for one in tree.belief:
-        found.append([_seconds(one.step / tree.rate), None, "belief", belief_text(one.details)])
-    return sorted(found, key=lambda mark: mark[0])
+        marks.append([_seconds(one.step / tree.rate), None, "belief", belief_text(one.details)])
+    return sorted(marks, key=lambda mark: mark[0])
 
 
 def is_origin(node: TaskNode) -> bool:

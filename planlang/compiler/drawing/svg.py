@@ -95,17 +95,17 @@ def _heads() -> Iterator[str]:
     yield "</defs>"
 
 
-def _drawing(found: Arrangement) -> Iterator[str]:
-    for placed in found.boxes:
+def _drawing(arrangement: Arrangement) -> Iterator[str]:
+    for placed in arrangement.boxes:
         yield from _box(placed)
-    for frame in found.frames:
+    for frame in arrangement.frames:
         yield from _frame(frame)
     beside: dict[frozenset[str], list[Point]] = {}
-    for route in found.routes:
+    for route in arrangement.routes:
         yield _path(route.arrow, curve_of(route))
         if route.arrow.label:
             beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(middle_of(route.points))
-    for route in found.routes:
+    for route in arrangement.routes:
         if route.arrow.label:
             x, y = middle_of(route.points)
             others = beside[frozenset((route.arrow.before, route.arrow.after))]
@@ -140,9 +140,9 @@ def _frame(frame: Frame) -> Iterator[str]:
     yield f'<text class="line" x="{_n(frame.x + PADDING)}" y="{_n(frame.y + LINE_HEIGHT)}">{name}</text>'
 
 
-def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
+def _beside(graph: TaskGraph, arrangement: Arrangement) -> Iterator[str]:
     """Draw overlaps between two boxes, and transitions from a state to itself."""
-    where = {placed.box.key: placed for placed in found.boxes}
+    where = {placed.box.key: placed for placed in arrangement.boxes}
     for group in graph.groups():
         for arrow in group.of(Order.OVERLAP):
             first, second = where[arrow.before], where[arrow.after]

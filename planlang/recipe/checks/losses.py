@@ -194,12 +194,12 @@ def _held_by_nothing(
     If a task refers to one that is not described, the name may just be wrong, which R011 reports.
     """
     store = ontology.store
-    held = {store.find(one.filler) for one in stated}
-    held |= set(map(store.objects.__getitem__, _using(ontology, holder)))
+    referenced = {store.find(one.filler) for one in stated}
+    referenced |= set(map(store.objects.__getitem__, _using(ontology, holder)))
     first, second = (set(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
-    if not held or any(number is not None and store.name(number) for number in held - first - second):
+    if not referenced or any(number is not None and store.name(number) for number in referenced - first - second):
         return
-    unused = (first & second) - held
+    unused = (first & second) - referenced
     for row in _here(ontology, _using(ontology, words[0])) if unused else ():
         name = store.name(store.subjects[row])
         if name is not None and store.subjects[row] in unused:

@@ -56,16 +56,16 @@ def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
     It is an error, or a warning if the document declares the name.
     """
     names = _Names(ontology)
-    found = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
-    return tuple(sorted(found, key=lambda one: one.span or Span("")))
+    diagnostics = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
+    return tuple(sorted(diagnostics, key=lambda one: one.span or Span("")))
 
 
-def corrected(ontology: Ontology, found: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
+def corrected(ontology: Ontology, diagnostics: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
     """Correct misspelt names in the ontology: those with one plausible correction, or all if ``guessing``.
 
     Gives the same ontology if nothing changes.
     """
-    errors = (one for one in found if one.severity is Severity.ERROR)
+    errors = (one for one in diagnostics if one.severity is Severity.ERROR)
     renames = [one.suggestion for one in errors if isinstance(one.suggestion, Rename)]
     names = {one.written: one.meant for one in renames if one.is_sure or guessing}
     return ontology.renamed(names) if names else ontology
@@ -100,10 +100,10 @@ class _Names:
         store, main = self._store, self._main
         restricted = {store.objects[row]: row for row in reversed(store.by(OWL.onProperty)) if row in main}
         stated = {number: rows[0] for number in store.used if (rows := store.by(store.name(number) or ""))}
-        found = restricted | {
+        first_uses = restricted | {
             number: min(row, restricted.get(number, row)) for number, row in stated.items() if row in main
         }
-        return dict(sorted(found.items(), key=lambda one: one[1]))
+        return dict(sorted(first_uses.items(), key=lambda one: one[1]))
 
     def is_known_property(self, number: int) -> bool:
         """True for a property about which any document states more than that it is a property."""
@@ -123,20 +123,20 @@ class _Names:
     def undefined(self) -> dict[str, int]:
         """Names (IRIs) that the main document uses but nothing defines, each with the row of its first use."""
         store = self._store
-        made = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
+        outputs = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
         naming = {store.numbers[name] for name in _NAMING if name in store.numbers}
         naming |= {number for number in self.properties if self._links(number)}
         words = (store.name(number) or "" for number in naming)
         used = frozenset[int]().union(*(map(store.objects.__getitem__, store.by(word)) for word in words))
-        found: dict[str, int] = {}
-        for number in used - self._defined - made:
+        first_uses: dict[str, int] = {}
+        for number in used - self._defined - outputs:
             name = store.name(number)
             if name is not None and name != RDF.nil and not name.startswith(_W3C) and not self._ontology.defined(name):
                 rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
                 row = next(rows)
                 if row in self._main:
-                    found[name] = row
-        return dict(sorted(found.items(), key=lambda one: one[1]))
+                    first_uses[name] = row
+        return dict(sorted(first_uses.items(), key=lambda one: one[1]))
 
     def _links(self, number: int) -> bool:
         """True for an object property of the recipe vocabulary, whose objects are names."""
@@ -150,19 +150,19 @@ class _Names:
     def _known(self) -> dict[str, list[str]]:
         """Local name -> classes and individuals (IRIs) with this local name."""
         store = self._store
-        made = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
-        found: dict[str, list[str]] = {}
-        for number in dict.fromkeys((*sorted(self._defined), *made)):
+        outputs = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
+        by_name: dict[str, list[str]] = {}
+        for number in dict.fromkeys((*sorted(self._defined), *outputs)):
             name = store.name(number)
             if name is not None and not name.startswith(_W3C) and not self._ontology.is_property(name):
-                found.setdefault(local_name(name), []).append(name)
-        return found
+                by_name.setdefault(local_name(name), []).append(name)
+        return by_name
 
     @cached_property
     def _neighbours(self) -> Neighbours:
         return Neighbours(self._known)
 
-    def meant(self, written: str) -> list[str]:
+    def candidates(self, written: str) -> list[str]:
         """Candidates (IRIs) for an undefined name: the same name in another namespace, or a similar one in the same.
 
         Names that differ in the case of the first letter only, such as ``cup`` and its class ``Cup``, are not
@@ -205,12 +205,12 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
         if not near and _relates_tasks(ontology, written):
             near = [_with_prefix_of(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
         if near:
-            meant = [_in_namespace(ontology, written, word, listed) for word in near]
+            candidates = [_in_namespace(ontology, written, word, listed) for word in near]
             if space not in VOCABULARIES.values() and _is_declared(ontology, written):
-                yield _unusual(written, meant, names.span(row))
+                yield _unusual(written, candidates, names.span(row))
                 continue
             message = f"unknown property `{short}`: its statements would be lost"
-            yield _misspelt(written, meant, names.span(row), message)
+            yield _misspelt(written, candidates, names.span(row), message)
 
 
 def _vocabulary(ontology: Ontology) -> Iterator[str]:
@@ -259,18 +259,18 @@ def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
     outcomes = {triple.object for triple in ontology.using("causedBy")}
     for written, row in names.undefined.items():
         if written not in outcomes and not is_word(written, *CONSTRAINT_CLASSES):
-            meant = names.meant(written)
-            if meant:
-                yield _misspelt(written, meant, names.span(row), f"`{_shown(written, meant)}` is not defined")
+            candidates = names.candidates(written)
+            if candidates:
+                yield _misspelt(written, candidates, names.span(row), f"`{_shown(written, candidates)}` is not defined")
 
 
-def _shown(written: str, meant: list[str]) -> str:
+def _shown(written: str, candidates: list[str]) -> str:
     short = local_name(written)
-    return written if any(local_name(name) == short for name in meant) else short
+    return written if any(local_name(name) == short for name in candidates) else short
 
 
-def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagnostic:
-    renames = [Rename(written, name, is_sure=len(meant) == 1) for name in meant]
+def _misspelt(written: str, candidates: list[str], span: Span, message: str) -> Diagnostic:
+    renames = [Rename(written, name, is_sure=len(candidates) == 1) for name in candidates]
     advice = f"did you mean {' or '.join(map(str, renames))}?"
     return error("R058", message, span, advice, renames[0])
 
@@ -280,11 +280,11 @@ def _is_declared(ontology: Ontology, name: str) -> bool:
     return ontology.main(name) and any(kind != OWL.NamedIndividual for kind in ontology.values(name, RDF.type))
 
 
-def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
+def _unusual(written: str, candidates: list[str], span: Span) -> Diagnostic:
     """Warn about a declared name that is one typo from a word of the vocabulary."""
     short = local_name(written)
     message = f"`{short}` is declared, but is one typo from a word of the vocabulary; it is kept"
-    renames = [Rename(written, name) for name in meant]
+    renames = [Rename(written, name) for name in candidates]
     advice = f"did you mean {' or '.join(map(str, renames))}? If not, give it a label"
     return warning("R058", message, span, advice, renames[0])
 
@@ -316,12 +316,12 @@ def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnosti
             ] or readings
     if readings == [short]:
         return
-    meant = [_space(outcome) + reading for reading in readings]
+    candidates = [_space(outcome) + reading for reading in readings]
     if not _is_declared(ontology, outcome):
         message = f"unknown outcome `{short}`: it would be read as {ending_of(outcome).value}"
-        yield _misspelt(outcome, meant, span, message)
+        yield _misspelt(outcome, candidates, span, message)
     elif all(triple.predicate == RDF.type for triple in ontology.triples(s=outcome)):
-        yield _unusual(outcome, meant, span)
+        yield _unusual(outcome, candidates, span)
 
 
 def _cased(word: str, like: str) -> str:

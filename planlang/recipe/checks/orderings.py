@@ -38,10 +38,10 @@ def incomplete_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report orders and overlaps that contradict each other."""
     recipe = checked.recipe
-    found = Intervals(recipe).contradiction() if recipe.overlaps or recipe.phases else ()
-    if found:
-        stated = ", ".join(_in_words(one) for one in found)
-        spans = [one.span for one in found if one.span is not None]
+    conflicting = Intervals(recipe).contradiction() if recipe.overlaps or recipe.phases else ()
+    if conflicting:
+        stated = ", ".join(_in_words(one) for one in conflicting)
+        spans = [one.span for one in conflicting if one.span is not None]
         message = f"contradiction in `{recipe.name}`: {stated}"
         yield error("R015", message, max(spans, default=recipe.span), "remove one of them")
 
@@ -60,15 +60,17 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     named = {one.filler for one in ontology.restrictions(statements.iri)}
     named.update(triple.object for triple in ontology.triples(s=statements.iri))
     described = [triple.subject for triple in ontology.using(*loose.missing)]
-    known = [name for name in described if isinstance(name, str) and name not in named]
+    candidates = [name for name in described if isinstance(name, str) and name not in named]
     message = f"`{local_name(statements.iri)}` names `{name}`, which has neither {' nor '.join(loose.missing)}"
-    meant = guess(loose.what, known)
-    return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"add {both} to it", meant)
+    suggestion = guess(loose.what, candidates)
+    return error(
+        "R011", message, loose.span, f"did you mean {suggestion}?" if suggestion else f"add {both} to it", suggestion
+    )
 
 
 @check("R010")
 def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report names that are ordered but are no sub-actions, each once, at its first mention."""
+    """Report names that are ordered but are not sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
     stated = dict.fromkeys((*statements.names, *statements.phases))
     members = {one.iri: sub.iri or "" for sub in statements.sub_actions for _, one in sub.alternatives}

@@ -43,7 +43,7 @@ from planlang.recipe.fillers import (
     unread_references,
 )
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.readers import OUTPUTS, made
+from planlang.recipe.readers import OUTPUTS, created_individuals
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
@@ -105,8 +105,8 @@ def _exchanged(
         f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are swapped:"
         f" read as {first.property} `{b.name}` and {second.property} `{a.name}`"
     )
-    found = note("R030", message, first.span, "swap them in the file")
-    return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
+    diagnostic = note("R030", message, first.span, "swap them in the file")
+    return tuple(swap.get(parameter, parameter) for parameter in parameters), [diagnostic]
 
 
 def exchanged_pair(
@@ -153,12 +153,13 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
 
 
 def _things_below(recipe: Recipe, recipes: RecipeSet) -> Iterator[Thing]:
-    known = {**recipes.recipes, recipe.iri: recipe}
+    """Yield the things in a recipe, and in the recipes that it calls."""
+    recipe_of = {**recipes.recipes, recipe.iri: recipe}
 
     def called(iri: str) -> Iterator[str]:
-        return (callee for step in known[iri].steps for callee in step.recipes if callee in known)
+        return (callee for step in recipe_of[iri].steps for callee in step.recipes if callee in recipe_of)
 
-    for one in (known[iri] for iri in reached((recipe.iri,), called)):
+    for one in (recipe_of[iri] for iri in reached((recipe.iri,), called)):
         for parameters in (one.parameters, *(step.parameters for step in one.steps)):
             for parameter in parameters:
                 if isinstance(parameter.filler, Thing):
@@ -188,19 +189,19 @@ def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
-    known: set[Term] = set(made(ontology, checked.statements))
-    reported = set(known)
+    undefined: set[Term] = set(created_individuals(ontology, checked.statements))
+    reported = set(undefined)
     for owner, more in _owners(checked):
         for filling in _stated(ontology, owner, more):
-            if filling.term not in known:
+            if filling.term not in undefined:
                 problems = list(_filler(ontology, owner, filling))
                 yield from (one for one in problems if one.code != "R049" or filling.term not in reported)
                 if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in problems):
-                    known.add(filling.term)
+                    undefined.add(filling.term)
                     reported.add(filling.term)
                 yield from _references(ontology, filling, reported)
     for one in checked.owners:
-        yield from _out_of_range(ontology, one, made(ontology, checked.statements))
+        yield from _out_of_range(ontology, one, created_individuals(ontology, checked.statements))
 
 
 @check("R031")
@@ -262,8 +263,8 @@ def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[s
                 continue
         if is_wrong:
             required = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
-            found = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
-            message = f"{parameter.property} of `{owner.name}` is {found}, but must be a {required}"
+            described = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
+            message = f"{parameter.property} of `{owner.name}` is {described}, but must be a {required}"
             yield warning("R032", message, parameter.span, "check the property and the class of its filler")
 
 
@@ -339,11 +340,13 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
     """Report a filler, or a thing that a place refers to, of an unknown class."""
     cls = next(iter(classes_of(ontology, term)), term)
-    meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    suggestion = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
-    message = f"{what} is `{local_name(term)}`{is_what}, which is no subclass of a known class; treated as an object"
+    message = f"{what} is `{local_name(term)}`{is_what}, which is not a subclass of a known class; treated as an object"
     advice = f"make `{local_name(cls)}` a subclass of one such as HumanScaleObject, or import the file that does"
-    return warning("R049", message, span, f"did you mean {meant}? If not, {advice}" if meant else advice, meant)
+    return warning(
+        "R049", message, span, f"did you mean {suggestion}? If not, {advice}" if suggestion else advice, suggestion
+    )
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
@@ -379,8 +382,8 @@ def _similar(ontology: Ontology, undefined: str) -> Rename | None:
     return guess(undefined, names) or guess(undefined, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
 
 
-def _question(meant: Rename | None) -> str:
-    return f"did you mean {meant}?" if meant else UNDEFINED
+def _question(suggestion: Rename | None) -> str:
+    return f"did you mean {suggestion}?" if suggestion else UNDEFINED
 
 
 ANNOTATION_PROPERTY = OWL.AnnotationProperty
@@ -391,8 +394,8 @@ _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
 
 @check("R036")
 def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report places without relations that are no posture of the robot."""
-    created = made(checked.ontology, checked.statements)
+    """Report places without relations that are not a posture of the robot."""
+    created = created_individuals(checked.ontology, checked.statements)
     for owner in checked.owners:
         for parameter in owner.parameters:
             if isinstance(parameter.filler, Place) and parameter.filler.iri not in created:
@@ -420,7 +423,7 @@ def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span 
 
 
 def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnostic]:
-    """Report statements about a place that are no spatial relations (R038)."""
+    """Report statements about a place that are not spatial relations (R038)."""
     stated = [(triple.predicate, triple.span) for triple in ontology.triples(s=place.iri)]
     stated = [one for one in stated if one[0].partition("#")[0] not in _LANGUAGES]
     stated += [(one.property, one.span) for one in ontology.restrictions(place.iri)]
@@ -429,10 +432,10 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
             continue
         short = local_name(property_name)
         whole = [name for name in owl_properties() if name.partition("-")[0] == short]  # inFrontOf-Generally
-        meant = guess(property_name, map(expand, whole or owl_properties()), least=0.5 if whole else 0.75)
-        advice = f"did you mean {meant}?" if meant else f"relations: {', '.join(owl_properties())}"
+        suggestion = guess(property_name, map(expand, whole or owl_properties()), least=0.5 if whole else 0.75)
+        advice = f"did you mean {suggestion}?" if suggestion else f"relations: {', '.join(owl_properties())}"
         message = f"{short} of the place `{place.name}` is ignored: it is not a relation"
-        yield warning("R038", message, span, advice, meant)
+        yield warning("R038", message, span, advice, suggestion)
 
 
 _LANGUAGES = {iri.partition("#")[0] for iri in (RDF.type, RDFS.label, RDFS.comment, OWL)}

@@ -50,8 +50,8 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             yield error("R020", message, sub_action.span, advice)
         elif not ontology.defined(iri):
             message = f"{kind} `{local_name(iri)}` of `{name}` is not defined"
-            advice, meant = _instead(ontology, checked.statements, iri)
-            yield error("R020", message, sub_action.span, advice, meant)
+            advice, suggestion = _instead(ontology, checked.statements, iri)
+            yield error("R020", message, sub_action.span, advice, suggestion)
 
 
 def _is_action(checked: CheckedRecipe, iri: str) -> bool:
@@ -102,7 +102,7 @@ def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def recursion(checked: CheckedFile) -> list[Diagnostic]:
     """Report each step through which a recipe performs itself, with the whole cycle, and recipes nested too deeply."""
     recipes = checked.recipes
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     done: set[str] = set()
     path = [recipes.task]
     waiting = [_calls(recipes, recipes.task)]
@@ -118,14 +118,14 @@ def recursion(checked: CheckedFile) -> list[Diagnostic]:
             through = f" (`{step.name}` inherits the recipe of its superclass)" if step.iri != callee else ""
             message = "the recipe performs itself: " + " > ".join(f"`{local_name(name)}`" for name in circle)
             advice = f"give `{step.name}` a recipe of its own, or make it a primitive"
-            found.append(error("R022", message + through, step.span, advice))
+            diagnostics.append(error("R022", message + through, step.span, advice))
         elif len(path) > DEEPEST:
             message = f"`{step.name}` is nested in more than {DEEPEST} recipes"
-            return [*found, error("R023", message, step.span, "flatten the recipes in between")]
+            return [*diagnostics, error("R023", message, step.span, "flatten the recipes in between")]
         elif callee not in done:
             path.append(callee)
             waiting.append(_calls(recipes, callee))
-    return found
+    return diagnostics
 
 
 def _calls(recipes: RecipeSet, iri: str) -> Iterator[tuple[Step, str]]:
@@ -154,9 +154,9 @@ def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tupl
     for name in statements.mentioned():
         if name not in statements.names and ontology.defined(name):
             return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None
-    meant = guess(undefined, ontology.subclasses(expand("Action")))
-    if meant:
-        return f"did you mean {meant}?", meant
+    suggestion = guess(undefined, ontology.subclasses(expand("Action")))
+    if suggestion:
+        return f"did you mean {suggestion}?", suggestion
     return f"define `{local_name(undefined)}` as a subclass of an action class", None
 
 
@@ -236,10 +236,10 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
     if not isinstance(needed, (str, BNode)) or restriction.kind in ("max", "only"):
         return
     if isinstance(needed, str) and not ontology.defined(needed):
-        meant = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
-        advice = f"did you mean {meant}?" if meant else "import the file that defines it, or correct the name"
+        suggestion = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
+        advice = f"did you mean {suggestion}?" if suggestion else "import the file that defines it, or correct the name"
         message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which is not defined"
-        yield warning("R046", message, restriction.span, advice, meant)
+        yield warning("R046", message, restriction.span, advice, suggestion)
         return
     both = _excluded(ontology, needed)
     if both is not None:
@@ -307,10 +307,10 @@ def _circles(ontology: Ontology, classes: list[str]) -> Iterator[Diagnostic]:
 def undefined_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report undefined names of states."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
-    known = [name for name in statements.names if ontology.defined(name)]
+    defined = [name for name in statements.names if ontology.defined(name)]
     for name in statements.mentioned():
         if name not in statements.names and not ontology.defined(name):
-            suggestion = guess(name, known)
+            suggestion = guess(name, defined)
             advice = (
                 f"did you mean {suggestion}?"
                 if suggestion
@@ -331,7 +331,7 @@ def unlisted_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def unlisted_states(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, Span | None]]:
-    """Yield the defined states (IRIs) of a finite-state recipe that are no sub-actions, with their first mention."""
+    """Yield the defined states (IRIs) of a finite-state recipe that are not sub-actions, with their first mention."""
     for name in statements.mentioned() if statements.states is not None else ():
         if name not in statements.names and ontology.defined(name):
             yield name, _where(ontology, statements, name)

@@ -96,15 +96,15 @@ def fix_recipe(
                 if batch is not safe:
                     failed[waiting[0].code, waiting[0].message] = (waiting[0], problem)
     unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
-    left = [(replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in failed.values()]
+    unmade = [(replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in failed.values()]
     return Fixed(
         fixing.before,
         state.text,
         fixing.encoding,
         tuple(done),
         tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in unaccepted),
-        tuple((one, str(why)) for one, why in left if not isinstance(why, Worse)),
-        tuple((one, why) for one, why in left if isinstance(why, Worse)),
+        tuple((one, str(why)) for one, why in unmade if not isinstance(why, Worse)),
+        tuple((one, why) for one, why in unmade if isinstance(why, Worse)),
     )
 
 
@@ -180,9 +180,9 @@ class _Fixing:
     def _compare_rehearsals(before: Rehearsal | None, after: Rehearsal | None) -> None:
         if after is None:
             return
-        known = before.unmet if before is not None else ()
+        unmet_before = before.unmet if before is not None else ()
         for unmet in after.unmet:
-            if unmet not in known:
+            if unmet not in unmet_before:
                 raise Worse(f"in the plan, {unmet}", unmet.advice)
         if before is not None and after.failure and not before.failure:
             raise Worse(f"the plan would fail: {after.failure}", "change it by hand")

@@ -105,8 +105,8 @@ class ManchesterText(Editable):
         """
         end = self._name(place.last)[1]
         is_item = place.is_flat and self._ends_an_item(end)
-        stated = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
-        frames = [frame for frame in (stated, individual) if frame]
+        frame_of_task = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
+        frames = [frame for frame in (frame_of_task, individual) if frame]
         indent = self.indentation(self._property(place.last)[0])
         edits = [Edit(end, end, f",{self.line_end()}{indent}{new}" if indent else f", {new}")] if is_item else []
         return [*edits, self._frames(end, frames)] if frames else edits
@@ -131,23 +131,23 @@ class ManchesterText(Editable):
         return offset_of(self.text, span)
 
     def _name(self, span: Span) -> tuple[int, int]:
-        found = _NAME.match(self.text, self._offset(span))
-        if found is None:
+        match = _NAME.match(self.text, self._offset(span))
+        if match is None:
             raise CannotEdit("expected a name there")
-        value = re.match(r"\s+", self.text[found.end() :])
-        if re.search(r"occurs(?:Before|After)InOrdering>?\Z", found[0]) and value is not None:
-            found = _NAME.match(self.text, found.end() + value.end())
-            if found is None:
+        value = re.match(r"\s+", self.text[match.end() :])
+        if re.search(r"occurs(?:Before|After)InOrdering>?\Z", match[0]) and value is not None:
+            match = _NAME.match(self.text, match.end() + value.end())
+            if match is None:
                 raise CannotEdit("expected a name after the property")
-        return found.start(), found.end()
+        return match.start(), match.end()
 
     def _property(self, filler: Span) -> tuple[int, int]:
         offset = self._offset(filler)
         window = max(0, offset - _LONGEST)
-        found = _BEFORE_FILLER.search(self.text[window:offset].replace("(", " "))
-        if found is None or re.search(r"\binverse\s*\Z", self.text[window : window + found.start()]):
+        match = _BEFORE_FILLER.search(self.text[window:offset].replace("(", " "))
+        if match is None or re.search(r"\binverse\s*\Z", self.text[window : window + match.start()]):
             raise CannotEdit("expected `property some filler` there")
-        return window + found.start("property"), window + found.end("property")
+        return window + match.start("property"), window + match.end("property")
 
     def _written(self, iri: str) -> str:
         """Name in the form that the file uses: with the prefix of its namespace, else as a full IRI."""

@@ -37,10 +37,13 @@ def proposed(
     ontology = actions.ontology
     fixes = [
         Fix(
-            found.code, found.message.replace(" is read as ", " becomes "), found.span, methodcaller("with_right_terms")
+            diagnostic.code,
+            diagnostic.message.replace(" is read as ", " becomes "),
+            diagnostic.span,
+            methodcaller("with_right_terms"),
         )
-        for found in diagnostics
-        if found.code == "O012" or (found.code == "O013" and found.severity is Severity.ERROR)
+        for diagnostic in diagnostics
+        if diagnostic.code == "O012" or (diagnostic.code == "O013" and diagnostic.severity is Severity.ERROR)
     ]
     fixes += [*declarations(diagnostics), *_kinds(ontology), *renames(ontology, diagnostics), *_unused(ontology)]
     if unrepaired is not None:
@@ -54,7 +57,7 @@ def proposed(
             fixes += _names(ontology, statements, recipe)
             fixes += _removals(ontology, statements, recipe)
             fixes += _states(ontology, statements, recipe)
-        if _ORDERS_UNKNOWN.isdisjoint(found.code for found in diagnostics):
+        if _ORDERS_UNKNOWN.isdisjoint(diagnostic.code for diagnostic in diagnostics):
             fixes += _orders(actions, recipes, diagnostics)
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
 
@@ -83,24 +86,26 @@ def _with_kind(spans: list[Span], kind: str) -> Callable[[Editable], list[Edit]]
 
 def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Replace undefined names by similar ones, in all their mentions in the main document."""
-    for found in diagnostics:
-        rename = found.suggestion
+    for diagnostic in diagnostics:
+        rename = diagnostic.suggestion
         if isinstance(rename, Rename):
             triples = [*ontology.triples(o=rename.written), *ontology.triples(p=rename.written)]
-            spans = sorted({triple.span for triple in triples if found.span and triple.span.file == found.span.file})
+            spans = sorted(
+                {triple.span for triple in triples if diagnostic.span and triple.span.file == diagnostic.span.file}
+            )
 
             def edit(text: Editable, rename: Rename = rename, spans: list[Span] = spans) -> list[Edit]:
                 return [one for span in spans for one in text.replaced(span, rename.written, rename.meant)]
 
             message = f"`{local_name(rename.written)}` becomes {rename}"
-            yield Fix(found.code, message, found.span, edit, rename.is_sure)
+            yield Fix(diagnostic.code, message, diagnostic.span, edit, rename.is_sure)
 
 
 def declarations(diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Declare undeclared entities; all in one fix, because the document may not have a DOCTYPE yet."""
-    found = [(one.suggestion, one) for one in diagnostics if isinstance(one.suggestion, Declaration)]
+    undeclared = [(one.suggestion, one) for one in diagnostics if isinstance(one.suggestion, Declaration)]
     for is_sure in (True, False):
-        group = [(change, one) for change, one in found if change.is_sure == is_sure]
+        group = [(change, one) for change, one in undeclared if change.is_sure == is_sure]
         if group:
             message = f"{', '.join(f'`&{change.entity};`' for change, _ in group)} declared in the DOCTYPE"
             edit = methodcaller("with_declarations", [change for change, _ in group])
@@ -120,7 +125,7 @@ def _exchanges(ontology: Ontology, recipe: Recipe) -> Iterator[Fix]:
 
 
 def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
-    """Rename ordered names that are no sub-actions, if only one sub-action is plausible."""
+    """Rename ordered names that are not sub-actions, if only one sub-action is plausible."""
     stated = {one.iri: one for one in statements.sub_actions if one.iri is not None}
     undefined = [one for iri, one in stated.items() if not ontology.defined(iri)]
     strangers: dict[str, dict[Span, None]] = {}
@@ -150,14 +155,14 @@ def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]
 def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Add suggested orderings; they are uncertain, because the file does not state them."""
     ontology = actions.ontology
-    for found in diagnostics:
-        order = found.suggestion
+    for diagnostic in diagnostics:
+        order = diagnostic.suggestion
         if not isinstance(order, Order):
             continue
         statements = statements_for(actions, recipes.recipes[order.task].iri)
         heads = {one.iri: one.span for one in reversed(statements.sub_actions)}
         before, after = local_name(order.before), local_name(order.after)
-        why = found.message.partition(": ")[2] if found.code == "R042" else found.message
+        why = diagnostic.message.partition(": ")[2] if diagnostic.code == "R042" else diagnostic.message
         suffix = base_suffix = re.sub(r"\W", "_", f"_{before}_{after}")
         number = 1
         while ontology.defined(statements.iri + suffix):
@@ -171,7 +176,7 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
         ) -> list[Edit]:
             return text.with_ordering(_listed(place), *ends, suffix)
 
-        yield Fix(found.code, f"`{before}` before `{after}`: {why}", found.span, edit, is_safe=False)
+        yield Fix(diagnostic.code, f"`{before}` before `{after}`: {why}", diagnostic.span, edit, is_safe=False)
 
 
 def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:

@@ -89,10 +89,10 @@ class XmlText(Editable):
         raise CannotEdit(f"the name {local_name(written)} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
-        restriction, around = self._restriction_of(filler)
-        if meant_term(around.name) == RDFS.subClassOf:
-            return [self._whole_lines(around)]
-        if around.name == OWL.intersectionOf and len(around.children) > 2:
+        restriction, parent = self._restriction_of(filler)
+        if meant_term(parent.name) == RDFS.subClassOf:
+            return [self._whole_lines(parent)]
+        if parent.name == OWL.intersectionOf and len(parent.children) > 2:
             return [self._whole_lines(restriction)]
         raise CannotEdit("the restriction is neither a superclass nor one of several in an intersection")
 
@@ -103,29 +103,29 @@ class XmlText(Editable):
 
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
         element = self._element(filler)
-        wanted = _KINDS[kind]
+        tag = _KINDS[kind]
         if element.name not in (OWL.someValuesFrom, OWL.hasValue):
             raise CannotEdit("expected owl:someValuesFrom or owl:hasValue there")
-        return self._tagged(element, _prefix(element, OWL) + wanted)
+        return self._tagged(element, _prefix(element, OWL) + tag)
 
     def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
-        stated = self._property(place.sub_action)
-        head, local, tail = self._slice(self._value(stated, "resource")).rpartition(place.word)
-        namespace = stated.attributes[_names(stated)[RDF + "resource"]].removesuffix(place.word)
+        on_property = self._property(place.sub_action)
+        head, local, tail = self._slice(self._value(on_property, "resource")).rpartition(place.word)
+        namespace = on_property.attributes[_names(on_property)[RDF + "resource"]].removesuffix(place.word)
         if not local or tail:
             raise CannotEdit(f"the property is not written as {place.word}")
-        restriction, around = self._restriction_of(place.last)
+        restriction, parent = self._restriction_of(place.last)
         name = self._reference(place.task) + suffix
         ends = self._reference(before), self._reference(after)
         return [
-            self._restriction(restriction, around, f"{head}orderingConstraints", "hasValue", name),
-            self._constraint(_outermost(restriction), name, namespace, _prefix(around, RDF), ends),
+            self._restriction(restriction, parent, f"{head}orderingConstraints", "hasValue", name),
+            self._constraint(_outermost(restriction), name, namespace, _prefix(parent, RDF), ends),
         ]
 
     def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
         property_name = self._slice(self._value(self._property(place.sub_action), "resource"))
-        restriction, around = self._restriction_of(place.last)
-        return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
+        restriction, parent = self._restriction_of(place.last)
+        return [self._restriction(restriction, parent, property_name, _KINDS[kind], self._reference(step))]
 
     def with_declarations(self, declarations: Sequence[Declaration]) -> list[Edit]:
         offset, before, after = place_of_declarations(self.text)
@@ -162,19 +162,19 @@ class XmlText(Editable):
     def _restriction_of(self, filler: Span) -> tuple[Element, Element]:
         """Restriction of a filler, and the element that contains the restriction."""
         restriction = self._element(filler).parent
-        around = restriction.parent if restriction is not None else None
-        if restriction is None or around is None:
+        parent = restriction.parent if restriction is not None else None
+        if restriction is None or parent is None:
             raise CannotEdit("expected a restriction there")
-        return restriction, around
+        return restriction, parent
 
-    def _restriction(self, restriction: Element, around: Element, property_name: str, kind: str, filler: str) -> Edit:
+    def _restriction(self, restriction: Element, parent: Element, property_name: str, kind: str, filler: str) -> Edit:
         """Write a restriction after another one, in the same form."""
-        owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
+        owl, rdf = _prefix(parent, OWL), _prefix(parent, RDF)
         inner = restriction.children[0] if restriction.children else restriction
-        is_superclass = meant_term(around.name) == RDFS.subClassOf
-        if not is_superclass and around.name != OWL.intersectionOf:
+        is_superclass = meant_term(parent.name) == RDFS.subClassOf
+        if not is_superclass and parent.name != OWL.intersectionOf:
             raise CannotEdit("the restriction is neither a superclass nor in an intersection")
-        behind = around if is_superclass else restriction
+        behind = parent if is_superclass else restriction
         first = self.indentation(behind.start)
         second = self.indentation(restriction.start)
         third = self.indentation(inner.start) or second + "    "
@@ -185,7 +185,7 @@ class XmlText(Editable):
             f"{second}</{owl}Restriction>",
         ]
         if is_superclass:
-            lines = [f"{first}<{around.tag}>", *lines, f"{first}</{around.tag}>"]
+            lines = [f"{first}<{parent.tag}>", *lines, f"{first}</{parent.tag}>"]
         return Edit(behind.end, behind.end, self.line_end().join(["", *lines]))
 
     def _constraint(self, behind: Element, name: str, namespace: str, rdf: str, ends: tuple[str, str]) -> Edit:
@@ -249,9 +249,9 @@ class XmlText(Editable):
 
     def _value(self, element: Element, local: str) -> tuple[int, int]:
         """Start and end of the value of an RDF attribute in the text."""
-        wanted = _names(element).get(RDF + local)
+        attribute = _names(element).get(RDF + local)
         for match in _ATTRIBUTE.finditer(self.text, element.start, element.opened):
-            if match[1] == wanted:
+            if match[1] == attribute:
                 return match.span(2) if match[2] is not None else match.span(3)
         raise CannotEdit(f"the element has no rdf:{local}")
 
@@ -315,8 +315,8 @@ def _names(element: Element) -> dict[str, str]:
 def _names_it(element: Element, name: str) -> bool:
     """True if an element describes the thing with this local name."""
     names = _names(element)
-    stated = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
-    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in stated)
+    written = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
+    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in written)
 
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:

@@ -67,7 +67,7 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
         yield Ordering(*ends, flow.iri, Reason.DATA_FLOW, flow.span)
 
 
-def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
+def created_individuals(ontology: Ontology, statements: Statements) -> frozenset[str]:
     """Individuals (IRIs) that sub-actions create, which need not be defined elsewhere.
 
     They are named as outputs, or fill a property whose filler the class of the action creates (``makes`` of a
@@ -83,13 +83,13 @@ def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
 def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], list[LooseEnd]]:
     flows: list[Flow] = []
     loose: list[LooseEnd] = []
-    stated = [
+    fillings_of_task = [
         *filled(
             one for one in ontology.restrictions(statements.iri) if is_word(one.property, "inputOutputConstraints")
         ),
         *facts(ontology, statements.iri, "inputOutputConstraints"),
     ]
-    for filling in stated:
+    for filling in fillings_of_task:
         mapping = filling.term
         if not isinstance(mapping, (str, BNode)):
             continue
@@ -194,8 +194,8 @@ class Loose:
 class Reader:
     """A reader of one dialect, or of several similar ones.
 
-    ``tasks`` yields the classes or individuals (IRIs) of the main document that may state a recipe; ``read`` returns
-    what one of them states, or None if that is no recipe in this dialect. ``words`` are the local names of properties
+    ``tasks`` yields the classes or individuals (IRIs) of the main document that may state a recipe; ``read`` reads the
+    statements of one, or gives None if it is not a recipe in this dialect. ``words`` are the local names of properties
     that only this reader reads: they fill no parameters, and typos in them are reported as misspellings.
     """
 
@@ -259,9 +259,9 @@ def register(reader: Reader) -> None:
 def statements_of(ontology: Ontology, iri: str) -> Statements | None:
     """Read the statements of a class or an individual, with its data flow; None if it states no recipe."""
     for reader in READERS:
-        found = reader.read(ontology, iri)
-        if found is not None:
-            return with_alternatives(ontology, read_data_flow(ontology, found))
+        statements = reader.read(ontology, iri)
+        if statements is not None:
+            return with_alternatives(ontology, read_data_flow(ontology, statements))
     return None
 
 

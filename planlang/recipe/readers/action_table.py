@@ -64,8 +64,8 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 def _in_role(ontology: Ontology, table: str, property_name: str) -> list[Filling]:
     """Fillings of an action's property from the objects with the matching role in a table."""
-    found = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
-    return [Filling(expand(property_name), fact.term, fact.span) for fact in found]
+    objects = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
+    return [Filling(expand(property_name), fact.term, fact.span) for fact in objects]
 
 
 def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
@@ -82,12 +82,12 @@ def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
 
 def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
     """Object on the supporting plane of a chunk. Tables may name a plane of a log by its local name only."""
-    found: list[Filling] = []
+    objects: list[Filling] = []
     for plane in facts(ontology, chunk, "adtChunkSupport"):
         name = str(plane.term)
         described = [one for one in ontology.using("supportedObject") if isinstance(one.subject, str)]
         own = [one for one in described if one.subject == name]
         named = own or [one for one in described if local_name(str(one.subject)) == local_name(name)]
         if len({one.object for one in named}) == 1:
-            found.append(Filling(expand(_ACTED_ON), named[0].object, named[0].span))
-    return found if len(found) == 1 else []
+            objects.append(Filling(expand(_ACTED_ON), named[0].object, named[0].span))
+    return objects if len(objects) == 1 else []

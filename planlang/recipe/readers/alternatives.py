@@ -43,16 +43,16 @@ def read_union(ontology: Ontology, expression: BNode, task: str, span: Span, tim
 def with_alternatives(ontology: Ontology, statements: Statements) -> Statements:
     """Add the alternatives of sub-actions whose class is a union.
 
-    Statements about a member that is no sub-action itself apply to the step that it is an alternative of.
+    Statements about a member that is not itself a sub-action apply to the step that it is an alternative of.
     """
     subs = tuple(_expanded(ontology, statements.iri, sub) for sub in statements.sub_actions)
     if not any(sub.alternatives for sub in subs):
         return statements
-    known = {sub.iri for sub in subs}
+    named = {sub.iri for sub in subs}
     steps: dict[str, str] = {}
     for sub in subs:
         for _, member in sub.alternatives:
-            if member.iri is not None and member.iri not in known and sub.iri is not None:
+            if member.iri is not None and member.iri not in named and sub.iri is not None:
                 steps.setdefault(member.iri, sub.iri)
     return _renamed(replace(statements, sub_actions=subs), steps)
 
@@ -64,9 +64,9 @@ def _expanded(ontology: Ontology, task: str, sub: SubAction) -> SubAction:
     cls = sub.iri if ontology.is_class(sub.iri) else action_class(ontology, sub.iri)
     if cls is None or cls not in _unions(ontology):
         return sub
-    stated = tuple(filling for level in fillings(ontology, sub.iri, sub.fillings) for filling in level)
-    found = tuple(_members(ontology, _unions(ontology)[cls], sub.span, outer=stated, above=frozenset({cls})))
-    return _sub_action(task, sub, found)
+    of_union = tuple(filling for level in fillings(ontology, sub.iri, sub.fillings) for filling in level)
+    members = tuple(_members(ontology, _unions(ontology)[cls], sub.span, outer=of_union, above=frozenset({cls})))
+    return _sub_action(task, sub, members)
 
 
 def _sub_action(task: str, sub: SubAction, members: tuple[SubAction, ...]) -> SubAction:
@@ -83,7 +83,7 @@ def _members(
     outer: tuple[Filling, ...] = (),
     above: frozenset[Term] = frozenset(),
 ) -> Iterator[SubAction]:
-    """Yield the alternatives of an expression; the expression itself if it is no union.
+    """Yield the alternatives of an expression; the expression itself if it is not a union.
 
     ``local`` are fillings where it is mentioned, which override those of a class; ``outer`` are overridden by them.
     ``above`` are the unions that contain it.
@@ -128,7 +128,7 @@ def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
     """Map each class outside the bundled vocabulary without sub-actions of its own to the union that defines it."""
     key = "unions"
     if key not in ontology.kept:
-        store, found = ontology.store, dict[str, BNode | str]()
+        store, union_of = ontology.store, dict[str, BNode | str]()
         nodes = {store.subjects[row] for row in store.by(OWL.unionOf)}
         for row in store.by(RDFS.subClassOf, OWL.equivalentClass) if nodes else ():
             name, value = store.name(store.subjects[row]), store.objects[row]
@@ -136,11 +136,11 @@ def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
                 continue
             union = next((one for one in ontology.members(store.term(value)) if store.find(one) in nodes), None)
             if isinstance(union, BNode) and _may_define(ontology, name):
-                found.setdefault(name, union)
+                union_of.setdefault(name, union)
         for name in filter(None, map(store.name, nodes)):
             if _may_define(ontology, name):
-                found.setdefault(name, name)
-        ontology.kept[key] = found
+                union_of.setdefault(name, name)
+        ontology.kept[key] = union_of
     unions: Mapping[str, BNode | str] = ontology.kept[key]
     return unions
 

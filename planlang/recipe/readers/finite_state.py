@@ -26,15 +26,15 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     transitions, loose = _transitions(ontology, restrictions)
     starts, ends = (_states(restrictions, word) for word in ("taskStartState", "taskEndState"))
     subs = partial_order.in_stated_order(one for one in restrictions if partial_order.is_sub_action(one))
-    stated = [partial_order.read_sub_action(ontology, one, iri) for one in subs]
+    sub_actions = [partial_order.read_sub_action(ontology, one, iri) for one in subs]
     orderings, open_constraints = partial_order.read_constraints(ontology, tuple(restrictions))
-    if not stated:
-        stated = _states_of_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))
+    if not sub_actions:
+        sub_actions = _states_of_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))
     states = States(tuple(start for start, _ in starts), tuple(end for end, _ in ends), transitions)
     return Statements(
         iri,
         FINITE_STATE,
-        tuple(stated),
+        tuple(sub_actions),
         orderings,
         states=states,
         loose=(*loose, *open_constraints),

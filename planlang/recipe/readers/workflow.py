@@ -131,8 +131,8 @@ def workflows_of(ontology: Ontology, iri: str) -> list[str]:
     """Workflows that perform a task, sorted; a workflow performs itself."""
     if _linked(ontology, iri, _STEPS, _STEP_OF):
         return [iri]
-    found = [str(filling.term) for filling in _linked(ontology, iri, _DEFINED_BY, _DEFINES)]
-    return sorted(workflow for workflow in found if _linked(ontology, workflow, _STEPS, _STEP_OF))
+    candidates = [str(filling.term) for filling in _linked(ontology, iri, _DEFINED_BY, _DEFINES)]
+    return sorted(workflow for workflow in candidates if _linked(ontology, workflow, _STEPS, _STEP_OF))
 
 
 def task_of(ontology: Ontology, iri: str) -> str:
@@ -143,7 +143,7 @@ def task_of(ontology: Ontology, iri: str) -> str:
 
 def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: tuple[str, ...]) -> list[Filling]:
     """Individuals linked by properties, or by their inverses from the other side; each once, in document order."""
-    found = {
+    linked = {
         filling.term: filling
         for filling in facts(ontology, subject, *words)
         if isinstance(filling.term, str) and filling.term != subject
@@ -151,8 +151,8 @@ def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: 
     for predicate in ontology.properties_named(*inverses):
         for triple in ontology.triples(p=predicate, o=subject):
             if isinstance(triple.subject, str) and triple.subject != subject:
-                found.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
-    return list(found.values())
+                linked.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
+    return list(linked.values())
 
 
 def _relation(predicate: str) -> tuple[Allen | str, bool] | None:
@@ -204,8 +204,8 @@ class _Nesting:
         """List a task, its parts and all tasks below them, with their workflows: all that may state relations of its
         parts.
         """
-        found = dict.fromkeys((task, *reached(parts, lambda name: self._below.get(name, ()))))
-        return [name for one in found for name in (one, *self._workflows.get(one, ()))]
+        tasks_below = dict.fromkeys((task, *reached(parts, lambda name: self._below.get(name, ()))))
+        return [name for one in tasks_below for name in (one, *self._workflows.get(one, ()))]
 
     def within(
         self, task: str, parts: list[str], ends: tuple[str, str], relation: Allen | None = None
@@ -242,8 +242,8 @@ class _Nesting:
 def _nesting(ontology: Ontology) -> _Nesting:
     if "workflows" not in ontology.kept:
         ontology.kept["workflows"] = _Nesting(ontology)
-    found: _Nesting = ontology.kept["workflows"]
-    return found
+    nesting: _Nesting = ontology.kept["workflows"]
+    return nesting
 
 
 def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
@@ -262,7 +262,9 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
                 yield from _role_of_class(ontology, restriction, kinds)
 
 
-def _role_of_class(ontology: Ontology, restriction: Restriction, known: dict[str, list[str]]) -> Iterator[Filling]:
+def _role_of_class(
+    ontology: Ontology, restriction: Restriction, individuals_of: dict[str, list[str]]
+) -> Iterator[Filling]:
     """Yield the class of a role's filler, if no individual of it is known."""
     kind = next((member for member in ontology.members(restriction.filler) if isinstance(member, str)), None)
     assert isinstance(restriction.filler, BNode)
@@ -270,7 +272,7 @@ def _role_of_class(ontology: Ontology, restriction: Restriction, known: dict[str
         cls = inner.filler
         if kind is None or not is_word(inner.property, *_FILLS) or not isinstance(cls, str):
             continue
-        if not any(ontology.is_a(individual, cls) for individual in known.get(kind, ())):
+        if not any(ontology.is_a(individual, cls) for individual in individuals_of.get(kind, ())):
             yield Filling(_property(kind), cls, inner.span)
 
 
@@ -299,11 +301,11 @@ def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
 def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str], binding: str) -> Iterator[Flow]:
     known = [(role, tasks_of_roles[role]) for role in roles if role in tasks_of_roles]
     outputs = [(role, task) for role, task in known if _property(_kind(ontology, role)) == OUTPUT]
-    for made, producer in outputs:
+    for created, producer in outputs:
         for role, consumer in known:
             if consumer != producer and (role, consumer) not in outputs:
                 span = next((triple.span for triple in ontology.triples(o=role) if triple.subject == binding), None)
-                resource = _passed(ontology, (made, producer), (role, consumer))
+                resource = _passed(ontology, (created, producer), (role, consumer))
                 yield Flow(producer, consumer, resource, shorten(_property(_kind(ontology, role))), binding, span)
 
 
