@@ -14,11 +14,11 @@ from planlang.compiler.layout import (
     assignment,
     call,
     comment,
-    remarked,
-    returned,
+    return_statement,
     sequence,
     signature,
     statement,
+    with_comment,
 )
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.structure import DONE, FALSE, TRUE
@@ -28,6 +28,7 @@ from planlang.compiler.tree import (
     Alternatives,
     Call,
     Case,
+    DataFlow,
     Event,
     Gate,
     Handle,
@@ -36,14 +37,13 @@ from planlang.compiler.tree import (
     Node,
     Parallel,
     PartialOrder,
-    Passed,
-    Passing,
     Perform,
     PlaceUse,
     Scope,
     Series,
     State,
-    uses_kept,
+    StepResult,
+    uses_latest_products,
 )
 from planlang.designators import local_name, snake_case
 from planlang.language.location import ATTEMPTS
@@ -65,17 +65,17 @@ class BodyWriter:
         self._names: Names = symbols.local_names()
         self._title = title
         self._body = body
-        self._passing = Passing(body)
+        self._data_flow = DataFlow(body)
         self._variables: dict[str, str] = {}
         """Step (IRI) -> variable with its result, if the result is used."""
         self._events: dict[Event, str] = {}
-        self._given: dict[str, tuple[str, ...]] = {}
+        self._passed_steps: dict[str, tuple[str, ...]] = {}
         """Branch of a partial order -> steps whose results it passes to other branches."""
-        self._kept: dict[str, str] = {}
+        self._products: dict[str, str] = {}
         """Name of a product of states -> fluent with its latest value."""
-        self._again: dict[str, str] = {}
+        self._repeats: dict[str, str] = {}
         """Name of a step -> branch that runs it again."""
-        self._write = Expressions(symbols, self._variables, self._kept, self._again, body, self._local_name)
+        self._write = Expressions(symbols, self._variables, self._products, self._repeats, body, self._local_name)
 
     def lines(self) -> list[str]:
         """Write the statements of the function."""
@@ -84,7 +84,7 @@ class BodyWriter:
     def body(self, series: Series, depth: int) -> list[str]:
         """Write the statements of a series; at least one line."""
         lines: list[str] = []
-        for event in self._passing.events(series):
+        for event in self._data_flow.events(series):
             moment = snake_case(event.moment)
             preferred = f"{snake_case(local_name(event.step))}_{moment}"
             self._events[event] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else moment)
@@ -96,9 +96,9 @@ class BodyWriter:
             if used and lines and any(line.startswith(f"{INDENT}async def ") for line in written):
                 lines.append("")
             lines += [*used, *_comment(node, depth), *written]
-        leaving = self._passing.leaving(series)
+        leaving = self._data_flow.leaving(series)
         if leaving:
-            lines += returned(self._targets(leaving), depth=depth)
+            lines += return_statement(self._targets(leaving), depth=depth)
         return lines or [f"{INDENT * depth}pass"]
 
     def _variables_used(self) -> list[str]:
@@ -106,7 +106,7 @@ class BodyWriter:
         lines: list[str] = []
         for name, explanation, value in self._write.take_variables():
             described = assignment([Text(name)], value, depth=1)
-            lines += remarked(described, explanation, 1) if explanation else described
+            lines += with_comment(described, explanation, 1) if explanation else described
         return lines
 
     def _statement(self, node: Node, depth: int) -> list[str]:
@@ -124,20 +124,20 @@ class BodyWriter:
             if not isinstance(branch, Text):
                 name = self._local_name(node.name)
                 before, branch = [*before, *assignment([Text(name)], branch, depth=depth)], Text(name)
-            self._again[node.name] = branch.text
+            self._repeats[node.name] = branch.text
             return [*before, *self._bound(node, call(branch.text), depth)]
         before, expression = self._awaited(node, depth)
         return [*before, *self._bound(node, expression, depth)]
 
     def _bound(self, node: Node, expression: Expression, depth: int) -> list[str]:
         """Write statements that await a node, and assign or unpack its result if others use it."""
-        leaving = self._passing.leaving(node)
+        leaving = self._data_flow.leaving(node)
         if not leaving:
             return statement(expression, depth=depth, before="await ")
         if not isinstance(node, (Parallel, PartialOrder)):
             return assignment(self._targets(leaving), expression, depth=depth, before="await ")
         giving = [
-            (key, branch, self._passing.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
+            (key, branch, self._data_flow.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
         ]
         if isinstance(node, Parallel) and len(node.branches) <= MOST_UNPACKED:
             by_key = {key: self._target(steps) for key, _, steps in giving}
@@ -153,7 +153,7 @@ class BodyWriter:
         return lines
 
     def _is_giving(self, node: Node) -> bool:
-        return bool(self._passing.leaving(node))
+        return bool(self._data_flow.leaving(node))
 
     def _targets(self, steps: tuple[str, ...]) -> list[Expression]:
         return [Text(self._variable(step)) for step in steps]
@@ -273,14 +273,14 @@ class BodyWriter:
             lines += self.body(node, depth + 1)
         else:
             lines += [*_comment(node, depth + 1), *self._statement(node, depth + 1)]
-            leaving = self._passing.leaving(node)
+            leaving = self._data_flow.leaving(node)
             if leaving:
-                lines += returned(self._targets(leaving), depth=depth + 1)
+                lines += return_statement(self._targets(leaving), depth=depth + 1)
         arguments = [f"{name}: {self._symbols.use('Any', 'typing')}" for name in parameters.values()]
         return [*signature(f"async def {name}", arguments, self._returned(node), depth=depth), *lines, ""]
 
     def _returned(self, node: Node) -> str:
-        number = len(self._passing.leaving(node))
+        number = len(self._data_flow.leaving(node))
         if not number:
             return "None"
         anything = self._symbols.use("Any", "typing")
@@ -296,7 +296,7 @@ class BodyWriter:
         """Write statements that unpack parameters with several results."""
         lines = []
         for key, name in parameters.items():
-            steps = self._given[key]
+            steps = self._passed_steps[key]
             if len(steps) == 1:
                 self._variables[steps[0]] = name
             else:
@@ -304,10 +304,10 @@ class BodyWriter:
         return lines
 
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
-        where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
+        where = scope.place.otherwise if isinstance(scope.place, StepResult) else scope.place
         assert isinstance(where, PlaceUse)
         stands, place = self._write.standing(where)
-        if isinstance(scope.place, Passed):
+        if isinstance(scope.place, StepResult):
             place = self._write.value(scope.place)
         name = self._local_name(f"at_{stands}".lower())
         reaching = [self._write.goal(where) for where in scope.reaching]
@@ -335,14 +335,17 @@ class BodyWriter:
         before: list[str] = []
         named: dict[str, Expression] = {}
         giving = {key: branch for key, branch in node.branches if self._is_giving(branch)}
-        self._given = {**self._given, **{key: self._passing.leaving(branch) for key, branch in giving.items()}}
+        self._passed_steps = {
+            **self._passed_steps,
+            **{key: self._data_flow.leaving(branch) for key, branch in giving.items()},
+        }
         for key, branch in node.branches:
-            sources = tuple(k for k, other in giving.items() if k != key and self._passing.needed(branch, other))
+            sources = tuple(k for k, other in giving.items() if k != key and self._data_flow.needed(branch, other))
             if sources:
                 name = self._local_name(snake_case(key))
                 variables = dict(self._variables)
                 before += self._local_function(name, branch, depth, sources)
-                for step in (step for k in sources for step in self._given[k]):
+                for step in (step for k in sources for step in self._passed_steps[k]):
                     del self._variables[step]  # the parameter's name is valid only inside the branch
                 self._variables.update(variables)
                 named[key] = Text(name)
@@ -359,7 +362,7 @@ class BodyWriter:
         states: dict[str, Expression] = {}
         done = {case.state for case in machine.cases if case.outcome == DONE and not case.is_failure}
         for state in machine.states:
-            if state.name in machine.ends and not uses_kept(state.body):
+            if state.name in machine.ends and not uses_latest_products(state.body):
                 inner, states[state.name] = self._branch(state.body, depth, state.name)
                 before += inner
                 continue
@@ -388,9 +391,9 @@ class BodyWriter:
         lines: list[str] = []
         for product in dict.fromkeys(product for state in machine.states for product in state.keeps):
             preferred = f"latest_{snake_case(product)}"
-            self._kept[product] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else "latest")
+            self._products[product] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else "latest")
             fluent = call(self._symbols.use("Fluent"), "None", quoted(product))
-            annotation = f"{self._kept[product]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
+            annotation = f"{self._products[product]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
             lines += statement(fluent, depth=depth, before=annotation)
         return [*lines, ""] if lines else []
 
@@ -404,7 +407,7 @@ class BodyWriter:
         indent = INDENT * depth
 
         def kept(result: str) -> list[str]:
-            return [f"{indent}{self._kept[name]}.set({result})" for name in state.keeps]
+            return [f"{indent}{self._products[name]}.set({result})" for name in state.keeps]
 
         if state.checks:
             answer = self._local_name("holds")

@@ -21,13 +21,13 @@ from planlang.compiler.tree import (
     Condition,
     Described,
     FunctionCall,
-    Kept,
-    Passed,
+    LatestProduct,
     PlaceUse,
     PlanTree,
     Recover,
     Resting,
     Series,
+    StepResult,
     Value,
     uses_of_classes,
     uses_of_features,
@@ -256,31 +256,31 @@ def _is_free(name: str) -> bool:
 class Expressions:
     """Writes the expressions of one function.
 
-    ``variables`` maps steps (IRIs) to variables with their results, ``kept`` products of states to fluents with the
-    latest one, ``again`` names of steps to branches that run them again. ``claim`` makes unique names inside the
-    function, whose body is ``body``.
+    ``variables`` maps steps (IRIs) to variables with their results, ``products`` names of products of states to fluents
+    with the latest one, ``repeats`` names of steps to branches that run them again. ``claim`` makes unique names inside
+    the function, whose body is ``body``.
     """
 
     def __init__(
         self,
         symbols: Symbols,
         variables: dict[str, str],
-        kept: dict[str, str],
-        again: dict[str, str],
+        products: dict[str, str],
+        repeats: dict[str, str],
         body: Series,
         claim: Callable[[str], str],
     ) -> None:
         self._symbols = symbols
         self._variables = variables
-        self._kept = kept
-        self._again = again
+        self._products = products
+        self._repeats = repeats
         self._places = uses_of_places(body)
         self._features = frozenset(part for part, uses in uses_of_features(body).items() if uses > 1)
         """Features that are assigned to variables, because several values use them."""
         self._things_of = Counter(name for name, _ in {(part.name, part.of) for part in self._features})
         """Name of a feature -> number of things with such a feature."""
         self._claim = claim
-        self._held: dict[Hashable, str] = {}
+        self._variable_of: dict[Hashable, str] = {}
         """Place, feature, constraint or recoveries -> variable that holds it."""
         self._shared = frozenset(several for several, uses in uses_of_recoveries(body).items() if uses > 1)
         """Recoveries that several steps share; several of them are assigned to a variable."""
@@ -328,10 +328,10 @@ class Expressions:
                 return self._feature(value)
             case Constraint():
                 return self._constraint(value)
-            case Passed(producer, otherwise):
+            case StepResult(producer, otherwise):
                 return call(self._symbols.use("given"), self._variables[producer], self.value(otherwise))
-            case Kept(name, otherwise):
-                return call(self._symbols.use("given"), f"{self._kept[name]}.value", self.value(otherwise))
+            case LatestProduct(name, otherwise):
+                return call(self._symbols.use("given"), f"{self._products[name]}.value", self.value(otherwise))
             case Described(type, properties):
                 return self._described("a_situation", type, properties)
             case Name(iri):
@@ -361,12 +361,12 @@ class Expressions:
         self, key: Hashable, preferred: str, subject: Place | Constraint | None, build: Callable[[], Expression]
     ) -> str:
         """Variable that holds an expression, which is built first, so that its own variables come before."""
-        if key not in self._held:
+        if key not in self._variable_of:
             expression = build()
-            self._held[key] = self._claim(without_digits(snake_case(preferred)))
+            self._variable_of[key] = self._claim(without_digits(snake_case(preferred)))
             explanation = None if subject is None else self._symbols.explanation(subject)
-            self._undefined.append((self._held[key], explanation, expression))
-        return self._held[key]
+            self._undefined.append((self._variable_of[key], explanation, expression))
+        return self._variable_of[key]
 
     def _location(self, use: PlaceUse) -> CallExpression:
         """Call that describes a place by its relations."""
@@ -456,7 +456,7 @@ class Expressions:
         def written() -> Expression:
             return sequence(self.each_recovery(recoveries), "[]")
 
-        if recoveries in self._held or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
+        if recoveries in self._variable_of or (is_outermost and len(recoveries) > 1 and recoveries in self._shared):
             return Text(self._variable(recoveries, "recoveries", None, written))
         return written()
 
@@ -474,7 +474,7 @@ class Expressions:
             module, function = recovery.strategy.origin
             do = use(function, module)
             about = [] if recovery.about is None else [self._symbols.thing(recovery.about)]
-            again = [] if recovery.again is None else [self._again[recovery.again]]
+            again = [] if recovery.again is None else [self._repeats[recovery.again]]
             arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"attempts": str(attempts)}
         declared = recovery.strategy.otherwise

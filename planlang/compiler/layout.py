@@ -151,13 +151,13 @@ def comment(text: str, depth: int) -> list[str]:
     return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)
 
 
-def remarked(lines: list[str], text: str, depth: int) -> list[str]:
+def with_comment(lines: list[str], text: str, depth: int) -> list[str]:
     """Add a comment to lines: beside a single line if it fits, else above."""
     beside = f"{lines[0]}  # {' '.join(text.split())}"
     return [beside] if len(lines) == 1 and len(beside) <= WIDTH else [*comment(text, depth), *lines]
 
 
-def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
+def return_statement(values: Sequence[Expression], *, depth: int) -> list[str]:
     """Write a return statement with one or several values."""
     line = f"{INDENT * depth}return {', '.join(value.flat() for value in values)}"
     if len(values) == 1 or len(line) <= WIDTH:
@@ -205,7 +205,7 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
     if isinstance(expression, Text):
         return [f"{indent}{before}{expression.text}{after}"]
     if isinstance(expression, Remark):
-        return remarked(_lines(expression.expression, depth, before, after), expression.comment, depth)
+        return with_comment(_lines(expression.expression, depth, before, after), expression.comment, depth)
     is_wide = _is_wide(expression)
     if not is_wide:
         line = f"{indent}{before}{expression.flat()}{after}"

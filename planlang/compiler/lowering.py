@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from planlang.compiler.expressions import without_digits
 from planlang.compiler.recoveries import Recoveries
-from planlang.compiler.structure import Overlaps, machine, structured
-from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
+from planlang.compiler.structure import Overlaps, arranged_by, machine
+from planlang.compiler.terms import HandUse, Roles, Substitution, Terms, substituted_thing
 from planlang.compiler.tree import (
     Achieve,
     Again,
@@ -94,7 +94,7 @@ class Lowering:
         def state_node(step: Step) -> Node:
             return self._steps.with_looking(recipe, self._steps.node(recipe, step, frozenset()), [step])
 
-        return Series((machine(recipe, state_node, lambda step: self._terms.kept(recipe, step)),))
+        return Series((machine(recipe, state_node, lambda step: self._terms.products(recipe, step)),))
 
     def _ordered(self, recipe: Recipe) -> Series:
         order = recipe_order(recipe)
@@ -121,7 +121,7 @@ class Lowering:
             return overlaps.gated(iri, inner)
 
         nodes = [unit_node(unit) for unit in scoping.units]
-        body = structured(scoping.order, nodes, [recipe.step(unit.members()[0]).name for unit in scoping.units])
+        body = arranged_by(scoping.order, nodes, [recipe.step(unit.members()[0]).name for unit in scoping.units])
         steps = ([recipe.step(iri) for iri in unit.members()] for unit in scoping.units)
         return self._steps.with_going_back(recipe, body, zip(nodes, steps, strict=True))
 
@@ -131,7 +131,7 @@ class Lowering:
         steps = [recipe.step(iri) for iri in unit.steps]
         order = recipe_order(recipe)
         inner = Precedence(unit.steps, ((one, other) for one in unit.steps for other in order.covers(one)))
-        body = structured(inner, nodes, [recipe.step(iri).name for iri in unit.steps])
+        body = arranged_by(inner, nodes, [recipe.step(iri).name for iri in unit.steps])
         inside = frozenset(unit.steps)
         uses = list(self._terms.hand_uses(recipe, [s for s in self._terms.steps(recipe) if s.iri in inside]))
         use = self._terms.use(_destination(base))
@@ -267,12 +267,12 @@ class Steps:
 
         Steps that must not be repeated get none.
         """
-        keeping = {id(node): self._kept_by(recipe, steps) for node, steps in units}
+        keeping = {id(node): self._keeping_of(recipe, steps) for node, steps in units}
         handled, self._open[recipe.iri] = going_back(body, keeping)
         assert isinstance(handled, Series)
         return handled
 
-    def _kept_by(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
+    def _keeping_of(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
         steps = tuple(steps)
         kept = Keeping(once=any(map(self._is_unrepeatable, steps)))
         for step in steps:
@@ -285,8 +285,10 @@ class Steps:
             for callee in step.recipes:
                 renaming = self._terms.renaming(recipe, step, callee)
                 below = self._recipes.recipes[callee]
-                inner = self._open.get(callee, Keeping()) if not step.is_choice else self._kept_by(below, below.steps)
-                let_go = frozenset(renamed_thing(thing, renaming) if thing else None for thing in inner.let_go)
+                inner = (
+                    self._open.get(callee, Keeping()) if not step.is_choice else self._keeping_of(below, below.steps)
+                )
+                let_go = frozenset(substituted_thing(thing, renaming) if thing else None for thing in inner.let_go)
                 lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
                 kept |= Keeping(lasting, let_go, inner.name)
         return kept
@@ -324,7 +326,7 @@ class Steps:
     def _call(self, recipe: Recipe, step: Step, callee: str) -> FunctionCall:
         renaming = self._terms.renaming(recipe, step, callee)
         return FunctionCall(
-            callee, tuple((own, self._terms.handed(recipe, step, given)) for own, given in renaming.items())
+            callee, tuple((own, self._terms.resolved_argument(recipe, step, given)) for own, given in renaming.items())
         )
 
     def _goal(self, step: Step) -> Condition | None:
@@ -354,9 +356,9 @@ def _in_words(recovery: Recover) -> str:
     return f"on {recovery.failure}: {tried}" + (f", else {recovery.otherwise}" if recovery.otherwise else "")
 
 
-def _renamed(recovery: Recover, renaming: Renaming) -> Recover:
+def _renamed(recovery: Recover, renaming: Substitution) -> Recover:
     """Translate a recovery of a called function to the terms of its caller."""
-    about = renamed_thing(recovery.about, renaming) if recovery.about is not None else None
+    about = substituted_thing(recovery.about, renaming) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
 
 

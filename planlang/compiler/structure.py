@@ -185,7 +185,7 @@ def _is_keyword(name: str) -> bool:
     return name.isidentifier() and not iskeyword(name) and name not in ("name", "limit")
 
 
-def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
+def arranged_by(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
     """Arrange nodes by an order with as many elements; ``names`` are the preferred names of branches.
 
     The constructs allow exactly the executions that the order allows.

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
-from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Resting, Value
+from planlang.compiler.tree import ActionTerm, Described, LatestProduct, PlaceUse, Resting, StepResult, Value
 from planlang.designators import local_name, snake_case, unused_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
@@ -31,14 +31,14 @@ from planlang.recipe.model import (
     Thing,
 )
 from planlang.recipe.order import Precedence, callees_first, recipe_order
-from planlang.recipe.slots import offered
+from planlang.recipe.slots import fitting_parameters
 
 _T = Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
-Given = Thing | PlaceUse
+Argument = Thing | PlaceUse
 """Argument for a parameter: a thing, or a place if the parameter stands for a place."""
 
-Renaming = dict[Thing, Given]
+Substitution = dict[Thing, Argument]
 """Parameter of a called function -> argument of its caller."""
 
 HandUse = tuple[PlaceUse | Thing | Resting, Thing | None]
@@ -62,7 +62,7 @@ class Terms:
         self._actions = actions
         self._parameters: dict[str, tuple[Thing, ...]] = {}
         self._steps: dict[str, tuple[Step, ...]] = {}
-        self._passed: dict[str, dict[tuple[str, str], list[Flow]]] = {}
+        self._flows: dict[str, dict[tuple[str, str], list[Flow]]] = {}
         self._uses: dict[str, tuple[HandUse, ...]] = {}
         self._devices = self._effective_devices()
         for recipe in callees_first(recipes):  # parameters of callers depend on those of their callees
@@ -93,7 +93,7 @@ class Terms:
             self._parameters[recipe.iri] = tuple(thing for thing in by_first_use if thing.kind is not Kind.DEVICE)
         return self._parameters[recipe.iri]
 
-    def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
+    def renaming(self, caller: Recipe, step: Step, callee: str) -> Substitution:
         """Map the parameters of a called function to the arguments of a call.
 
         An individual is passed as itself. A class takes the caller's filler of the same property, if there is exactly
@@ -123,14 +123,14 @@ class Terms:
         """Class (IRI) of the action; an individual with a recipe of its own counts as its own class."""
         return step.iri if step.iri in step.recipes else step.action_class
 
-    def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
+    def producer_of(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
         """Step (IRI) whose result fills a property, if any; of several ordered producers the last one."""
-        if recipe.iri not in self._passed:
+        if recipe.iri not in self._flows:
             flows: dict[tuple[str, str], list[Flow]] = {}
             for flow in recipe.flows:
                 flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
-            self._passed[recipe.iri] = flows
-        candidates = self._passed[recipe.iri].get((step.iri, property_name), ())
+            self._flows[recipe.iri] = flows
+        candidates = self._flows[recipe.iri].get((step.iri, property_name), ())
         order = recipe_order(recipe)
         producers = [
             flow.producer
@@ -144,14 +144,14 @@ class Terms:
         ]
         return last[0] if last else None
 
-    def kept(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
+    def products(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
         """Names under which other states of a machine find the result of a state."""
         if recipe.machine is None:
             return ()
         used = [flow for flow in recipe.flows if flow.producer == step.iri and flow.consumer != step.iri]
         return tuple(dict.fromkeys(_key(flow) for flow in used if self._takes(recipe, flow)))
 
-    def handed(self, recipe: Recipe, step: Step, given: Given) -> Given | Passed | Kept:
+    def resolved_argument(self, recipe: Recipe, step: Step, given: Argument) -> Argument | StepResult | LatestProduct:
         """Argument that a step passes to its recipe, or the result of an earlier step for it."""
         filler = given.place if isinstance(given, PlaceUse) else given
         for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == filler):
@@ -160,10 +160,10 @@ class Terms:
                 return result
         return given
 
-    def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | Passed:
+    def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | StepResult:
         """Goal of a base motion, or the result of an earlier step for it."""
-        producer = self.passed(recipe, step, "toLocation", place)
-        return Passed(producer, self.use(place)) if producer is not None else self.use(place)
+        producer = self.producer_of(recipe, step, "toLocation", place)
+        return StepResult(producer, self.use(place)) if producer is not None else self.use(place)
 
     def _checked(
         self, condition: Description, properties: Mapping[str, tuple[Value, ...]]
@@ -190,15 +190,15 @@ class Terms:
 
     def _from_others(
         self, recipe: Recipe, step: Step, property_name: str, filler: Filler, own: _T
-    ) -> Passed | Kept | None:
+    ) -> StepResult | LatestProduct | None:
         """Result of other steps for a filler, with ``own`` as the fallback; None if no step provides one."""
         if recipe.machine is not None:
             for flow in recipe.flows:
                 if (flow.consumer, flow.consumes) == (step.iri, property_name) and flow.resource in _names(filler):
-                    return Kept(_key(flow), own)
+                    return LatestProduct(_key(flow), own)
             return None
-        producer = self.passed(recipe, step, property_name, filler)
-        return Passed(producer, own) if producer is not None else None
+        producer = self.producer_of(recipe, step, property_name, filler)
+        return StepResult(producer, own) if producer is not None else None
 
     def _takes(self, recipe: Recipe, flow: Flow) -> bool:
         consumers = (step for step in recipe.steps if step.iri == flow.consumer)
@@ -225,7 +225,7 @@ class Terms:
                 yield self._goal(step, goal), self.device(recipe, step)
             for callee in step.recipes[:1]:
                 renaming = self.renaming(recipe, step, callee)
-                yield from ((renamed(where, renaming), device) for where, device in self._uses[callee])
+                yield from ((substituted(where, renaming), device) for where, device in self._uses[callee])
 
     def _goal(self, step: Step, goal: Place | Thing) -> PlaceUse | Thing | Resting:
         """Goal of the hand in a step; a thing to lower something onto stands for the place on it."""
@@ -249,7 +249,7 @@ class Terms:
             (iri, device) for iri, devices in users.items() if len(devices) == 1 for device in devices if device
         )
 
-    def _argument(self, caller: Recipe, step: Step, recipe: Recipe, thing: Thing) -> Given:
+    def _argument(self, caller: Recipe, step: Step, recipe: Recipe, thing: Thing) -> Argument:
         if thing.iri is not None:
             return thing
         if thing.slot is not None:
@@ -276,10 +276,10 @@ class Terms:
         has_any_class = filler.slot is not None or is_of_unknown_kind(self._ontology, filler.stated)
         return has_any_class or self._ontology.is_a(filler.stated, cls)
 
-    def _filled(self, step: Step, recipe: Recipe, thing: Thing, slot: Slot) -> Given:
+    def _filled(self, step: Step, recipe: Recipe, thing: Thing, slot: Slot) -> Argument:
         """Argument for a parameter that the called recipe leaves open; the parameter itself if it is ambiguous."""
         if thing.owner == recipe.name:
-            match [one.filler for one in offered(self._ontology, step, slot)]:
+            match [one.filler for one in fitting_parameters(self._ontology, step, slot)]:
                 case [Place() as place]:
                     return self.use(place)
                 case [Thing() as filler]:
@@ -304,17 +304,17 @@ class Terms:
         return devices
 
 
-def renamed(where: PlaceUse | Thing | Resting, renaming: Renaming) -> PlaceUse | Thing | Resting:
+def substituted(where: PlaceUse | Thing | Resting, renaming: Substitution) -> PlaceUse | Thing | Resting:
     """Translate a place or thing of a called function to the terms of its caller."""
     if isinstance(where, Thing):
         return renaming.get(where, where)
     if isinstance(where, Resting):
         given = renaming.get(where.support, where.support)
         return Resting(given) if isinstance(given, Thing) else given
-    return PlaceUse(where.place, tuple(renamed_thing(thing, renaming) for thing in where.arguments))
+    return PlaceUse(where.place, tuple(substituted_thing(thing, renaming) for thing in where.arguments))
 
 
-def renamed_thing(thing: Thing, renaming: Renaming) -> Thing:
+def substituted_thing(thing: Thing, renaming: Substitution) -> Thing:
     """Translate a thing of a called function to the terms of its caller; unchanged if the caller passes a place."""
     given = renaming.get(thing, thing)
     return given if isinstance(given, Thing) else thing

@@ -34,7 +34,7 @@ class Described:
 
 
 @dataclass(frozen=True, slots=True)
-class Passed:
+class StepResult:
     """Result of an earlier step (IRI), or ``otherwise`` if the result is of the wrong kind."""
 
     producer: str
@@ -42,14 +42,14 @@ class Passed:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class LatestProduct:
     """Latest result of states under a name, or ``otherwise`` if it is of the wrong kind."""
 
     name: str
     otherwise: Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 
-Value = Thing | PlaceUse | Part | Constraint | Described | Passed | Kept | Name | str | int | float | bool
+Value = Thing | PlaceUse | Part | Constraint | Described | StepResult | LatestProduct | Name | str | int | float | bool
 """Filler of a property of an action in a plan."""
 
 
@@ -84,7 +84,7 @@ class FunctionCall:
     """Call the plan function of a recipe (IRI) with things for some of its parameters."""
 
     recipe: str
-    arguments: tuple[tuple[Thing, Thing | PlaceUse | Passed | Kept], ...]
+    arguments: tuple[tuple[Thing, Thing | PlaceUse | StepResult | LatestProduct], ...]
     """Pairs (parameter of the called function, argument)."""
 
 
@@ -161,7 +161,7 @@ class Scope:
 
     name: str
     motion: str
-    place: PlaceUse | Passed
+    place: PlaceUse | StepResult
     reaching: tuple[PlaceUse | Thing | Resting, ...]
     attempts: int
     body: Series
@@ -313,7 +313,7 @@ def inside(node: Node) -> tuple[Node, ...]:
     return ()
 
 
-class Passing:
+class DataFlow:
     """Results that each node of a function's body produces and uses. Nodes are distinguished by identity."""
 
     def __init__(self, body: Series) -> None:
@@ -376,9 +376,9 @@ def _all(body: Node) -> Iterator[Node]:
         waiting += inside(node)
 
 
-def uses_kept(body: Node) -> bool:
+def uses_latest_products(body: Node) -> bool:
     """True if a node, or one inside it, uses results of earlier states of a machine."""
-    return any(isinstance(value, Kept) for node in _all(body) for value in _values(node))
+    return any(isinstance(value, LatestProduct) for node in _all(body) for value in _values(node))
 
 
 def uses_of_classes(tree: PlanTree) -> Counter[str]:
@@ -426,7 +426,7 @@ def _places(value: Value) -> Iterator[str]:
                 place = waiting.pop()
                 yield place.iri
                 waiting += [reference for _, reference in place.relations if isinstance(reference, Place)]
-        case Passed(_, otherwise) | Kept(_, otherwise):
+        case StepResult(_, otherwise) | LatestProduct(_, otherwise):
             yield from _places(otherwise)
         case Described(_, properties):
             yield from (place for _, fillers in properties for inner in fillers for place in _places(inner))
@@ -452,7 +452,7 @@ def uses_of_features(body: Node) -> Counter[Part]:
 
 def _passed(node: Node) -> Iterator[str]:
     """Yield the steps whose results a node itself uses."""
-    return (value.producer for value in _values(node) if isinstance(value, Passed))
+    return (value.producer for value in _values(node) if isinstance(value, StepResult))
 
 
 def _values(node: Node) -> Iterator[Value]:

@@ -12,7 +12,7 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
+from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, fillings_of, is_word
 from planlang.relations import of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
 
@@ -322,7 +322,7 @@ def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
     own = cache.get(cls)
     if own is None:
         is_users = shorten(cls) == cls or ontology.main(cls)
-        every = filled(ontology.restrictions(cls)) if is_users else ()
+        every = fillings_of(ontology.restrictions(cls)) if is_users else ()
         own = cache[cls] = [filling for filling in every if _may_fill(filling.property)]
     return own
 

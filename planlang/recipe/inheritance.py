@@ -13,11 +13,11 @@ from planlang.recipe.checks import check, listing
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Absence, Filler, Parameter, Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.order import callees_first
-from planlang.recipe.slots import in_words, needed, offered, parameter_for
+from planlang.recipe.slots import fitting_parameters, in_words, parameter_for, requires_filler
 
 
 @check("R061", "R062", unless=("R022", "R023"))
-def supplied(actions: Actions, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
+def with_filled_slots(actions: Actions, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
     """Fill all required slots, and report what the caller of the task has to provide.
 
     An empty slot takes the only fitting filler of the enclosing recipe, or all of them if its class shares them. If
@@ -43,23 +43,23 @@ class _Supply:
     def recipe(self, recipe: Recipe) -> Recipe:
         """Fill the slots of a recipe's steps; the recipes that it calls have to be processed first."""
         self._requested.setdefault(recipe.iri, {})
-        more = {step.iri: self._more(recipe, step) for step in recipe.steps}
+        more = {step.iri: self._missing(recipe, step) for step in recipe.steps}
         if not any(more.values()):
             return recipe
         steps = (replace(step, parameters=(*step.parameters, *more[step.iri])) for step in recipe.steps)
         return replace(recipe, steps=tuple(steps))
 
-    def _more(self, recipe: Recipe, step: Step) -> list[Parameter]:
+    def _missing(self, recipe: Recipe, step: Step) -> list[Parameter]:
         """Parameters for the empty slots of a step: its own, or those that its recipes request."""
         more: list[Parameter] = []
         if self._actions.is_standard(step):
             for slot in self._actions.slots(step.action_class).values():
                 if self._is_stated(step, slot):
                     continue
-                if slot.is_shared and (candidates := offered(self._ontology, recipe, slot)):
+                if slot.is_shared and (candidates := fitting_parameters(self._ontology, recipe, slot)):
                     more += [replace(one, is_inherited=True) for one in candidates]
-                elif needed(step, slot):
-                    more += self._filled(recipe, step, slot)
+                elif requires_filler(step, slot):
+                    more += self._supplied(recipe, step, slot)
         for callee in step.recipes:
             for slot, inner, needing in self._requested[callee].values():
                 if step.fillers(slot.property):
@@ -67,7 +67,7 @@ class _Supply:
                 elif slot.absence is Absence.ERROR:
                     self._report_target(inner, needing, slot)
                 elif slot.property not in {one.property for one in more} and not self._is_stated(step, slot):
-                    more += self._filled(recipe, step, slot)
+                    more += self._supplied(recipe, step, slot)
         return more
 
     def _is_stated(self, step: Step, slot: Slot) -> bool:
@@ -77,9 +77,9 @@ class _Supply:
         levels = fillings(self._ontology, step.iri)
         return any(local_name(filling.property) == slot.property for level in levels for filling in level)
 
-    def _filled(self, recipe: Recipe, step: Step, slot: Slot) -> list[Parameter]:
+    def _supplied(self, recipe: Recipe, step: Step, slot: Slot) -> list[Parameter]:
         """Parameter for an empty slot of a step; none for a missing motion target."""
-        candidates = offered(self._ontology, recipe, slot)
+        candidates = fitting_parameters(self._ontology, recipe, slot)
         if len(candidates) == 1:
             return [replace(candidates[0], is_inherited=True)]
         home = self._recipes[recipe.within] if recipe.within is not None else recipe
@@ -106,7 +106,7 @@ class _Supply:
 
     def _check_one(self, recipe: Recipe, step: Step, slot: Slot, callee: str) -> None:
         """Report a step that leaves open which of several fillers its recipe (name) uses."""
-        fitting = [one.filler for one in offered(self._ontology, step, slot)]
+        fitting = [one.filler for one in fitting_parameters(self._ontology, step, slot)]
         if len(fitting) != 1:
             self._report(recipe, step, parameter_for(slot, callee), fitting)
 

@@ -64,12 +64,12 @@ class Precedence(Generic[Node]):
         self._later = [0] * len(extension)
         self._covers: list[list[int]] = [[] for _ in extension]
         for position in range(len(extension) - 1, -1, -1):
-            reached = 0
+            descendants = 0
             for after in sorted([position_of[other] for other in successors[extension[position]]]):
-                if not reached >> after & 1:
+                if not descendants >> after & 1:
                     self._covers[position].append(after)
-                    reached |= self._later[after] | 1 << after
-            self._later[position] = reached
+                    descendants |= self._later[after] | 1 << after
+            self._later[position] = descendants
 
     def extended(self, pairs: Iterable[tuple[Node, Node]], weak: Iterable[tuple[Node, Node]] = ()) -> Precedence[Node]:
         """Copy of this order with further pairs; ``weak`` ones are left out if they contradict those before them."""
@@ -143,18 +143,18 @@ class Precedence(Generic[Node]):
 
 def _linear_extension(successors: list[list[int]]) -> list[int]:
     """Compute a linear extension, the lowest available number first; incomplete if there is a cycle."""
-    missing = [0] * len(successors)
+    unplaced_before = [0] * len(successors)
     for after in successors:
         for other in after:
-            missing[other] += 1
-    ready = [number for number, number_before in enumerate(missing) if not number_before]
+            unplaced_before[other] += 1
+    ready = [number for number, count in enumerate(unplaced_before) if not count]
     order: list[int] = []
     while ready:
         number = heapq.heappop(ready)
         order.append(number)
         for other in successors[number]:
-            missing[other] -= 1
-            if not missing[other]:
+            unplaced_before[other] -= 1
+            if not unplaced_before[other]:
                 heapq.heappush(ready, other)
     return order
 
@@ -223,7 +223,7 @@ def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node,
     came_from: dict[Node, Node] = {}
     front = [start]
     for _ in range(longest):
-        reached: list[Node] = []
+        next_front: list[Node] = []
         for node in front:
             for other in after[node]:
                 if other == start:
@@ -233,8 +233,8 @@ def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node,
                     return tuple(reversed(path))
                 if other not in came_from:
                     came_from[other] = node
-                    reached.append(other)
-        front = reached
+                    next_front.append(other)
+        front = next_front
     return None
 
 
@@ -350,7 +350,7 @@ def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Prec
     """Group the steps of a recipe into units; no scopes if a step has to run in parallel to a base motion."""
     movers = actions.movers(recipe, recipes)
     overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
-    return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, placed(recipe))
+    return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, steps_with_target(recipe))
 
 
 def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tuple[tuple[str, str], ...]:
@@ -365,7 +365,7 @@ def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tup
     return scopes_of(actions, recipe, recipes, order).added
 
 
-def placed(recipe: Recipe) -> frozenset[str]:
+def steps_with_target(recipe: Recipe) -> frozenset[str]:
     """Steps that have a location or an object."""
     return frozenset(
         step.iri

@@ -18,14 +18,14 @@ Before = Callable[[str, str], bool]
 """True if the first step (IRI) comes before the second in every execution."""
 
 
-def named(filler: Filler) -> Iterator[str]:
+def iris_in(filler: Filler) -> Iterator[str]:
     """Yield the things and places (IRIs) that a filler names, including those that a place refers to."""
     if isinstance(filler, Thing):
         yield filler.iri or filler.stated
     elif isinstance(filler, Place):
         yield filler.iri
         for _, reference in filler.relations:
-            yield from named(reference)
+            yield from iris_in(reference)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,10 +82,10 @@ class Preconditions:
     def _late(self, step: str, condition: Condition, before: Before) -> Unmet | None:
         """Reason why a condition cannot hold before a step; None if it may."""
         makers = [one for one in self._makers(condition) if one[0] != step]
-        early = [one for one in makers if not before(step, one[0])]
+        early = [one for one in makers if not before(step, one[0])]  # these may come before the step
         if not makers or any(self._works(iri, effect, before) for iri, effect in reversed(early)):
             return None
-        for iri, effect in makers:
+        for iri, effect in makers:  # prefer a step that only comes too late to one that cannot have its effect at all
             if before(step, iri) and self._works(iri, effect, before):
                 return Unmet(step, condition, iri)
         causes = (self._late(iri, given, before) for iri, effect in early for given in effect.given)
@@ -104,4 +104,4 @@ class Preconditions:
 
 
 def _fillers(step: Step | Recipe) -> Named:
-    return lambda name: [one for filler in step.fillers(name) for one in named(filler)]
+    return lambda name: [one for filler in step.fillers(name) for one in iris_in(filler)]

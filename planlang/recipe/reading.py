@@ -25,11 +25,11 @@ from planlang.recipe.checks import (
     slots,
     steps,
 )
-from planlang.recipe.checks.misspellings import corrected, misspellings
-from planlang.recipe.checks.parameters import repaired
+from planlang.recipe.checks.misspellings import misspellings, with_corrections
+from planlang.recipe.checks.parameters import with_repairs
 from planlang.recipe.constraints import read_constraints
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
-from planlang.recipe.inheritance import supplied
+from planlang.recipe.inheritance import with_filled_slots
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
 from planlang.recipe.readers import created_individuals, loose_parts, tasks_of
@@ -369,12 +369,12 @@ def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = Tru
     User errors never raise; they are among the diagnostics.
     """
     misspelt = misspellings(actions.ontology)
-    right = corrected(actions.ontology, misspelt)
+    right = with_corrections(actions.ontology, misspelt)
     if right is not actions.ontology:
         actions = Actions(right, actions.performed)
     recipes, diagnostics = _read(actions, task, scopes=scopes)
     diagnostics = (*actions.ontology.diagnostics, *diagnostics)
-    guessed = corrected(actions.ontology, misspelt, guessing=True)
+    guessed = with_corrections(actions.ontology, misspelt, guessing=True)
     if guessed is not actions.ontology:  # problems that disappear with the guessed names only follow from the typo
         remaining = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
         diagnostics = tuple(one for one in diagnostics if one in {*guessed.diagnostics, *remaining})
@@ -397,11 +397,11 @@ def _read(actions: Actions, task: str | None, *, scopes: bool) -> tuple[RecipeSe
     file = CheckedFile(actions, recipes, scopes)
     diagnostics = _checked(FILE_CHECKS, file, ())
     wrong = {one.code for one in diagnostics}
-    if repaired.applies(wrong):
-        recipes, notes = repaired(actions.ontology, recipes)
+    if with_repairs.applies(wrong):
+        recipes, notes = with_repairs(actions.ontology, recipes)
         diagnostics += notes
-    if supplied.applies(wrong):
-        recipes, missing = supplied(actions, recipes)
+    if with_filled_slots.applies(wrong):
+        recipes, missing = with_filled_slots(actions, recipes)
         diagnostics += missing
     file = replace(file, recipes=recipes)
     for recipe in recipes.recipes.values():

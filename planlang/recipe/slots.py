@@ -41,7 +41,7 @@ def in_words(slot: Slot) -> str:
     return " or ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
 
 
-def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
+def accepts(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
     """Check whether a filler may fit a slot: False only if its kind is known to be another."""
     match filler:
         case Thing():
@@ -59,7 +59,7 @@ def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
             return False
 
 
-def needed(step: Step, slot: Slot) -> bool:
+def requires_filler(step: Step, slot: Slot) -> bool:
     """Check whether a step needs a filler for a slot."""
     if slot.absence is not Absence.CONSTRAINED:
         return slot.absence in (Absence.ERROR, Absence.PARAMETER)
@@ -68,11 +68,11 @@ def needed(step: Step, slot: Slot) -> bool:
     return any(STANDING_FOR.get(cls) == slot.property for cls in wholes)
 
 
-def offered(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:
+def fitting_parameters(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:
     """List the distinct parameters of an action that fit a slot of one of its steps."""
     distinct = {one.filler: one for one in reversed(owner.parameters) if one.property == slot.property}
     fitting = [one for one in distinct.values() if isinstance(one.filler, (Thing, Place, int, float))]
-    return [one for one in reversed(fitting) if takes(ontology, slot, one.filler)]
+    return [one for one in reversed(fitting) if accepts(ontology, slot, one.filler)]
 
 
 def read_slots(ontology: Ontology) -> tuple[dict[str, dict[str, Slot]], tuple[Diagnostic, ...]]:

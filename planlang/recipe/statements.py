@@ -125,7 +125,7 @@ def facts(ontology: Ontology, subject: str | BNode, *names: str) -> list[Filling
     return list({(filling.property, filling.term): filling for filling in reversed(fillings)}.values())[::-1]
 
 
-def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
+def named_iris(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
     """IRIs among the fillers, with their positions."""
     return [
         (filling.term, filling.span)
@@ -134,21 +134,21 @@ def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
     ]
 
 
-def described(
+def read_ends(
     ontology: Ontology, term: str | BNode, span: Span, *words: str
 ) -> tuple[list[list[str]], Span, tuple[LooseEnd, ...]]:
     """Read a constraint that is mentioned at ``span``: the fillers (IRIs) of each of ``words``, and where they stand.
 
     The first two words are required: a loose end reports those without a filler.
     """
-    fillers = [[name for name, _ in named(facts(ontology, term, word))] for word in words]
+    fillers = [[name for name, _ in named_iris(facts(ontology, term, word))] for word in words]
     where = (ontology.span(term) if isinstance(term, str) else None) or span
     missing = tuple(word for word, iris in zip(words[:2], fillers, strict=False) if not iris)
     loose = LooseEnd(str(term), missing, span if len(missing) == 2 else where)
     return fillers, where, (loose,) if missing else ()
 
 
-def filled(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
+def fillings_of(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
     """Fillings that restrictions state."""
     return tuple(
         Filling(restriction.property, restriction.filler, restriction.span)

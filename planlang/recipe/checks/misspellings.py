@@ -60,7 +60,7 @@ def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
     return tuple(sorted(diagnostics, key=lambda one: one.span or Span("")))
 
 
-def corrected(ontology: Ontology, diagnostics: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
+def with_corrections(ontology: Ontology, diagnostics: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
     """Correct misspelt names in the ontology: those with one plausible correction, or all if ``guessing``.
 
     Gives the same ontology if nothing changes.

@@ -21,7 +21,7 @@ from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
 from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
-from planlang.recipe.preconditions import Preconditions, named
+from planlang.recipe.preconditions import Preconditions, iris_in
 from planlang.recipe.statements import LooseEnd, Statements
 from planlang.records import dataclass
 from planlang.spelling import similar
@@ -396,7 +396,7 @@ def _facts(actions: Actions, step: Step) -> _Facts:
     roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
     if actions.is_base_motion(step):
         roles.add("moves the base")
-    about = {name: frozenset(one for filler in step.fillers(name) for one in named(filler)) for name in _ABOUT}
+    about = {name: frozenset(one for filler in step.fillers(name) for one in iris_in(filler)) for name in _ABOUT}
     where = about["toLocation"] | about["recipient"]
     return _Facts(frozenset(roles), about["objectActedOn"] | about["toLocation"], where)
 

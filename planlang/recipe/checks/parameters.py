@@ -51,7 +51,7 @@ from planlang.units import dimension_of, si_unit, unit, unit_of
 
 
 @check("R030", "R034", unless=("R022", "R023"))
-def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
+def with_repairs(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
     """Make all unambiguous repairs, with a note for each."""
     notes: dict[Diagnostic, None] = {}
     swapped: dict[str, Recipe] = {}

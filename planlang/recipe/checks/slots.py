@@ -9,7 +9,7 @@ from planlang.diagnostics import Diagnostic, error, warning
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
 from planlang.recipe.model import Absence, Filler, Name, Place, Thing
 from planlang.recipe.readers import created_individuals
-from planlang.recipe.slots import in_words, takes
+from planlang.recipe.slots import accepts, in_words
 
 
 @check("R063")
@@ -27,7 +27,7 @@ def wrong_kinds(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         for parameter in owner.parameters if slots else ():
             slot, filler = slots.get(parameter.property), parameter.filler
             iri = filler.iri if isinstance(filler, (Thing, Place, Name)) else None
-            if slot is not None and iri not in created and not takes(checked.ontology, slot, filler):
+            if slot is not None and iri not in created and not accepts(checked.ontology, slot, filler):
                 message = f"{slot.property} of `{owner.name}` is {_described(filler)}, but must be {in_words(slot)}"
                 yield error("R060", message, parameter.span, f"write {in_words(slot)} there")
 

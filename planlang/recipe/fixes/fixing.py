@@ -19,7 +19,7 @@ from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Rehearsal, Rehearse, Worse
 from planlang.recipe.fixes.manchester_text import ManchesterText
-from planlang.recipe.fixes.proposals import declarations, proposed, renames
+from planlang.recipe.fixes.proposals import declarations, propose_fixes, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
 from planlang.records import dataclass
@@ -134,7 +134,7 @@ class _Fixing:
             reading = read_recipe(actions, self._task)
             if reading.actions is actions:
                 raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
-                fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
+                fixes = propose_fixes(actions, reading.recipes, raw, reading.diagnostics)
             else:  # correct the names first: spans of other fixes may refer to names that are not in the text yet
                 fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
         here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))

@@ -27,7 +27,7 @@ _ORDERS_UNKNOWN = frozenset({"R010", "R011", "R012", "R020"})
 """Codes of mistakes after which the stated orders are not known: an order may only seem to be missing."""
 
 
-def proposed(
+def propose_fixes(
     actions: Actions, recipes: RecipeSet | None, unrepaired: RecipeSet | None, diagnostics: tuple[Diagnostic, ...]
 ) -> list[Fix]:
     """Propose all fixes for a file, each once.

@@ -28,10 +28,10 @@ from planlang.recipe.statements import (
     LooseEnd,
     Statements,
     SubAction,
-    described,
     facts,
-    filled,
+    fillings_of,
     is_word,
+    read_ends,
 )
 from planlang.records import dataclass
 
@@ -84,7 +84,7 @@ def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], lis
     flows: list[Flow] = []
     loose: list[LooseEnd] = []
     fillings_of_task = [
-        *filled(
+        *fillings_of(
             one for one in ontology.restrictions(statements.iri) if is_word(one.property, "inputOutputConstraints")
         ),
         *facts(ontology, statements.iri, "inputOutputConstraints"),
@@ -94,7 +94,7 @@ def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], lis
         if not isinstance(mapping, (str, BNode)):
             continue
         words = ("createsOutput", "requiresInput", "resourceType")
-        (producers, consumers, resources), span, missing = described(ontology, mapping, filling.span, *words)
+        (producers, consumers, resources), span, missing = read_ends(ontology, mapping, filling.span, *words)
         loose += missing
         classes: Sequence[str | None] = resources or [None]
         flows += [

@@ -14,7 +14,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import ACTION_TABLE, Ordering
-from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
+from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named_iris
 
 _SUBS = ("subAction", "subEvents")
 _NEIGHBOURS = ("nextAction", "previousAction")
@@ -38,7 +38,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
     firsts = facts(ontology, iri, *_SUBS)
     if not firsts:
         return None
-    chunks = dict(sorted(named(firsts)))
+    chunks = dict(sorted(named_iris(firsts)))
     orderings: dict[tuple[str, str], Ordering] = {}
     reached = list(chunks)
     for chunk in reached:

@@ -16,7 +16,7 @@ from planlang.ontology import BNode, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import Ordering
-from planlang.recipe.statements import Filling, Statements, States, SubAction, filled, is_word
+from planlang.recipe.statements import Filling, Statements, States, SubAction, fillings_of, is_word
 
 MOST_NAMED = 3
 """Maximum number of members in the name of a union; longer names have the first member and the number of the others."""
@@ -92,7 +92,7 @@ def _members(
     union: BNode | str | None = None
     if isinstance(term, BNode):
         name = next((member for member in ontology.members(term) if isinstance(member, str)), None)
-        local = (*filled(ontology.restrictions(term)), *local)
+        local = (*fillings_of(ontology.restrictions(term)), *local)
         union = None if name is not None else _union_within(ontology, term)
     elif name is not None:
         union = _unions(ontology).get(name)

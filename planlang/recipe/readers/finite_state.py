@@ -13,7 +13,7 @@ from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction
 from planlang.recipe.model import FINITE_STATE, Ending, Transition
 from planlang.recipe.readers import partial_order
-from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, described, ending_of, is_word
+from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, ending_of, is_word, read_ends
 
 tasks = partial_order.tasks
 
@@ -53,7 +53,7 @@ def _transitions(
         if not is_word(restriction.property, "stateTransition") or not isinstance(event, (str, BNode)):
             continue
         words = ("fromState", "toState", "causedBy")
-        (sources, targets, outcomes), span, missing = described(ontology, event, restriction.span, *words)
+        (sources, targets, outcomes), span, missing = read_ends(ontology, event, restriction.span, *words)
         loose += missing
         causes: Sequence[str | None] = outcomes or [None]
         transitions += [

@@ -21,10 +21,10 @@ from planlang.recipe.statements import (
     Statements,
     SubAction,
     facts,
-    filled,
+    fillings_of,
     is_foreign,
     is_word,
-    named,
+    named_iris,
 )
 
 _DIALECTS = {"intersection": INTERSECTION, "flat": FLAT, "equivalent": EQUIVALENT}
@@ -89,7 +89,7 @@ def read_sub_action(ontology: Ontology, restriction: Restriction, task: str) -> 
         return union
     name = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
     span = mention(ontology, name, restriction.span)
-    return SubAction(name, filled(ontology.restrictions(filler)), span, times)
+    return SubAction(name, fillings_of(ontology.restrictions(filler)), span, times)
 
 
 def read_constraints(
@@ -137,7 +137,7 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
         used = [Filling(restriction.property, restriction.filler, restriction.span)]
         if isinstance(restriction.filler, (str, BNode)) and not is_sub_action(restriction):
             used += facts(ontology, restriction.filler, *ends)
-            kinds = named(facts(ontology, restriction.filler, "type"))
+            kinds = named_iris(facts(ontology, restriction.filler, "type"))
             used += (Filling(name, name, span) for name, span in kinds if name in classes)
         for filling in used:
             if is_foreign(filling.property):

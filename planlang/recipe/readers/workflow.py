@@ -19,7 +19,7 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe.fillers import action_class
 from planlang.recipe.model import WORKFLOW, Allen, Flow, Ordering, Overlap
-from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
+from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named_iris
 
 BEFORE = "before"
 """Relations that only order: Allen's before and meets, and DUL's precedes."""
@@ -294,7 +294,7 @@ def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
                 if str(binding) in seen:
                     continue
                 seen.add(str(binding))
-                bound = [name for name, _ in named(facts(ontology, binding, "hasBindingRole", "hasBindingFiller"))]
+                bound = [name for name, _ in named_iris(facts(ontology, binding, "hasBindingRole", "hasBindingFiller"))]
                 yield from _bound(ontology, sorted(bound), tasks_of_roles, str(binding))
 
 
