@@ -156,20 +156,20 @@ def stated_classes(ontology: Ontology, classes: Iterable[str]) -> tuple[tuple[st
     vocabulary's namespace. In a circle of subclasses the last one is left out.
     """
     declared: dict[str, tuple[str, ...]] = {}
-    visiting: dict[str, None] = {}
+    open_: dict[str, None] = {}
     waiting = list(dict.fromkeys(classes))[::-1]
     while waiting:
         cls = waiting[-1]
         above = [
             one
             for one in above_of(ontology, cls)
-            if one != OWL.Thing and (one not in visiting or shorten(one) in declared)
+            if one != OWL.Thing and (one not in open_ or shorten(one) in declared)
         ]
         undeclared = [one for one in above if shorten(one) not in declared and not is_vocabulary_class(one)]
         if is_vocabulary_class(cls) or shorten(cls) in declared or not above:
             waiting.pop()
-        elif undeclared and cls not in visiting:
-            visiting[cls] = None
+        elif undeclared and cls not in open_:
+            open_[cls] = None
             waiting += reversed(undeclared)
         else:
             declared[shorten(cls)] = tuple(map(shorten, above))
@@ -249,18 +249,14 @@ class Steps:
             yield from ((inner.name, self.node(recipe, inner, frozenset())) for inner in recipe.steps)
 
     def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step], *, in_scope: bool = True) -> Node:
-        """Add the recoveries of steps that move the base, one per failure; none if one of the steps must not be
-        repeated.
-        """
+        """Add the recoveries of steps that move the base, one per failure; none if a step must not be repeated."""
         steps = tuple(steps)
-        recoveries = (
-            () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps, in_scope)
-        )
-        if not recoveries:
+        chosen = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps, in_scope)
+        if not chosen:
             return node
         if isinstance(node, Handle):
-            return Handle(node.body, (*node.recoveries, *recoveries))
-        return Handle(node, recoveries)
+            return Handle(node.body, (*node.recoveries, *chosen))
+        return Handle(node, chosen)
 
     def with_going_back(self, recipe: Recipe, body: Series, units: Iterable[tuple[Node, list[Step]]]) -> Series:
         """Add the recoveries that run an earlier step again; for things still held at the end, callers add them, too.
@@ -283,14 +279,16 @@ class Steps:
             if self._actions.releases(step):
                 kept |= Keeping(let_go=self._actions.released(step))
             for callee in step.recipes:
-                renaming = self._terms.renaming(recipe, step, callee)
+                substitution = self._terms.substitution(recipe, step, callee)
                 below = self._recipes.recipes[callee]
-                inner = (
+                kept_inside = (
                     self._open.get(callee, Keeping()) if not step.is_choice else self._keeping_of(below, below.steps)
                 )
-                let_go = frozenset(substituted_thing(thing, renaming) if thing else None for thing in inner.let_go)
-                lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
-                kept |= Keeping(lasting, let_go, inner.name)
+                let_go = frozenset(
+                    substituted_thing(thing, substitution) if thing else None for thing in kept_inside.let_go
+                )
+                lasting = tuple(_renamed(recovery, substitution) for recovery in kept_inside.lasting)
+                kept |= Keeping(lasting, let_go, kept_inside.name)
         return kept
 
     def _is_unrepeatable(self, step: Step) -> bool:
@@ -320,13 +318,14 @@ class Steps:
                     key = callee, in_scope
                     if key not in self._around:
                         self._around[key] = self._leaving(below, self._terms.steps(below), in_scope)
-                    renaming = self._terms.renaming(recipe, step, callee)
-                    yield from (_renamed(recovery, renaming) for recovery in self._around[key])
+                    substitution = self._terms.substitution(recipe, step, callee)
+                    yield from (_renamed(recovery, substitution) for recovery in self._around[key])
 
     def _call(self, recipe: Recipe, step: Step, callee: str) -> FunctionCall:
-        renaming = self._terms.renaming(recipe, step, callee)
+        substitution = self._terms.substitution(recipe, step, callee)
         return FunctionCall(
-            callee, tuple((own, self._terms.resolved_argument(recipe, step, given)) for own, given in renaming.items())
+            callee,
+            tuple((own, self._terms.resolved_argument(recipe, step, given)) for own, given in substitution.items()),
         )
 
     def _goal(self, step: Step) -> Condition | None:
@@ -356,9 +355,9 @@ def _in_words(recovery: Recover) -> str:
     return f"on {recovery.failure}: {tried}" + (f", else {recovery.otherwise}" if recovery.otherwise else "")
 
 
-def _renamed(recovery: Recover, renaming: Substitution) -> Recover:
+def _renamed(recovery: Recover, substitution: Substitution) -> Recover:
     """Translate a recovery of a called function to the terms of its caller."""
-    about = substituted_thing(recovery.about, renaming) if recovery.about is not None else None
+    about = substituted_thing(recovery.about, substitution) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
 
 

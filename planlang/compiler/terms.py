@@ -79,21 +79,19 @@ class Terms:
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
         """Objects and persons that a recipe uses, directly or in recipes that it calls, by first use."""
         if recipe.iri not in self._parameters:
-            by_first_use: dict[Thing, None] = {}
+            used: dict[Thing, None] = {}
             for step in self.steps(recipe):
                 for parameter in _ordered(step):
-                    by_first_use.update(dict.fromkeys(_things(parameter[1])))
+                    used.update(dict.fromkeys(_things(parameter[1])))
                 checked = step.condition.parameters if step.condition is not None else ()
-                by_first_use.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
+                used.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
                 for callee in step.recipes:
-                    for argument in self.renaming(recipe, step, callee).values():
-                        by_first_use.update(
-                            dict.fromkeys(argument.arguments if isinstance(argument, PlaceUse) else (argument,))
-                        )
-            self._parameters[recipe.iri] = tuple(thing for thing in by_first_use if thing.kind is not Kind.DEVICE)
+                    for passed in self.substitution(recipe, step, callee).values():
+                        used.update(dict.fromkeys(passed.arguments if isinstance(passed, PlaceUse) else (passed,)))
+            self._parameters[recipe.iri] = tuple(thing for thing in used if thing.kind is not Kind.DEVICE)
         return self._parameters[recipe.iri]
 
-    def renaming(self, caller: Recipe, step: Step, callee: str) -> Substitution:
+    def substitution(self, caller: Recipe, step: Step, callee: str) -> Substitution:
         """Map the parameters of a called function to the arguments of a call.
 
         An individual is passed as itself. A class takes the caller's filler of the same property, if there is exactly
@@ -130,17 +128,15 @@ class Terms:
             for flow in recipe.flows:
                 flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
             self._flows[recipe.iri] = flows
-        candidates = self._flows[recipe.iri].get((step.iri, property_name), ())
+        flows_in = self._flows[recipe.iri].get((step.iri, property_name), ())
         order = recipe_order(recipe)
         producers = [
             flow.producer
-            for flow in candidates
+            for flow in flows_in
             if flow.resource in _names(filler) and order.before(flow.producer, step.iri)
         ]
         last = [
-            producer
-            for producer in producers
-            if all(producer == other or order.before(other, producer) for other in producers)
+            maker for maker in producers if all(maker == other or order.before(other, maker) for other in producers)
         ]
         return last[0] if last else None
 
@@ -224,8 +220,8 @@ class Terms:
             for goal in self._actions.hand_goals(step):
                 yield self._goal(step, goal), self.device(recipe, step)
             for callee in step.recipes[:1]:
-                renaming = self.renaming(recipe, step, callee)
-                yield from ((substituted(where, renaming), device) for where, device in self._uses[callee])
+                substitution = self.substitution(recipe, step, callee)
+                yield from ((substituted(where, substitution), device) for where, device in self._uses[callee])
 
     def _goal(self, step: Step, goal: Place | Thing) -> PlaceUse | Thing | Resting:
         """Goal of the hand in a step; a thing to lower something onto stands for the place on it."""
@@ -304,19 +300,19 @@ class Terms:
         return devices
 
 
-def substituted(where: PlaceUse | Thing | Resting, renaming: Substitution) -> PlaceUse | Thing | Resting:
+def substituted(where: PlaceUse | Thing | Resting, substitution: Substitution) -> PlaceUse | Thing | Resting:
     """Translate a place or thing of a called function to the terms of its caller."""
     if isinstance(where, Thing):
-        return renaming.get(where, where)
+        return substitution.get(where, where)
     if isinstance(where, Resting):
-        given = renaming.get(where.support, where.support)
+        given = substitution.get(where.support, where.support)
         return Resting(given) if isinstance(given, Thing) else given
-    return PlaceUse(where.place, tuple(substituted_thing(thing, renaming) for thing in where.arguments))
+    return PlaceUse(where.place, tuple(substituted_thing(thing, substitution) for thing in where.arguments))
 
 
-def substituted_thing(thing: Thing, renaming: Substitution) -> Thing:
+def substituted_thing(thing: Thing, substitution: Substitution) -> Thing:
     """Translate a thing of a called function to the terms of its caller; unchanged if the caller passes a place."""
-    given = renaming.get(thing, thing)
+    given = substitution.get(thing, thing)
     return given if isinstance(given, Thing) else thing
 
 

@@ -71,12 +71,10 @@ def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Pl
 
 def _is_bare(node: TaskNode) -> bool:
     """True if a failure arose in a node that no sentence about a step covers."""
-    ancestor = node.parent
-    while ancestor is not None and ancestor.kind != "perform" and ancestor.ended == node.ended:
-        ancestor = ancestor.parent
-    return is_origin(node) and not (
-        ancestor is not None and ancestor.kind == "perform" and ancestor.ended == node.ended
-    )
+    above = node.parent
+    while above is not None and above.kind != "perform" and above.ended == node.ended:
+        above = above.parent
+    return is_origin(node) and not (above is not None and above.kind == "perform" and above.ended == node.ended)
 
 
 def _happened(node: TaskNode, rate: float) -> Iterator[_Placed]:

@@ -55,16 +55,13 @@ def svg(graph: TaskGraph) -> str:
 
 def figure(graph: TaskGraph, *inside: str) -> str:
     """Draw the graph as an SVG element for a page that provides the style; ``inside`` are further elements."""
-    arrangement = arranged(graph.group)
-    has_added = any(route.arrow.order is Order.ADDED for route in arrangement.routes)
+    layout = arranged(graph.group)
+    has_added = any(route.arrow.order is Order.ADDED for route in layout.routes)
     legend = "dashed: added by the compiler, as steps at one place are performed together" if has_added else ""
     title, subtitle = shown(graph.title, 80), shown(graph.subtitle, 120)
-    wide = (
-        max(arrangement.width, width(title, 18) * BOLD, width(subtitle, LINE_SIZE), width(legend, LINE_SIZE))
-        + 2 * MARGIN
-    )
-    high = arrangement.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
-    left, top = (wide - arrangement.width) / 2, MARGIN + HEAD
+    wide = max(layout.width, width(title, 18) * BOLD, width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
+    high = layout.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
+    left, top = (wide - layout.width) / 2, MARGIN + HEAD
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(wide)}" height="{_n(high)}"'
         f' viewBox="0 0 {_n(wide)} {_n(high)}" role="img">',
@@ -75,8 +72,8 @@ def figure(graph: TaskGraph, *inside: str) -> str:
         f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{escape(title)}</text>',
         f'<text class="small" x="{_n(MARGIN)}" y="{_n(MARGIN + 36)}">{escape(subtitle)}</text>',
         f'<g transform="translate({_n(left)} {_n(top)})">',
-        *_drawing(arrangement),
-        *_beside(graph, arrangement),
+        *_drawing(layout),
+        *_beside(graph, layout),
         "</g>",
     ]
     if legend:

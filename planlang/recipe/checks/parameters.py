@@ -340,13 +340,11 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
     """Report a filler, or a thing that a place refers to, of an unknown class."""
     cls = next(iter(classes_of(ontology, term)), term)
-    suggestion = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    other = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
     message = f"{what} is `{local_name(term)}`{is_what}, which is not a subclass of a known class; treated as an object"
     advice = f"make `{local_name(cls)}` a subclass of one such as HumanScaleObject, or import the file that does"
-    return warning(
-        "R049", message, span, f"did you mean {suggestion}? If not, {advice}" if suggestion else advice, suggestion
-    )
+    return warning("R049", message, span, f"did you mean {other}? If not, {advice}" if other else advice, other)
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:

@@ -310,14 +310,10 @@ def undefined_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     defined = [name for name in statements.names if ontology.defined(name)]
     for name in statements.mentioned():
         if name not in statements.names and not ontology.defined(name):
-            suggestion = guess(name, defined)
-            advice = (
-                f"did you mean {suggestion}?"
-                if suggestion
-                else f"define it, and add `subAction some {local_name(name)}`"
-            )
+            other = guess(name, defined)
+            advice = f"did you mean {other}?" if other else f"define it, and add `subAction some {local_name(name)}`"
             message = f"the state `{local_name(name)}` of `{recipe.name}` is not defined"
-            yield error("R050", message, _where(ontology, statements, name) or recipe.span, advice, suggestion)
+            yield error("R050", message, _where(ontology, statements, name) or recipe.span, advice, other)
 
 
 @check("R051")

@@ -37,13 +37,13 @@ def propose_fixes(
     ontology = actions.ontology
     fixes = [
         Fix(
-            diagnostic.code,
-            diagnostic.message.replace(" is read as ", " becomes "),
-            diagnostic.span,
+            problem.code,
+            problem.message.replace(" is read as ", " becomes "),
+            problem.span,
             methodcaller("with_right_terms"),
         )
-        for diagnostic in diagnostics
-        if diagnostic.code == "O012" or (diagnostic.code == "O013" and diagnostic.severity is Severity.ERROR)
+        for problem in diagnostics
+        if problem.code == "O012" or (problem.code == "O013" and problem.severity is Severity.ERROR)
     ]
     fixes += [*declarations(diagnostics), *_kinds(ontology), *renames(ontology, diagnostics), *_unused(ontology)]
     if unrepaired is not None:
@@ -57,7 +57,7 @@ def propose_fixes(
             fixes += _names(ontology, statements, recipe)
             fixes += _removals(ontology, statements, recipe)
             fixes += _states(ontology, statements, recipe)
-        if _ORDERS_UNKNOWN.isdisjoint(diagnostic.code for diagnostic in diagnostics):
+        if _ORDERS_UNKNOWN.isdisjoint(problem.code for problem in diagnostics):
             fixes += _orders(actions, recipes, diagnostics)
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
 
@@ -86,19 +86,19 @@ def _with_kind(spans: list[Span], kind: str) -> Callable[[Editable], list[Edit]]
 
 def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Replace undefined names by similar ones, in all their mentions in the main document."""
-    for diagnostic in diagnostics:
-        rename = diagnostic.suggestion
+    for problem in diagnostics:
+        rename = problem.suggestion
         if isinstance(rename, Rename):
             triples = [*ontology.triples(o=rename.written), *ontology.triples(p=rename.written)]
             spans = sorted(
-                {triple.span for triple in triples if diagnostic.span and triple.span.file == diagnostic.span.file}
+                {triple.span for triple in triples if problem.span and triple.span.file == problem.span.file}
             )
 
             def edit(text: Editable, rename: Rename = rename, spans: list[Span] = spans) -> list[Edit]:
                 return [one for span in spans for one in text.replaced(span, rename.written, rename.meant)]
 
             message = f"`{local_name(rename.written)}` becomes {rename}"
-            yield Fix(diagnostic.code, message, diagnostic.span, edit, rename.is_sure)
+            yield Fix(problem.code, message, problem.span, edit, rename.is_sure)
 
 
 def declarations(diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
@@ -155,14 +155,14 @@ def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]
 def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
     """Add suggested orderings; they are uncertain, because the file does not state them."""
     ontology = actions.ontology
-    for diagnostic in diagnostics:
-        order = diagnostic.suggestion
+    for problem in diagnostics:
+        order = problem.suggestion
         if not isinstance(order, Order):
             continue
         statements = statements_for(actions, recipes.recipes[order.task].iri)
         heads = {one.iri: one.span for one in reversed(statements.sub_actions)}
         before, after = local_name(order.before), local_name(order.after)
-        why = diagnostic.message.partition(": ")[2] if diagnostic.code == "R042" else diagnostic.message
+        why = problem.message.partition(": ")[2] if problem.code == "R042" else problem.message
         suffix = base_suffix = re.sub(r"\W", "_", f"_{before}_{after}")
         number = 1
         while ontology.defined(statements.iri + suffix):
@@ -176,7 +176,7 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
         ) -> list[Edit]:
             return text.with_ordering(_listed(place), *ends, suffix)
 
-        yield Fix(diagnostic.code, f"`{before}` before `{after}`: {why}", diagnostic.span, edit, is_safe=False)
+        yield Fix(problem.code, f"`{before}` before `{after}`: {why}", problem.span, edit, is_safe=False)
 
 
 def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:

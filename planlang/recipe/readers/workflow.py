@@ -263,7 +263,7 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
 
 
 def _role_of_class(
-    ontology: Ontology, restriction: Restriction, individuals_of: dict[str, list[str]]
+    ontology: Ontology, restriction: Restriction, individuals: dict[str, list[str]]
 ) -> Iterator[Filling]:
     """Yield the class of a role's filler, if no individual of it is known."""
     kind = next((member for member in ontology.members(restriction.filler) if isinstance(member, str)), None)
@@ -272,7 +272,7 @@ def _role_of_class(
         cls = inner.filler
         if kind is None or not is_word(inner.property, *_FILLS) or not isinstance(cls, str):
             continue
-        if not any(ontology.is_a(individual, cls) for individual in individuals_of.get(kind, ())):
+        if not any(ontology.is_a(individual, cls) for individual in individuals.get(kind, ())):
             yield Filling(_property(kind), cls, inner.span)
 
 
