@@ -1,4 +1,4 @@
-"""The bodies of plan functions: nodes of the plan tree as statements, and as branches for other constructs."""
+"""Bodies of plan functions: nodes of the plan tree written as statements, or as branches of other constructs."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from planlang.compiler.layout import (
     assignment,
     call,
     comment,
-    remarked,
-    returned,
+    return_statement,
     sequence,
     signature,
     statement,
+    with_comment,
 )
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.structure import DONE, FALSE, TRUE
@@ -28,6 +28,7 @@ from planlang.compiler.tree import (
     Alternatives,
     Call,
     Case,
+    DataFlow,
     Event,
     Gate,
     Handle,
@@ -36,25 +37,24 @@ from planlang.compiler.tree import (
     Node,
     Parallel,
     PartialOrder,
-    Passed,
-    Passing,
     Perform,
     PlaceUse,
     Scope,
     Series,
     State,
-    uses_kept,
+    StepResult,
+    uses_latest_products,
 )
 from planlang.designators import local_name, snake_case
 from planlang.language.location import ATTEMPTS
 
 MOST_UNPACKED = 4
-"""Branches of which results are taken by position; of more they are taken from a list, as a reader would have to count
-underscores."""
+"""Maximum number of branches whose results are unpacked by position. Results of more branches are indexed in a list,
+because a reader would have to count underscores."""
 
 LONGEST_VARIABLE = 40
-"""Characters of a variable that is called after a step; after a longer one it is called by what it holds alone, as an
-assignment and its call would not fit on one line."""
+"""Maximum length of a variable that is named after a step. A longer name would not fit on one line with its call; the
+variable then has a generic name."""
 
 
 class BodyWriter:
@@ -65,48 +65,48 @@ class BodyWriter:
         self._names: Names = symbols.local_names()
         self._title = title
         self._body = body
-        self._passing = Passing(body)
+        self._data_flow = DataFlow(body)
         self._variables: dict[str, str] = {}
-        """The variable that holds the result of a step, by IRI, if the result is used."""
+        """Step (IRI) -> variable with its result, if the result is used."""
         self._events: dict[Event, str] = {}
-        self._given: dict[str, tuple[str, ...]] = {}
-        """The steps whose results a branch of a partial order hands to others, by branch."""
-        self._kept: dict[str, str] = {}
-        """The fluent that holds the latest of what states make, by name."""
-        self._again: dict[str, str] = {}
-        """The branch that runs a step again, by the step's name."""
-        self._write = Expressions(symbols, self._variables, self._kept, self._again, body, self._local_name)
+        self._passed_steps: dict[str, tuple[str, ...]] = {}
+        """Branch of a partial order -> steps whose results it passes to other branches."""
+        self._products: dict[str, str] = {}
+        """Name of a product of states -> fluent with its latest value."""
+        self._repeats: dict[str, str] = {}
+        """Name of a step -> branch that runs it again."""
+        self._write = Expressions(symbols, self._variables, self._products, self._repeats, body, self._local_name)
 
     def lines(self) -> list[str]:
-        """Return the statements of the function."""
+        """Write the statements of the function."""
         return _spaced(self.body(self._body, 1))
 
     def body(self, series: Series, depth: int) -> list[str]:
-        """Return the statements of a series; at least one line."""
+        """Write the statements of a series; at least one line."""
         lines: list[str] = []
-        for event in self._passing.events(series):
+        for event in self._data_flow.events(series):
             moment = snake_case(event.moment)
-            wanted = f"{snake_case(local_name(event.step))}_{moment}"
-            self._events[event] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else moment)
-            made = call(self._symbols.use("Fluent"), "False")
-            lines += assignment([Text(self._events[event])], made, depth=depth)
+            preferred = f"{snake_case(local_name(event.step))}_{moment}"
+            self._events[event] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else moment)
+            fluent = call(self._symbols.use("Fluent"), "False")
+            lines += assignment([Text(self._events[event])], fluent, depth=depth)
         for node in series.nodes:
             written = self._statement(node, depth)
             used = self._variables_used() if depth == 1 else []
             if used and lines and any(line.startswith(f"{INDENT}async def ") for line in written):
                 lines.append("")
             lines += [*used, *_comment(node, depth), *written]
-        leaving = self._passing.leaving(series)
+        leaving = self._data_flow.leaving(series)
         if leaving:
-            lines += returned(self._targets(leaving), depth=depth)
+            lines += return_statement(self._targets(leaving), depth=depth)
         return lines or [f"{INDENT * depth}pass"]
 
     def _variables_used(self) -> list[str]:
-        """Return statements that describe the places and constraints that what follows is the first to use."""
+        """Write assignments of places and constraints that the following statements use for the first time."""
         lines: list[str] = []
         for name, explanation, value in self._write.take_variables():
             described = assignment([Text(name)], value, depth=1)
-            lines += remarked(described, explanation, 1) if explanation else described
+            lines += with_comment(described, explanation, 1) if explanation else described
         return lines
 
     def _statement(self, node: Node, depth: int) -> list[str]:
@@ -124,20 +124,20 @@ class BodyWriter:
             if not isinstance(branch, Text):
                 name = self._local_name(node.name)
                 before, branch = [*before, *assignment([Text(name)], branch, depth=depth)], Text(name)
-            self._again[node.name] = branch.text
+            self._repeats[node.name] = branch.text
             return [*before, *self._bound(node, call(branch.text), depth)]
         before, expression = self._awaited(node, depth)
         return [*before, *self._bound(node, expression, depth)]
 
     def _bound(self, node: Node, expression: Expression, depth: int) -> list[str]:
-        """Return statements that await a node; its result is assigned, and taken apart, if others use it."""
-        leaving = self._passing.leaving(node)
+        """Write statements that await a node, and assign or unpack its result if others use it."""
+        leaving = self._data_flow.leaving(node)
         if not leaving:
             return statement(expression, depth=depth, before="await ")
         if not isinstance(node, (Parallel, PartialOrder)):
             return assignment(self._targets(leaving), expression, depth=depth, before="await ")
         giving = [
-            (key, branch, self._passing.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
+            (key, branch, self._data_flow.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
         ]
         if isinstance(node, Parallel) and len(node.branches) <= MOST_UNPACKED:
             by_key = {key: self._target(steps) for key, _, steps in giving}
@@ -153,7 +153,7 @@ class BodyWriter:
         return lines
 
     def _is_giving(self, node: Node) -> bool:
-        return bool(self._passing.leaving(node))
+        return bool(self._data_flow.leaving(node))
 
     def _targets(self, steps: tuple[str, ...]) -> list[Expression]:
         return [Text(self._variable(step)) for step in steps]
@@ -163,13 +163,14 @@ class BodyWriter:
         return targets[0] if len(targets) == 1 else sequence(targets)
 
     def _variable(self, step: str) -> str:
+        """Variable for the result of a step."""
         if step not in self._variables:
-            wanted = f"result_of_{snake_case(local_name(step))}"
-            self._variables[step] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else "result")
+            preferred = f"result_of_{snake_case(local_name(step))}"
+            self._variables[step] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else "result")
         return self._variables[step]
 
     def _gate(self, gate: Gate, depth: int) -> list[str]:
-        """Return the lines of a gate: the wait, the signal, the step, and the signal and wait after it."""
+        """Write the waits and signals of a gate around its step."""
         lines = self._passages(gate.opens, depth)
         lines += self._statement(gate.body, depth)
         return lines + self._passages(gate.closes, depth)
@@ -190,7 +191,7 @@ class BodyWriter:
         return lines
 
     def _awaited(self, node: Node, depth: int) -> tuple[list[str], CallExpression]:
-        """Return the local functions that a construct needs, and the call that is awaited."""
+        """Local functions that a construct needs, and the call to await."""
         use = self._symbols.use
         match node:
             case Perform() | Call():
@@ -226,7 +227,7 @@ class BodyWriter:
         raise TypeError(f"no statement for {node}")
 
     def _performed(self, node: Perform | Call) -> CallExpression:
-        """Return the call that performs a step; it is named if its class is called otherwise."""
+        """Call that performs a step; with a name if it differs from the class of the action."""
         more: dict[str, Expression | str] = {}
         if node.name != local_name(node.action.type):
             more["name"] = quoted(node.name)
@@ -237,9 +238,9 @@ class BodyWriter:
         return call(self._symbols.use("perform"), self._write.action(node.action), **more)
 
     def _branch(self, node: Node, depth: int, key: str | None = None) -> tuple[list[str], Expression]:
-        """Return local functions that come first, and an expression for a zero-argument async callable.
+        """Local functions that come first, and an expression for a zero-argument async callable.
 
-        ``key`` is what the branch is called, if it has a name.
+        ``key`` is the name of the branch, if it has one.
         """
         is_giving_several = isinstance(node, (Parallel, PartialOrder)) and self._is_giving(node)
         is_body = isinstance(node, (Series, Hold, Gate, Again)) or is_giving_several
@@ -250,7 +251,7 @@ class BodyWriter:
         return self._local_function(name, node, depth), Text(name)
 
     def _function_name(self, node: Node) -> str:
-        """Return the name of the local function of a branch without a name."""
+        """Name of the local function of an anonymous branch."""
         match node:
             case Hold(name=name):
                 return f"{snake_case(name)}_in_turn"
@@ -259,27 +260,27 @@ class BodyWriter:
             case _:
                 return f"{self._title}_once"
 
-    def _local_name(self, wanted: str) -> str:
-        name = self._names.claim(wanted)
+    def _local_name(self, preferred: str) -> str:
+        name = self._names.claim(preferred)
         self._symbols.reserve(name)
         return name
 
     def _local_function(self, name: str, node: Node, depth: int, taken: tuple[str, ...] = ()) -> list[str]:
-        """Return a local function; ``taken`` are the branches whose results it has as parameters."""
+        """Write a local function; ``taken`` are the branches whose results are its parameters."""
         parameters = {key: self._parameter(key) for key in taken}
-        lines = self._taken_apart(parameters, depth + 1)
+        lines = self._unpacked(parameters, depth + 1)
         if isinstance(node, Series):
             lines += self.body(node, depth + 1)
         else:
             lines += [*_comment(node, depth + 1), *self._statement(node, depth + 1)]
-            leaving = self._passing.leaving(node)
+            leaving = self._data_flow.leaving(node)
             if leaving:
-                lines += returned(self._targets(leaving), depth=depth + 1)
+                lines += return_statement(self._targets(leaving), depth=depth + 1)
         arguments = [f"{name}: {self._symbols.use('Any', 'typing')}" for name in parameters.values()]
         return [*signature(f"async def {name}", arguments, self._returned(node), depth=depth), *lines, ""]
 
     def _returned(self, node: Node) -> str:
-        number = len(self._passing.leaving(node))
+        number = len(self._data_flow.leaving(node))
         if not number:
             return "None"
         anything = self._symbols.use("Any", "typing")
@@ -287,15 +288,15 @@ class BodyWriter:
         return anything if number == 1 else f"tuple[{', '.join(several)}]"
 
     def _parameter(self, key: str) -> str:
-        """Return the parameter that takes the result of a branch: not the name of a function, or a word of Python."""
+        """Parameter for the result of a branch, unless it would hide a function or a Python keyword."""
         name = snake_case(key)
         return name if self._names.is_free(name) else f"{name}_"
 
-    def _taken_apart(self, parameters: Mapping[str, str], depth: int) -> list[str]:
-        """Return statements that take apart results that a step gets by parameters, where one holds several."""
+    def _unpacked(self, parameters: Mapping[str, str], depth: int) -> list[str]:
+        """Write statements that unpack parameters with several results."""
         lines = []
         for key, name in parameters.items():
-            steps = self._given[key]
+            steps = self._passed_steps[key]
             if len(steps) == 1:
                 self._variables[steps[0]] = name
             else:
@@ -303,10 +304,10 @@ class BodyWriter:
         return lines
 
     def _scope(self, scope: Scope, depth: int) -> tuple[list[str], CallExpression]:
-        where = scope.place.otherwise if isinstance(scope.place, Passed) else scope.place
+        where = scope.place.otherwise if isinstance(scope.place, StepResult) else scope.place
         assert isinstance(where, PlaceUse)
         stands, place = self._write.standing(where)
-        if isinstance(scope.place, Passed):
+        if isinstance(scope.place, StepResult):
             place = self._write.value(scope.place)
         name = self._local_name(f"at_{stands}".lower())
         reaching = [self._write.goal(where) for where in scope.reaching]
@@ -330,20 +331,23 @@ class BodyWriter:
         return before, named
 
     def _partial_order(self, node: PartialOrder, depth: int) -> tuple[list[str], CallExpression]:
-        """Return a partial order; a branch that uses results of others takes them as parameters of the same names."""
+        """Write a partial order; a branch that uses results of others has parameters named after these branches."""
         before: list[str] = []
         named: dict[str, Expression] = {}
         giving = {key: branch for key, branch in node.branches if self._is_giving(branch)}
-        self._given = {**self._given, **{key: self._passing.leaving(branch) for key, branch in giving.items()}}
+        self._passed_steps = {
+            **self._passed_steps,
+            **{key: self._data_flow.leaving(branch) for key, branch in giving.items()},
+        }
         for key, branch in node.branches:
-            wanted = tuple(k for k, other in giving.items() if k != key and self._passing.needed(branch, other))
-            if wanted:
+            sources = tuple(k for k, other in giving.items() if k != key and self._data_flow.needed(branch, other))
+            if sources:
                 name = self._local_name(snake_case(key))
-                kept = dict(self._variables)
-                before += self._local_function(name, branch, depth, wanted)
-                for step in (step for k in wanted for step in self._given[k]):
-                    del self._variables[step]  # known by the parameter's name inside of the branch only
-                self._variables.update(kept)
+                variables = dict(self._variables)
+                before += self._local_function(name, branch, depth, sources)
+                for step in (step for k in sources for step in self._passed_steps[k]):
+                    del self._variables[step]  # the parameter's name is valid only inside the branch
+                self._variables.update(variables)
                 named[key] = Text(name)
             else:
                 inner, named[key] = self._branch(branch, depth, key)
@@ -358,7 +362,7 @@ class BodyWriter:
         states: dict[str, Expression] = {}
         done = {case.state for case in machine.cases if case.outcome == DONE and not case.is_failure}
         for state in machine.states:
-            if state.name in machine.ends and not uses_kept(state.body):
+            if state.name in machine.ends and not uses_latest_products(state.body):
                 inner, states[state.name] = self._branch(state.body, depth, state.name)
                 before += inner
                 continue
@@ -383,14 +387,14 @@ class BodyWriter:
         return before, call(self._symbols.use("state_machine"), table, transitions, **more)
 
     def _latest(self, machine: Machine, depth: int) -> list[str]:
-        """Return a fluent for each thing that states make and others use, named so that a run can be continued."""
+        """Write a fluent for each product of states that others use, named so that a run can be resumed."""
         lines: list[str] = []
-        for kept in dict.fromkeys(kept for state in machine.states for kept in state.keeps):
-            wanted = f"latest_{snake_case(kept)}"
-            self._kept[kept] = self._local_name(wanted if len(wanted) <= LONGEST_VARIABLE else "latest")
-            made = call(self._symbols.use("Fluent"), "None", quoted(kept))
-            annotation = f"{self._kept[kept]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
-            lines += statement(made, depth=depth, before=annotation)
+        for product in dict.fromkeys(product for state in machine.states for product in state.keeps):
+            preferred = f"latest_{snake_case(product)}"
+            self._products[product] = self._local_name(preferred if len(preferred) <= LONGEST_VARIABLE else "latest")
+            fluent = call(self._symbols.use("Fluent"), "None", quoted(product))
+            annotation = f"{self._products[product]}: Fluent[{self._symbols.use('Any', 'typing')}] = "
+            lines += statement(fluent, depth=depth, before=annotation)
         return [*lines, ""] if lines else []
 
     def _case(self, case: Case) -> Expression:
@@ -399,11 +403,11 @@ class BodyWriter:
         return Text(quoted(case.outcome))
 
     def _outcome(self, state: State, expression: CallExpression, depth: int, *, has_done: bool) -> list[str]:
-        """Return the statements of a state: they perform its step and return its outcome."""
+        """Write the statements of a state: perform its step and return its outcome."""
         indent = INDENT * depth
 
         def kept(result: str) -> list[str]:
-            return [f"{indent}{self._kept[name]}.set({result})" for name in state.keeps]
+            return [f"{indent}{self._products[name]}.set({result})" for name in state.keeps]
 
         if state.checks:
             answer = self._local_name("holds")
@@ -425,31 +429,31 @@ class BodyWriter:
                 f"{indent}return {quoted(DONE)}",
             ]
         if state.keeps:
-            made = self._local_name("made")
-            lines = [*statement(expression, depth=depth, before=f"{made} = await "), *kept(made)]
+            result_name = self._local_name("made")
+            lines = [*statement(expression, depth=depth, before=f"{result_name} = await "), *kept(result_name)]
         else:
             lines = statement(expression, depth=depth, before="await ")
         return [*lines, f"{indent}return {quoted(DONE)}"]
 
 
 def _spaced(lines: list[str]) -> list[str]:
-    """Insert an empty line between a statement and a local function, or its comment, that follows it."""
-    found: list[str] = []
+    """Insert an empty line before a local function, or before its comment."""
+    spaced: list[str] = []
     for line in lines:
         code = line.lstrip()
         if code.startswith("async def "):
             indent = line[: len(line) - len(code)]
-            place = len(found)
-            while place and found[place - 1].startswith(f"{indent}#"):
-                place -= 1
-            if place and found[place - 1].startswith(indent):
-                found.insert(place, "")
-        found.append(line)
-    return found
+            position = len(spaced)
+            while position and spaced[position - 1].startswith(f"{indent}#"):
+                position -= 1
+            if position and spaced[position - 1].startswith(indent):
+                spaced.insert(position, "")
+        spaced.append(line)
+    return spaced
 
 
 def _comment(node: Node, depth: int) -> list[str]:
-    """Return a comment with the description of a step, to stand above it."""
+    """Comment with the description of a step, to be placed above it."""
     match node:
         case (
             Perform(name=name, label=str(label))
@@ -457,8 +461,8 @@ def _comment(node: Node, depth: int) -> list[str]:
             | Alternatives(name=name, label=str(label))
             | Scope(name=name, label=str(label))
         ):
-            says_more = snake_case(label) != snake_case(name)
-            return comment(label, depth) if says_more else []
+            is_informative = snake_case(label) != snake_case(name)
+            return comment(label, depth) if is_informative else []
         case Gate(body=body, overlaps=overlaps):
             return [*(comment(overlaps, depth) if overlaps else ()), *_comment(body, depth)]
         case Handle(body=body) | Achieve(body=body) | Again(body=body) | Hold(body=body):

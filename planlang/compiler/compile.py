@@ -1,4 +1,4 @@
-"""The way from a recipe's file to a plan's source: header, imports, constants, places, plan functions."""
+"""Compile a recipe's file to the source of a plan: header, imports, constants, places, plan functions."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ MAKERS = {Kind.OBJECT: "an_object", Kind.PERSON: "a_person", Kind.DEVICE: "a_dev
 def emit(
     tree: PlanTree, recipes: RecipeSet, version: str, options: tuple[str, ...] = ()
 ) -> tuple[str, tuple[str, ...]]:
-    """Return the source of a plan module and the names of its plan functions; formatted, deterministic.
+    """Write the source of a plan module, formatted and deterministic, and list the names of its plan functions.
 
-    Functions stand before their callers, constants in the order in which the plan first uses them.
-    ``options`` are those of the compiler that shaped the tree.
+    Functions come before their callers, constants in order of first use. ``options`` are the compiler options that
+    affected the tree.
     """
     symbols = Symbols(tree, recipes)
     for function in tree.functions:
@@ -78,7 +78,7 @@ def emit(
 
 
 def humanised(name: str) -> str:
-    """Return a name as a sentence: ``ServeADrink`` becomes ``Serve a drink``."""
+    """Turn a name into a phrase: ``ServeADrink`` becomes ``Serve a drink``."""
     words = re.sub(r"[_\-]+", " ", re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)).split()
     text = " ".join(word if word.isupper() and len(word) > 1 else word.lower() for word in words)
     return text[:1].upper() + text[1:]
@@ -114,7 +114,7 @@ def _namespaces(symbols: Symbols) -> list[str]:
 
 
 def _classes(symbols: Symbols) -> list[str]:
-    """Return statements about the classes of actions that only the recipe knows, and that are used more than once."""
+    """Declare the action classes that only the recipe defines and that the plan uses more than once."""
     lines: list[str] = []
     for cls in (one for one in symbols.stated if one not in symbols.stated_in_place):
         lines += assignment([Text(symbols.action_class(cls))], symbols.statement_of_class(cls), depth=0)
@@ -129,11 +129,11 @@ def _thing(symbols: Symbols, thing: Thing) -> list[str]:
 
 
 def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:
-    made = call(symbols.use("a_posture"), quoted(place.name))
+    posture = call(symbols.use("a_posture"), quoted(place.name))
     if place.pose is not None:
         numbers = {key: repr(round(value, 9)) for key, value in zip(("x", "y", "z", "yaw"), place.pose, strict=True)}
-        made = call(symbols.use("a_pose"), quoted(place.name), **numbers)
-    return assignment([Text(name)], made, depth=0)
+        posture = call(symbols.use("a_pose"), quoted(place.name), **numbers)
+    return assignment([Text(name)], posture, depth=0)
 
 
 def _function(symbols: Symbols, function: Function) -> list[str]:
@@ -153,7 +153,7 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
 
 
 def _parameter(symbols: Symbols, thing: Thing) -> str:
-    """Return a parameter with its default; without one, and with its name outside of Python, if it fills a slot."""
+    """Parameter with its default; for a slot without a default, and annotated with its name in the recipe."""
     name, type = symbols.thing(thing), _type(symbols, thing)
     if thing.slot is None:
         return f"{name}: {type} = {symbols.constant(thing)}"
@@ -166,7 +166,7 @@ def _type(symbols: Symbols, thing: Thing) -> str:
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
-    """Return a docstring; characters that would end it or form an escape are escaped."""
+    """Write a docstring, without characters that would end it or form an escape."""
     indent = INDENT * depth
     lines: list[str] = []
     for paragraph in paragraphs:
@@ -184,11 +184,11 @@ def _sentence(text: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class CompiledPlan:
-    """A plan's source and what there is to say about its recipe: warnings and notes, no errors.
+    """Source of a plan, with the warnings and notes about its recipe; there are no errors.
 
-    ``functions`` are the names of the plan functions in the source, that of the task last. ``recipes`` is what the
-    plan was made from, ``added`` for a recipe (IRI) the orders of steps (IRIs) that its location scopes add,
-    ``recoveries`` for a step of a recipe (both IRIs) what is done when it fails, in words.
+    ``functions`` are the names of the plan functions in the source, that of the task last. ``recipes`` are the compiled
+    recipes. ``added`` maps a recipe (IRI) to the orders of steps (IRIs) that its location scopes add, ``recoveries`` a
+    step of a recipe (both IRIs) to the recoveries from its failures, in words.
     """
 
     source: str
@@ -201,19 +201,19 @@ class CompiledPlan:
 
     @property
     def graph(self) -> GraphDrawing:
-        """The order of the steps of the recipe, drawn; a notebook shows it, ``save("steps.svg")`` writes it."""
+        """Drawing of the order of the recipe's steps; notebooks show it, ``save("steps.svg")`` writes it."""
         from planlang.compiler.drawing import GraphDrawing, task_graph  # most plans are not drawn
 
         return GraphDrawing(task_graph(self.recipes, self.added, self.recoveries))
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
-        """Write the plan as ``planlang compile --output`` does, and return the path.
+        """Write the plan as ``planlang compile --output`` does. Gives the path.
 
         ``force`` overwrites a plan that was edited, and files that planlang did not write. Raises BadInput if the file
         cannot be written.
         """
         target = Path(path)
-        if problems := check_outputs({"plan": target}, {}, force=True):  # write_versions looks at an old plan closely
+        if problems := check_outputs({"plan": target}, {}, force=True):  # write_versions protects an edited plan itself
             raise BadInput(problems)
         write_versions(target, self.source, force=force)
         return target
@@ -222,7 +222,7 @@ class CompiledPlan:
         return self.source
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
-        """Show the plan with colours in a notebook, below what there is to say about the recipe."""
+        """Show the diagnostics and the coloured plan in a notebook."""
         return {"text/plain": self.source, "text/html": listed(self.diagnostics) + highlighted(self.source)}
 
 
@@ -235,15 +235,15 @@ def compile_recipe(
     data_flow: bool = True,
     performed: Performed | None = None,
 ) -> CompiledPlan:
-    """Compile the recipe in a file: RDF/XML or Manchester syntax, recognised by its content.
+    """Compile the recipe in a file: RDF/XML, Manchester syntax or Turtle, recognised by its content.
 
-    ``task`` chooses one of several by local name or IRI; imports are looked for beside the file, then in ``folders``,
-    then among the bundled ontologies. Without
-    ``scopes`` base motions are steps like any other; without ``data_flow`` steps hand nothing on, and what they could
-    hand on orders nothing. ``performed`` returns the action classes that process modules perform: steps below them lack
-    no performer (R021). Raises BadInput with all diagnostics if there is an error.
+    ``task`` chooses one of several by local name or IRI. Imports are searched beside the file, then in ``folders``,
+    then among the bundled ontologies. Without ``scopes`` base motions are steps like any other; without ``data_flow``
+    steps pass no results on, and data flow orders nothing. ``performed`` gives the action classes that process modules
+    perform, so that R021 does not report steps of these classes. Raises BadInput with all diagnostics if there is an
+    error.
     """
-    with quiet_collector():  # nearly all that is read is kept to the end, too
+    with quiet_collector():  # nearly all objects live until the end: collecting garbage would only cost time
         ontology = load(path, folders=folders)
         return compile_ontology(ontology, task=task, scopes=scopes, data_flow=data_flow, performed=performed)
 
@@ -257,7 +257,7 @@ def compile_ontology(
     performed: Performed | None = None,
 ) -> CompiledPlan:
     """Compile a recipe of an ontology whose main document is the recipe; see :func:`compile_recipe`."""
-    with quiet_collector():  # nearly all that a compilation makes is kept to its end
+    with quiet_collector():
         return _compiled(Actions(ontology, performed), task, scopes=scopes, data_flow=data_flow)
 
 
@@ -267,19 +267,19 @@ def _compiled(read: Actions, task: str | None, *, scopes: bool, data_flow: bool)
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)
     recipes, actions = canonical(reading.recipes, data_flow=data_flow), reading.actions
-    del reading  # and with it the order of the recipe as it was read: as large as that of the canonical one
+    del reading  # frees the order of the recipe as read, which is as large as that of the canonical one
     lowering = Lowering(ontology, recipes, actions, scopes=scopes)
     tree = lowering.tree()
-    left_out = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
-    options = tuple(option for option, is_left_out in left_out if is_left_out)
+    switches = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
+    options = tuple(option for option, is_set in switches if is_set)
     source, functions = emit(tree, recipes, installed_version(), options)
-    found = (*diagnostics, *lowering.diagnostics)
+    reported = (*diagnostics, *lowering.diagnostics)
     name = recipes.main.name
-    return CompiledPlan(source, name, functions, recipes, lowering.added, found, lowering.recoveries)
+    return CompiledPlan(source, name, functions, recipes, lowering.added, reported, lowering.recoveries)
 
 
 def installed_version() -> str:
-    """Return the version of planlang that compiles."""
+    """Version of planlang that compiles."""
     try:
         return version("planlang")
     except PackageNotFoundError:
@@ -291,32 +291,31 @@ _F = TypeVar("_F", bound=Filler)
 
 
 def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
-    """Return the same recipes in an order of their own; without ``data_flow`` steps pass nothing on.
+    """Sort the statements of recipes; without ``data_flow`` drop the data flow between steps.
 
-    Equal statements give equal plans, in whatever order a file makes them: it is a set of triples, in which no step
-    stands before another. Where the recipe leaves an order open, names decide, and numbers in them count as numbers.
-
-    Recipes come in the order of first use, the task first, by the order of steps.
+    A file is a set of triples without an order, so equal statements have to give equal plans, however they are sorted
+    in the file. Where the recipe leaves an order open, names decide, and numbers in them count as numbers. Recipes come
+    in order of first use, the task first, by the order of steps.
     """
-    known = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
-    found: dict[str, Recipe] = {}
+    sorted_recipes = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
+    in_order: dict[str, Recipe] = {}
     waiting = [recipes.task]
     while waiting:
         iri = waiting.pop()
-        if iri not in found:
-            found[iri] = known[iri]
-            waiting += reversed([callee for step in known[iri].steps for callee in step.recipes])
-    return replace(recipes, recipes=found)
+        if iri not in in_order:
+            in_order[iri] = sorted_recipes[iri]
+            waiting += reversed([callee for step in sorted_recipes[iri].steps for callee in step.recipes])
+    return replace(recipes, recipes=in_order)
 
 
 def natural(name: str) -> Key:
-    """Return a key for natural sorting: ``pour2`` before ``pour10``."""
+    """Key for natural sorting: ``pour2`` before ``pour10``."""
     parts = re.split(r"([0-9]+)", name)
     return tuple((1, int(part), part) if index % 2 else (0, 0, part) for index, part in enumerate(parts))
 
 
 def iri_key(iri: str | None) -> tuple[Key, str]:
-    """Return a key that sorts IRIs by their local names."""
+    """Key that sorts IRIs by their local names."""
     return natural(local_name(iri or "")), iri or ""
 
 
@@ -364,7 +363,7 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
 
 
 def _visits(machine: StateMachine) -> dict[str, int]:
-    """Return the reachable states, numbered breadth first from the start."""
+    """Reachable states, numbered breadth-first from the start."""
     after: dict[str, list[str]] = {}
     for transition in machine.transitions:
         after.setdefault(transition.source, []).append(transition.target)
@@ -388,7 +387,7 @@ def _parameters(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
 
 
 def _filler(filler: _F) -> _F:
-    """Return a filler; of a place with the relations, also of the places inside of it, in the order of their names."""
+    """Filler with the relations of a place, and of places nested in it, sorted by name."""
     if not isinstance(filler, Place):
         return filler
     relations = [(relation, _filler(reference)) for relation, reference in filler.relations]

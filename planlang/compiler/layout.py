@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from planlang.records import dataclass
 
 WIDTH = 120
-"""Columns of a line, as in planlang's own code: a step with its properties stands on one. ``ruff format --line-length
-120`` leaves a plan unchanged, and so does black.
+"""Columns of a line, as in planlang's own code, so that a step with its properties fits on one. ``ruff format
+--line-length 120`` leaves a plan unchanged, and so does black.
 
-Longer are lines with a name that is too long alone: no formatter breaks a name.
+Only lines with a name that is too long by itself are longer, because no formatter breaks a name.
 """
 
 INDENT = "    "
@@ -24,7 +24,7 @@ class Text:
     text: str
 
     def flat(self) -> str:
-        """Return the text."""
+        """The text."""
         return self.text
 
 
@@ -36,7 +36,7 @@ class Sum:
     right: str
 
     def flat(self) -> str:
-        """Return the sum on one line."""
+        """The sum on one line."""
         return f"{self.left} + {self.right}"
 
 
@@ -48,31 +48,31 @@ class Item:
     key: str
 
     def flat(self) -> str:
-        """Return the item on one line."""
+        """The item on one line."""
         return f"{self.holder}[{self.key}]"
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """A call: positional and keyword arguments in the order given; a keyword's name is the first of the pair."""
+    """A call with arguments in order, as pairs (keyword or None, value)."""
 
     function: str
     arguments: tuple[tuple[str | None, Expression], ...] = ()
 
     def flat(self) -> str:
-        """Return the call on one line."""
+        """The call on one line."""
         inside = ", ".join(_labelled(keyword) + argument.flat() for keyword, argument in self.arguments)
         return f"{self.function}({inside})"
 
     def extended(self, **keywords: Expression) -> Call:
-        """Return the call with further keyword arguments."""
+        """Copy with further keyword arguments."""
         return Call(self.function, (*self.arguments, *keywords.items()))
 
     def further(self, *positional: Expression) -> Call:
-        """Return the call with further positional arguments."""
-        place = sum(keyword is None for keyword, _ in self.arguments)
+        """Copy with further positional arguments."""
+        number = sum(keyword is None for keyword, _ in self.arguments)
         further = ((None, argument) for argument in positional)
-        return Call(self.function, (*self.arguments[:place], *further, *self.arguments[place:]))
+        return Call(self.function, (*self.arguments[:number], *further, *self.arguments[number:]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,14 +84,14 @@ class Display:
     keys: tuple[Expression, ...] = ()
 
     def flat(self) -> str:
-        """Return the display on one line."""
+        """The display on one line."""
         inside = ", ".join([label + item.flat() for label, item in self.labelled()])
         if self.brackets == "()" and len(self.items) == 1:
             inside += ","
         return f"{self.brackets[0]}{inside}{self.brackets[1]}"
 
     def labelled(self) -> list[tuple[str, Expression]]:
-        """Return the items, each with the text before it: ``"key": `` or nothing."""
+        """Items, each with the text before it: ``"key": `` or nothing."""
         if not self.keys:
             return [("", item) for item in self.items]
         return [(f"{key.flat()}: ", item) for key, item in zip(self.keys, self.items, strict=True)]
@@ -99,13 +99,13 @@ class Display:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """An argument of a call, or an item of a display, with a comment on it: so each of them is on a line of its own."""
+    """An argument of a call, or an item of a display, with a comment; it takes a line of its own."""
 
     expression: Expression
     comment: str
 
     def flat(self) -> str:
-        """Return the expression on one line."""
+        """The expression on one line."""
         return self.expression.flat()
 
 
@@ -113,26 +113,26 @@ Expression = Text | Sum | Item | Call | Display | Remark
 
 
 def call(function: str, *positional: Expression | str, **keywords: Expression | str) -> Call:
-    """Return a call; plain strings are source text."""
+    """Build a call; plain strings are source text."""
     arguments: list[tuple[str | None, Expression]] = [(None, _expression(value)) for value in positional]
     arguments += [(key, _expression(value)) for key, value in keywords.items()]
     return Call(function, tuple(arguments))
 
 
 def sequence(items: Sequence[Expression], brackets: str = "()") -> Display:
-    """Return a tuple or list display."""
+    """Build a tuple or list display."""
     return Display(brackets, tuple(items))
 
 
 def statement(expression: Expression, *, depth: int, before: str = "", after: str = "") -> list[str]:
-    """Return the lines of a statement: ``before`` + expression + ``after``, indented by ``depth`` levels."""
+    """Write a statement, ``before`` + expression + ``after``, indented by ``depth`` levels."""
     return _lines(expression, depth, before, after)
 
 
 def assignment(targets: Sequence[Expression], expression: Expression, *, depth: int, before: str = "") -> list[str]:
-    """Return the lines of a statement that assigns a value to one target, or its parts to several.
+    """Write an assignment of a value to one target, or of its parts to several.
 
-    A value whose beginning does not fit beside its target stands in brackets, if that makes all lines fit.
+    A value whose first line does not fit beside its target is put in parentheses, if all lines fit then.
     """
     indent, together = INDENT * depth, ", ".join(target.flat() for target in targets)
     lines = statement(expression, depth=depth, before=f"{together} = {before}")
@@ -146,19 +146,19 @@ def assignment(targets: Sequence[Expression], expression: Expression, *, depth: 
 
 
 def comment(text: str, depth: int) -> list[str]:
-    """Return the lines of a comment."""
+    """Write a comment."""
     start = INDENT * depth + "# "
     return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)
 
 
-def remarked(lines: list[str], text: str, depth: int) -> list[str]:
-    """Return lines with a comment: beside them if they are one on which it has room, else above."""
+def with_comment(lines: list[str], text: str, depth: int) -> list[str]:
+    """Add a comment to lines: beside a single line if it fits, else above."""
     beside = f"{lines[0]}  # {' '.join(text.split())}"
     return [beside] if len(lines) == 1 and len(beside) <= WIDTH else [*comment(text, depth), *lines]
 
 
-def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
-    """Return the lines of a statement that returns one value, or several."""
+def return_statement(values: Sequence[Expression], *, depth: int) -> list[str]:
+    """Write a return statement with one or several values."""
     line = f"{INDENT * depth}return {', '.join(value.flat() for value in values)}"
     if len(values) == 1 or len(line) <= WIDTH:
         return [line]
@@ -166,10 +166,10 @@ def returned(values: Sequence[Expression], *, depth: int) -> list[str]:
 
 
 def signature(start: str, parameters: Sequence[str], returns: str, *, depth: int) -> list[str]:
-    """Return the first lines of a function: ``start`` is before its brackets, ``returns`` is the type of its result.
+    """Write the head of a function: ``start`` precedes its parentheses, ``returns`` is the type of its result.
 
-    Parameters share a line if they fit, else have one each. Without any the type is what is broken: inside of its own
-    brackets if these begin on the line, else inside of a pair around it.
+    Parameters share a line if they fit, otherwise each has its own. Without parameters the type is broken: inside its
+    brackets if they begin on the line, else inside parentheses around it.
     """
     indent, inner = INDENT * depth, INDENT * (depth + 1)
     line = f"{indent}{start}({', '.join(parameters)}) -> {returns}:"
@@ -190,7 +190,7 @@ def signature(start: str, parameters: Sequence[str], returns: str, *, depth: int
 
 
 def _parameter(parameter: str, indent: str) -> list[str]:
-    """Return a parameter on lines of its own; a type that does not fit is broken inside of its brackets."""
+    """Write a parameter on its own lines; a type that does not fit is broken inside its brackets."""
     named, bracket, inside = parameter.partition("[")
     if not bracket or len(f"{indent}{parameter},") <= WIDTH:
         return [f"{indent}{parameter},"]
@@ -205,7 +205,7 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
     if isinstance(expression, Text):
         return [f"{indent}{before}{expression.text}{after}"]
     if isinstance(expression, Remark):
-        return remarked(_lines(expression.expression, depth, before, after), expression.comment, depth)
+        return with_comment(_lines(expression.expression, depth, before, after), expression.comment, depth)
     is_wide = _is_wide(expression)
     if not is_wide:
         line = f"{indent}{before}{expression.flat()}{after}"
@@ -235,19 +235,19 @@ def _lines(expression: Expression, depth: int, before: str, after: str) -> list[
 
 
 def _items(items: Sequence[Expression], depth: int) -> list[str]:
-    """Return the items of a display, each on lines of its own."""
+    """Write the items of a display on lines of their own."""
     return [line for item in items for line in _lines(item, depth + 1, "", ",")]
 
 
 def _pair(key: Expression, item: Expression, depth: int) -> list[str]:
-    """Return an entry of a dict; its key is broken only if its value cannot be."""
+    """Write an entry of a dict; the key is broken only if the value cannot be."""
     if isinstance(item, Text):
         return _lines(key, depth + 1, "", f": {item.flat()},")
     return _lines(item, depth + 1, f"{key.flat()}: ", ",")
 
 
 def _is_wide(expression: Expression) -> bool:
-    """Return True if an expression has a remark, or too many parts for any line: each takes 3 characters at least."""
+    """True if an expression has a remark, or too many parts for a line: each part takes at least 3 characters."""
     if isinstance(expression, Remark):
         return True
     if isinstance(expression, (Text, Sum, Item)):

@@ -1,7 +1,7 @@
-"""Lower recipes to the plan tree: functions, location scopes, single steps, the constructs around these, recoveries.
+"""Lower recipes to the plan tree: functions, location scopes, steps, the constructs around them, recoveries.
 
-What a step has got hold of may be lost in any later one, until it is let go. Then the step that got hold of it is run
-again, and after that the one in which it was lost.
+A thing that a step acquired may be lost in any later step until it is released. Then the step that acquired it is run
+again, and after it the step that lost it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from planlang.compiler.expressions import without_digits
 from planlang.compiler.recoveries import Recoveries
-from planlang.compiler.structure import Overlaps, machine, structured
-from planlang.compiler.terms import HandUse, Renaming, Roles, Terms, renamed_thing
+from planlang.compiler.structure import Overlaps, arranged_by, machine
+from planlang.compiler.terms import HandUse, Roles, Substitution, Terms, substituted_thing
 from planlang.compiler.tree import (
     Achieve,
     Again,
@@ -49,7 +49,7 @@ from planlang.records import dataclass
 
 
 class Lowering:
-    """Lowers a checked set of recipes: orders are acyclic, nothing recurses, base motions are totally ordered."""
+    """Lowers a checked set of recipes: without cycles, recursion, or unordered base motions."""
 
     def __init__(self, ontology: Ontology, recipes: RecipeSet, actions: Actions, *, scopes: bool = True) -> None:
         self._recipes = recipes
@@ -63,7 +63,7 @@ class Lowering:
         self.added: dict[str, tuple[tuple[str, str], ...]] = {}
 
     def tree(self) -> PlanTree:
-        """Return the plan tree of the whole set."""
+        """Build the plan tree of all recipes."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes) if recipe.within is None]
         steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
         steps = (step for step in steps if not step.is_choice)
@@ -72,7 +72,7 @@ class Lowering:
 
     @property
     def recoveries(self) -> Mapping[tuple[str, str], tuple[str, ...]]:
-        """The recoveries of each step of a recipe (both IRIs), in words; known when there is a tree."""
+        """Recoveries of each step of a recipe (both IRIs), in words; complete once the tree is built."""
         return self._steps.recoveries_in_words
 
     def _function(self, recipe: Recipe) -> Function:
@@ -80,29 +80,29 @@ class Lowering:
         if recipe.iri == self._recipes.task:
             things = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
             about = things[0] if things else None
-            known = self._steps.recoveries
-            recoveries = known.around_step(recipe.action_class, about, frozenset())
-            recoveries += known.going_back(recipe.action_class, about)
+            chooser = self._steps.recoveries
+            recoveries = chooser.around_step(recipe.action_class, about, frozenset())
+            recoveries += chooser.going_back(recipe.action_class, about)
             if recoveries:
                 body = Series((Handle(body, recoveries),))
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
 
     def _machine(self, recipe: Recipe) -> Series:
-        """Return the state machine of a recipe: states run one by one, and a loop may lead back out of any scope."""
+        """State machine of a recipe. It has no scopes, because states run one by one and a loop may leave any scope."""
         self.added[recipe.iri] = ()
 
-        def done_in(step: Step) -> Node:
+        def state_node(step: Step) -> Node:
             return self._steps.with_looking(recipe, self._steps.node(recipe, step, frozenset()), [step])
 
-        return Series((machine(recipe, done_in, lambda step: self._terms.kept(recipe, step)),))
+        return Series((machine(recipe, state_node, lambda step: self._terms.products(recipe, step)),))
 
     def _ordered(self, recipe: Recipe) -> Series:
         order = recipe_order(recipe)
-        found = scopes_of(self._actions, recipe, self._recipes, order) if self._scopes else single_steps(order)
-        self.added[recipe.iri] = found.added
-        self.diagnostics += added_orders(recipe, found.added)
-        if found.added:
-            order = order.extended(found.added)
+        scoping = scopes_of(self._actions, recipe, self._recipes, order) if self._scopes else single_steps(order)
+        self.added[recipe.iri] = scoping.added
+        self.diagnostics += added_orders(recipe, scoping.added)
+        if scoping.added:
+            order = order.extended(scoping.added)
         overlaps = Overlaps(recipe, order)
         holding = self._roles.held(recipe, order)
 
@@ -113,16 +113,16 @@ class Lowering:
             if unit.base is not None and unit.steps:
                 return self._scope(recipe, unit, [overlaps.gated(iri, node(iri)) for iri in unit.steps])
             (iri,) = unit.members()
-            made = node(iri)
-            # a recipe that stays where its caller is leaves looking from elsewhere to the caller's scope
+            inner = node(iri)
+            # if the recipe does not move the base, the scope of its caller handles recoveries that look from elsewhere
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
             if unit.base is None and is_outermost:
-                made = self._steps.with_looking(recipe, made, [recipe.step(iri)], in_scope=not self._scopes)
-            return overlaps.gated(iri, made)
+                inner = self._steps.with_looking(recipe, inner, [recipe.step(iri)], in_scope=not self._scopes)
+            return overlaps.gated(iri, inner)
 
-        nodes = [unit_node(unit) for unit in found.units]
-        body = structured(found.order, nodes, [recipe.step(unit.members()[0]).name for unit in found.units])
-        steps = ([recipe.step(iri) for iri in unit.members()] for unit in found.units)
+        nodes = [unit_node(unit) for unit in scoping.units]
+        body = arranged_by(scoping.order, nodes, [recipe.step(unit.members()[0]).name for unit in scoping.units])
+        steps = ([recipe.step(iri) for iri in unit.members()] for unit in scoping.units)
         return self._steps.with_going_back(recipe, body, zip(nodes, steps, strict=True))
 
     def _scope(self, recipe: Recipe, unit: Unit, nodes: list[Node]) -> Node:
@@ -131,7 +131,7 @@ class Lowering:
         steps = [recipe.step(iri) for iri in unit.steps]
         order = recipe_order(recipe)
         inner = Precedence(unit.steps, ((one, other) for one in unit.steps for other in order.covers(one)))
-        body = structured(inner, nodes, [recipe.step(iri).name for iri in unit.steps])
+        body = arranged_by(inner, nodes, [recipe.step(iri).name for iri in unit.steps])
         inside = frozenset(unit.steps)
         uses = list(self._terms.hand_uses(recipe, [s for s in self._terms.steps(recipe) if s.iri in inside]))
         use = self._terms.use(_destination(base))
@@ -144,35 +144,37 @@ class Lowering:
 
 
 def above_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
-    """Return the classes directly above a class, or the class of actions of an individual."""
-    found = action_class(ontology, iri) if not ontology.is_class(iri) else None
-    return ontology.parents(iri) if found is None else (found,)
+    """Direct superclasses of a class, or the class of actions of an individual."""
+    cls = action_class(ontology, iri) if not ontology.is_class(iri) else None
+    return ontology.parents(iri) if cls is None else (cls,)
 
 
 def stated_classes(ontology: Ontology, classes: Iterable[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """Return classes (IRIs) that the bundled vocabulary does not know, and those above, with the ones directly above.
+    """Find the classes that a plan has to declare, superclasses first: (name, names of the direct superclasses).
 
-    Names are local ones where the vocabulary's namespace is meant. What is above a class comes before it; of classes
-    that are above each other the last is not stated.
+    These are the classes (IRIs), and their ancestors, that are not in the bundled vocabulary. Names are local in the
+    vocabulary's namespace. In a circle of subclasses the last one is left out.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    declared: dict[str, tuple[str, ...]] = {}
     open_: dict[str, None] = {}
     waiting = list(dict.fromkeys(classes))[::-1]
     while waiting:
         cls = waiting[-1]
         above = [
-            one for one in above_of(ontology, cls) if one != OWL.Thing and (one not in open_ or shorten(one) in found)
+            one
+            for one in above_of(ontology, cls)
+            if one != OWL.Thing and (one not in open_ or shorten(one) in declared)
         ]
-        left = [one for one in above if shorten(one) not in found and not is_vocabulary_class(one)]
-        if is_vocabulary_class(cls) or shorten(cls) in found or not above:
+        undeclared = [one for one in above if shorten(one) not in declared and not is_vocabulary_class(one)]
+        if is_vocabulary_class(cls) or shorten(cls) in declared or not above:
             waiting.pop()
-        elif left and cls not in open_:
+        elif undeclared and cls not in open_:
             open_[cls] = None
-            waiting += reversed(left)
+            waiting += reversed(undeclared)
         else:
-            found[shorten(cls)] = tuple(map(shorten, above))
+            declared[shorten(cls)] = tuple(map(shorten, above))
             waiting.pop()
-    return tuple(found.items())
+    return tuple(declared.items())
 
 
 @check("R041")
@@ -180,13 +182,13 @@ def added_orders(recipe: Recipe, added: Iterable[tuple[str, str]]) -> Iterator[D
     """Report the orders of steps (IRIs) that location scopes add to a recipe."""
     for before, after in added:
         first, second = recipe.step(before), recipe.step(after)
-        message = f"`{first.name}` now comes before `{second.name}`: steps at one place are performed together"
+        message = f"`{first.name}` now comes before `{second.name}`: steps at the same base pose are performed together"
         advice = f"state the order if it is intended: {ordering_to_write(recipe, before, after)}"
         yield note("R041", message, first.span, advice)
 
 
 def _destination(base: Step) -> Place:
-    """Return the destination of a base motion: its place, or a place from which its thing is in reach."""
+    """Destination of a base motion: its place, or a place from which its thing is in reach."""
     filler = next(filler for filler in base.fillers("toLocation") if isinstance(filler, (Place, Thing)))
     if isinstance(filler, Place):
         return filler
@@ -195,7 +197,7 @@ def _destination(base: Step) -> Place:
 
 
 class Steps:
-    """Makes nodes of the steps of one set of recipes; called recipes have to be asked for before their callers."""
+    """Builds the nodes of steps; called recipes have to be processed before their callers."""
 
     def __init__(self, recipes: RecipeSet, actions: Actions, terms: Terms, roles: Roles) -> None:
         self._recipes = recipes
@@ -204,24 +206,20 @@ class Steps:
         self._roles = roles
         self.recoveries = Recoveries(actions)
         self._around: dict[tuple[str, bool], tuple[Recover, ...]] = {}
-        """The recoveries that leave the place, one for each failure, of each recipe that does not move the base.
-
-        With it whether it is performed in a scope.
-        """
-
+        """(Recipe without base motion, whether in a scope) -> recoveries that move the base, one per failure."""
         self._open: dict[str, Keeping] = {}
-        """The things that each recipe holds at its end, with the recoveries that go back to it from what follows."""
+        """Recipe -> things that it holds at its end, with the recoveries from losing them in later steps."""
         self._unrepeatable: dict[str, bool] = {}
-        """True for a recipe (IRI) that has a step that must not be repeated, itself or in a recipe below it."""
+        """Recipe (IRI) -> whether it has a step that must not be repeated, directly or in a recipe below it."""
 
         self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
-        """The recoveries of each step of a recipe (both IRIs), in words."""
+        """(Recipe, step) (IRIs) -> recoveries, in words."""
 
     def node(self, recipe: Recipe, step: Step, holding: AbstractSet[str]) -> Node:
-        """Return a step as a node; it holds its resources if it is one of ``holding`` (IRIs)."""
+        """Build the node of a step; it holds its resources if it is one of ``holding`` (IRIs)."""
         node: Node
         if step.is_choice:
-            node = Alternatives(step.name, tuple(self._ways(step)), step.iri, step.label)
+            node = Alternatives(step.name, tuple(self._alternatives(step)), step.iri, step.label)
         elif step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
             label = step.label if self._actions.is_standard(step) else None  # other recipes have labels of their own
@@ -229,12 +227,12 @@ class Steps:
         else:
             once = step.is_abstract and recipe.machine is None
             node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)
-        # what is abstract is never skipped; alternatives have goals and recoveries of their own
+        # nobody knows whether the goal of an abstract step suffices; alternatives have their own goals and recoveries
         condition = None if step.is_abstract or step.is_choice else self._goal(step)
         if condition is not None:
             node = Achieve(condition, node)
-        written = self.recoveries.names(recipe.action_class)
-        recoveries = self.recoveries.around_step(step.action_class, self._about(recipe, step), written)
+        outer_rules = self.recoveries.names(recipe.action_class)
+        recoveries = self.recoveries.around_step(step.action_class, self._about(recipe, step), outer_rules)
         recoveries = () if step.is_choice else recoveries
         if recoveries:
             node = Handle(node, recoveries)
@@ -244,36 +242,33 @@ class Steps:
             node = Hold(step.name, self._roles.of(recipe, step), node)
         return node
 
-    def _ways(self, step: Step) -> Iterator[tuple[str, Node]]:
+    def _alternatives(self, step: Step) -> Iterator[tuple[str, Node]]:
         """Yield the alternatives of a step, each with its name."""
         for name in step.recipes:
             recipe = self._recipes.recipes[name]
             yield from ((inner.name, self.node(recipe, inner, frozenset())) for inner in recipe.steps)
 
     def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step], *, in_scope: bool = True) -> Node:
-        """Return the node with the recoveries of its steps that leave its place, one for each failure.
-
-        None, where a step is among them that must not be repeated.
-        """
+        """Add the recoveries of steps that move the base, one per failure; none if a step must not be repeated."""
         steps = tuple(steps)
-        found = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps, in_scope)
-        if not found:
+        chosen = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps, in_scope)
+        if not chosen:
             return node
         if isinstance(node, Handle):
-            return Handle(node.body, (*node.recoveries, *found))
-        return Handle(node, found)
+            return Handle(node.body, (*node.recoveries, *chosen))
+        return Handle(node, chosen)
 
     def with_going_back(self, recipe: Recipe, body: Series, units: Iterable[tuple[Node, list[Step]]]) -> Series:
-        """Return the body with the recoveries that go back to a step; what is still held is left to callers, too.
+        """Add the recoveries that run an earlier step again; for things still held at the end, callers add them, too.
 
-        What must not be repeated gets none.
+        Steps that must not be repeated get none.
         """
-        keeping = {id(node): self._kept_by(recipe, steps) for node, steps in units}
-        made, self._open[recipe.iri] = going_back(body, keeping)
-        assert isinstance(made, Series)
-        return made
+        keeping = {id(node): self._keeping_of(recipe, steps) for node, steps in units}
+        handled, self._open[recipe.iri] = going_back(body, keeping)
+        assert isinstance(handled, Series)
+        return handled
 
-    def _kept_by(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
+    def _keeping_of(self, recipe: Recipe, steps: Iterable[Step]) -> Keeping:
         steps = tuple(steps)
         kept = Keeping(once=any(map(self._is_unrepeatable, steps)))
         for step in steps:
@@ -284,18 +279,22 @@ class Steps:
             if self._actions.releases(step):
                 kept |= Keeping(let_go=self._actions.released(step))
             for callee in step.recipes:
-                renaming = self._terms.renaming(recipe, step, callee)
+                substitution = self._terms.substitution(recipe, step, callee)
                 below = self._recipes.recipes[callee]
-                inner = self._open.get(callee, Keeping()) if not step.is_choice else self._kept_by(below, below.steps)
-                let_go = frozenset(renamed_thing(thing, renaming) if thing else None for thing in inner.let_go)
-                lasting = tuple(_renamed(recovery, renaming) for recovery in inner.lasting)
-                kept |= Keeping(lasting, let_go, inner.name)
+                kept_inside = (
+                    self._open.get(callee, Keeping()) if not step.is_choice else self._keeping_of(below, below.steps)
+                )
+                let_go = frozenset(
+                    substituted_thing(thing, substitution) if thing else None for thing in kept_inside.let_go
+                )
+                lasting = tuple(_renamed(recovery, substitution) for recovery in kept_inside.lasting)
+                kept |= Keeping(lasting, let_go, kept_inside.name)
         return kept
 
     def _is_unrepeatable(self, step: Step) -> bool:
-        """Return True for a step that nothing performs or that changes what is there, or that calls such a recipe.
+        """True for a step with lasting effects, an abstract step, or a step that calls a recipe with such a step.
 
-        What has been poured, mixed or turned over has that effect, whatever is lost afterwards.
+        What has been poured, mixed or turned over stays so, whatever is lost afterwards.
         """
         if effects_of(self._actions.ontology, step.action_class).lasts:
             return True
@@ -305,10 +304,10 @@ class Steps:
         return step.is_abstract or any(self._unrepeatable[callee] for callee in step.recipes)
 
     def _leaving(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool) -> tuple[Recover, ...]:
-        found: dict[str, Recover] = {}
+        recoveries: dict[str, Recover] = {}
         for recovery in self._around_scope(recipe, steps, in_scope):
-            found.setdefault(recovery.failure, recovery)
-        return tuple(found.values())
+            recoveries.setdefault(recovery.failure, recovery)
+        return tuple(recoveries.values())
 
     def _around_scope(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool) -> Iterator[Recover]:
         for step in steps:
@@ -316,16 +315,17 @@ class Steps:
             for callee in step.recipes:
                 below = self._recipes.recipes[callee]
                 if not self._actions.moves_the_base(below, self._recipes):
-                    kept = callee, in_scope
-                    if kept not in self._around:
-                        self._around[kept] = self._leaving(below, self._terms.steps(below), in_scope)
-                    renaming = self._terms.renaming(recipe, step, callee)
-                    yield from (_renamed(recovery, renaming) for recovery in self._around[kept])
+                    key = callee, in_scope
+                    if key not in self._around:
+                        self._around[key] = self._leaving(below, self._terms.steps(below), in_scope)
+                    substitution = self._terms.substitution(recipe, step, callee)
+                    yield from (_renamed(recovery, substitution) for recovery in self._around[key])
 
     def _call(self, recipe: Recipe, step: Step, callee: str) -> FunctionCall:
-        renaming = self._terms.renaming(recipe, step, callee)
+        substitution = self._terms.substitution(recipe, step, callee)
         return FunctionCall(
-            callee, tuple((own, self._terms.handed(recipe, step, given)) for own, given in renaming.items())
+            callee,
+            tuple((own, self._terms.resolved_argument(recipe, step, given)) for own, given in substitution.items()),
         )
 
     def _goal(self, step: Step) -> Condition | None:
@@ -337,14 +337,14 @@ class Steps:
         return Condition(goal.predicate, things) if len(things) == len(fillers) else None
 
     def _about(self, recipe: Recipe, step: Step) -> Thing | None:
-        """Return the object that a recovery looks at: the step's, else its recipe's, else the only object."""
+        """Object that a recovery looks at: the step's, else its recipe's, else the only object."""
         own = self.recoveries.looked_at(step)
         if own is not None:
             return own
         acted_on = [filler for filler in recipe.fillers("objectActedOn") if isinstance(filler, Thing)]
         objects = [thing for thing in self._terms.parameters(recipe) if thing.kind is Kind.OBJECT]
-        known = [thing for thing in acted_on if thing in objects] or objects
-        return known[0] if len(known) == 1 else None
+        candidates = [thing for thing in acted_on if thing in objects] or objects
+        return candidates[0] if len(candidates) == 1 else None
 
 
 def _in_words(recovery: Recover) -> str:
@@ -355,31 +355,31 @@ def _in_words(recovery: Recover) -> str:
     return f"on {recovery.failure}: {tried}" + (f", else {recovery.otherwise}" if recovery.otherwise else "")
 
 
-def _renamed(recovery: Recover, renaming: Renaming) -> Recover:
-    """Return a recovery of a called function in terms of its caller."""
-    about = renamed_thing(recovery.about, renaming) if recovery.about is not None else None
+def _renamed(recovery: Recover, substitution: Substitution) -> Recover:
+    """Translate a recovery of a called function to the terms of its caller."""
+    about = substituted_thing(recovery.about, substitution) if recovery.about is not None else None
     return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
 
 
 def _fetching(recovery: Recover, step: Step) -> str:
-    """Return the name of a function that gets hold of what a recovery is about."""
+    """Name for a function that acquires the object of a recovery."""
     return f"fetch_{snake_case(without_digits(recovery.about.name))}" if recovery.about else snake_case(step.name)
 
 
 @dataclass(frozen=True, slots=True)
 class Keeping:
-    """The things that the steps of a node get hold of, with the recoveries from its loss, and what they let go."""
+    """What the steps of a node acquire, with the recoveries from losing it, and what they release."""
 
     lasting: tuple[Recover, ...] = ()
     let_go: frozenset[Thing | None] = frozenset()
-    """None for whatever is held."""
+    """Released things; None stands for whatever is held."""
     name: str = ""
-    """The name of running the first of these steps again."""
+    """Name of the function that runs the first of these steps again."""
     once: bool = False
     """True if the node must not be run again."""
 
     def ends(self, recovery: Recover) -> bool:
-        """Return True if the thing that a recovery is about is let go."""
+        """True if the thing of a recovery is released."""
         return not self.let_go.isdisjoint({recovery.about, None})
 
     def __or__(self, other: Keeping) -> Keeping:
@@ -388,15 +388,15 @@ class Keeping:
 
 
 def going_back(node: Node, keeping: Mapping[int, Keeping]) -> tuple[Node, Keeping]:
-    """Return a node with its recoveries that go back, and what it still holds at its end.
+    """Add the recoveries that run an earlier step again, and find what a node still holds at its end.
 
-    ``keeping`` is known of the nodes of steps, by identity. In a series a recovery is written around the node that gets
-    hold of a thing and around each later one, up to the first that lets it go; then likewise in the series around.
+    ``keeping`` maps the nodes of steps, by identity. In a series a recovery is added to the node that acquires a thing
+    and to each later one, up to the first that releases it; if none does, the enclosing series continues.
     """
     match node:
         case Series(nodes):
-            made, whole = _series([going_back(inner, keeping) for inner in nodes])
-            return Series(made), whole
+            handled, whole = _series([going_back(inner, keeping) for inner in nodes])
+            return Series(handled), whole
         case Parallel(branches):
             named, whole = _branches(branches, keeping)
             return Parallel(named), whole
@@ -418,7 +418,7 @@ def _series(parts: Sequence[tuple[Node, Keeping]]) -> tuple[tuple[Node, ...], Ke
                     later.setdefault(number, []).append(replace(recovery, again=keeping.name))
             if not ends:
                 whole |= Keeping((recovery,), name=keeping.name)
-        # branches have the recoveries already
+        # branches inside parallel nodes have these recoveries already
         if not isinstance(node, (Parallel, PartialOrder)) and not keeping.once:
             nodes[first] = _handled(nodes[first], keeping.lasting)
         if later:
@@ -429,7 +429,7 @@ def _series(parts: Sequence[tuple[Node, Keeping]]) -> tuple[tuple[Node, ...], Ke
 
 
 def _handled(node: Node, recoveries: Sequence[Recover]) -> Node:
-    """Return a node with recoveries, each of which can let a failure pass to the next one for the same class."""
+    """Add recoveries. A second one for the same failure surrounds the first, so that a failure can propagate to it."""
     for recovery in recoveries:
         if isinstance(node, Handle) and recovery.failure not in {other.failure for other in node.recoveries}:
             node = Handle(node.body, (*node.recoveries, recovery))
@@ -441,9 +441,9 @@ def _handled(node: Node, recoveries: Sequence[Recover]) -> Node:
 def _branches(
     branches: Sequence[tuple[str, Node]], keeping: Mapping[int, Keeping]
 ) -> tuple[tuple[tuple[str, Node], ...], Keeping]:
-    made, whole = [], Keeping()
+    handled, whole = [], Keeping()
     for name, branch in branches:
         node, after = going_back(branch, keeping)
-        made.append((name, node))
+        handled.append((name, node))
         whole |= after
-    return tuple(made), whole
+    return tuple(handled), whole

@@ -1,4 +1,4 @@
-"""Recoveries of steps, chosen from those that ontologies state, and the check of what these state."""
+"""Choose the recoveries of steps from the rules in ontologies, and check these rules."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from planlang.recoveries import Strategy, find_strategy, registered_strategies
 from planlang.spelling import similar
 
 NEXT_SOLUTION = "NextSolution"
-"""The next solution, which is no registered strategy: a location scope performs it."""
+"""Strategy that a location scope performs, and that is therefore not registered: try the next base pose."""
 
 CURED = frozenset(failure.__name__ for failure in CURABLE)
-"""Failures for which a location scope tries the next place; rules cannot choose them."""
+"""Failures for which a location scope tries the next base pose; rules cannot change this list."""
 
 RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
-"""The failures that a location scope raises without a further place: if nothing is held, and if something is."""
+"""Failures that a location scope raises after its last base pose: with nothing in the hand, and with something."""
 
 FROM_HERE = frozenset(kind.__name__ for kind in CURABLE if issubclass(kind, (ManipulationFailure, LookingFailure)))
-"""Those of them that are tried again from the same place where there is no scope: what was felt changes the plan."""
+"""Those that are retried from the same base pose outside a scope: contacts felt so far change the motion."""
 ATTEMPTS_FROM_HERE = 2
 REPEAT = Strategy("Repeat", retry)
 
 
 @check("R043", "R044")
 def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
-    """Report each name and number that a recovery rule gets wrong (an error), and rules that are left out."""
+    """Report unknown names and malformed numbers in recovery rules (errors), and rules without effect (warnings)."""
     classes = {
         name for name, value in vars(failures).items() if isinstance(value, type) and issubclass(value, PlanFailure)
     }
@@ -50,32 +50,32 @@ def check_recoveries(rules: tuple[RecoveryRule, ...]) -> Iterator[Diagnostic]:
 
 
 def _unregistered(rule: RecoveryRule) -> Iterator[Diagnostic]:
-    """Yield a diagnostic if the strategy of a rule is not registered."""
+    """Report a rule whose strategy is not registered."""
     try:
-        known = find_strategy(rule.strategy) is not None
-    except Exception as failed:  # whatever the user's package raises
+        is_registered = find_strategy(rule.strategy) is not None
+    except Exception as failed:  # the user's package may raise anything
         message = f"the strategy {rule.strategy} of the recovery `{rule.name}` cannot be loaded"
         yield error("R043", message, rule.span, "; ".join([f"{type(failed).__name__}: {failed}", *failed.__notes__]))
         return
-    if not known:
+    if not is_registered:
         names = {one.name for one in registered_strategies()}
         yield _unknown(rule, "strategy", rule.strategy, names | {NEXT_SOLUTION})
 
 
 def _other_than_a_scope(rule: RecoveryRule) -> Iterator[Diagnostic]:
-    """Yield diagnostics where a rule for the next place asks for what a location scope does not do."""
+    """Report a rule for the next base pose that a location scope cannot follow."""
     if set(rule.failures) != CURED:
-        message = f"the recovery `{rule.name}` cannot change the failures for which the next place is tried"
+        message = f"the recovery `{rule.name}` cannot change the failures for which the next base pose is tried"
         yield warning("R044", message, rule.span, f"name exactly {', '.join(sorted(CURED))}")
     if rule.escalates_to is not None and rule.escalates_to not in RAISED:
         message = f"the recovery `{rule.name}` cannot escalate to {rule.escalates_to}"
-        advice = f"leave it out: without a further place {RAISED[0]} is raised, {RAISED[1]} if something is held"
+        advice = f"leave it out: after the last base pose {RAISED[0]} is raised, or {RAISED[1]} if something is held"
         yield warning("R044", message, rule.span, advice)
 
 
 def _unknown(rule: RecoveryRule, what: str, name: str, known: AbstractSet[str]) -> Diagnostic:
-    alike = similar(name, sorted(known))
-    advice = f"did you mean {alike[0]}?" if alike else f"known: {', '.join(sorted(known))}"
+    similar_names = similar(name, sorted(known))
+    advice = f"did you mean {similar_names[0]}?" if similar_names else f"known: {', '.join(sorted(known))}"
     return error("R043", f"the recovery `{rule.name}` names an unknown {what} {name}", rule.span, advice)
 
 
@@ -87,24 +87,24 @@ class Recoveries:
         self._rules = actions.recoveries
         self._acted_on = frozenset(action for rule in self._rules for action in rule.actions)
         self._known: dict[tuple[str, ...], list[tuple[str, RecoveryRule]]] = {}
-        """Ancestors that rules speak of -> the rules that hold below these."""
+        """Ancestors with rules -> rules that apply to their common subclasses."""
         self._actions = actions
 
     def _of(self, cls: str) -> list[tuple[str, RecoveryRule]]:
-        """Return :func:`recoveries_of` of a class, cached as many classes share them."""
-        concerned = tuple(name for name in self._ontology.ancestors(cls) if name in self._acted_on)
-        found = self._known.get(concerned)
-        if found is None:
-            found = self._known[concerned] = recoveries_of(self._ontology, self._rules, cls)
-        return found
+        """Cached :func:`recoveries_of` of a class; many classes share them."""
+        ancestors = tuple(name for name in self._ontology.ancestors(cls) if name in self._acted_on)
+        rules = self._known.get(ancestors)
+        if rules is None:
+            rules = self._known[ancestors] = recoveries_of(self._ontology, self._rules, cls)
+        return rules
 
     def attempts_at_places(self, step: Step) -> int:
-        """Return how many places the scope of this base motion tries: one if no rule is about the next place."""
+        """Number of base poses that the scope of a base motion tries; one if no rule is about the next pose."""
         attempts = [rule.attempts for _, rule in self._of(step.iri) if rule.strategy == NEXT_SOLUTION]
         return max(attempts, default=1)
 
     def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
-        """Return the recoveries of a class that keep the base in place; ``written`` names rules already outside."""
+        """Recoveries of a class that keep the base in place; ``written`` names rules that surround the step already."""
         return tuple(
             _recover(failure, rule, strategy, about)
             for failure, rule in self._of(cls)
@@ -116,30 +116,30 @@ class Recoveries:
         )
 
     def names(self, cls: str) -> frozenset[str]:
-        """Return the names of the rules that hold for a class."""
+        """Names of the rules that apply to a class."""
         return frozenset(rule.name for _, rule in self._of(cls))
 
     def around_scope(self, step: Step, about: Thing | None, *, in_scope: bool = True) -> tuple[Recover, ...]:
-        """Return the recoveries that move the base: of the step's class, and of the actions its primitive implies.
+        """Recoveries that move the base: those of the step's class, and of the actions that its primitive implies.
 
-        Where no scope is around that could try the next place, what it cures is tried again from here.
+        Outside a scope, which could try the next base pose, failures that this might cure are retried from here.
         """
         classes = [step.iri]
         if (primitive := self._actions.primitive(step)) is not None:
             classes += primitive.implies
-        found: dict[str, Recover] = {}
+        chosen: dict[str, Recover] = {}
         for failure, rule in (pair for cls in classes for pair in self._of(cls)):
             if rule.strategy == NEXT_SOLUTION:
                 if not in_scope and failure in FROM_HERE:
-                    found.setdefault(failure, Recover(failure, REPEAT, None, ATTEMPTS_FROM_HERE, rule.escalates_to))
+                    chosen.setdefault(failure, Recover(failure, REPEAT, None, ATTEMPTS_FROM_HERE, rule.escalates_to))
                 continue
             strategy = find_strategy(rule.strategy)
             if about is not None and strategy is not None and strategy.moves_base and not strategy.goes_back:
-                found.setdefault(failure, _recover(failure, rule, strategy, about))
-        return tuple(found.values())
+                chosen.setdefault(failure, _recover(failure, rule, strategy, about))
+        return tuple(chosen.values())
 
     def going_back(self, cls: str, about: Thing | None) -> tuple[Recover, ...]:
-        """Return the recoveries that go back to an action of a class from what follows it."""
+        """Recoveries of an action that run it again when a later step fails."""
         return tuple(
             _recover(failure, rule, strategy, about)
             for failure, rule in self._of(cls)
@@ -147,14 +147,14 @@ class Recoveries:
         )
 
     def looked_at(self, step: Step) -> Thing | None:
-        """Return the thing that a step looks at before it acts: the object that it handles, or the recipient."""
+        """Thing that has to be seen before a step acts: the object that it handles, or the recipient."""
         if step.primitive is not None and self._actions.releases(step):
             return next((filler for filler in step.fillers("recipient") if isinstance(filler, Thing)), None)
         for filler in step.fillers("objectActedOn"):
             if isinstance(filler, Thing) and filler.kind is Kind.OBJECT:
                 return filler
-        reached = (thing for filler in step.fillers("toLocation") for thing in gone_to(filler))
-        return next((thing for thing in reached if thing.kind is Kind.OBJECT), None)
+        candidates = (thing for filler in step.fillers("toLocation") for thing in gone_to(filler))
+        return next((thing for thing in candidates if thing.kind is Kind.OBJECT), None)
 
 
 def _recover(failure: str, rule: RecoveryRule, strategy: Strategy, about: Thing | None) -> Recover:

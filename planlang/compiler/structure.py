@@ -1,9 +1,9 @@
 """Convert orders, overlaps and transitions to constructs of the plan language.
 
-An order becomes what is one after another, side by side, or a partial order of its own. Steps that overlap run side by
-side: what a relation states about their beginnings and ends (:meth:`planlang.recipe.model.Overlap.endpoints`) becomes
-gates: a step begins, or counts as ended, only after the events that it has to wait for; two that begin or end together
-each signal that they are ready, and wait for the other. States and transitions become a state machine.
+An order becomes sequences, parallel branches, and explicit partial orders for the rest. Overlapping steps run in
+parallel: the relations between their beginnings and ends (:meth:`planlang.recipe.model.Overlap.endpoints`) become
+gates: a step begins, or counts as ended, only after the events that it waits for; two steps that begin or end together
+signal that they are ready and wait for each other. States and transitions become a state machine.
 """
 
 from __future__ import annotations
@@ -23,53 +23,52 @@ from planlang.recipe.order import Precedence
 from planlang.records import dataclass
 
 MOST_NESTED = 3
-"""Greatest depth of nested constructs, for readers: deeper ones become one partial order, which means the same.
+"""Maximum depth of nested constructs, for readability: deeper ones become one equivalent partial order.
 
-The body of a branch of the third is indented by 16 of the 88 columns.
+The body of a branch at the third level is indented by 16 columns.
 """
 
 MOST_ROUNDS = 50
-"""Rounds in which modules of an order are merged: one finds all of a level, and what is nested deeper than
-``MOST_NESTED`` is flattened in any case. It bounds the time that an order of 10,000 steps in 5,000 levels takes."""
+"""Maximum number of rounds that merge modules of an order: a round finds all modules of a level, and levels deeper than
+``MOST_NESTED`` are flattened anyway. Bounds the time for an order of 10,000 steps in 5,000 levels."""
 
 LONGEST_NAME = 50
-"""Characters in the name of a branch of several steps, which is called after its first and last one: as much as fits
-beside a call."""
+"""Maximum length of the name of a branch, made of its first and last step, so that a call fits beside it."""
 
 _N = TypeVar("_N", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
 class SerialPart:
-    """Parts one after another: all of one come before all of the next."""
+    """Parts in sequence: all nodes of one come before all nodes of the next."""
 
     parts: tuple[Part, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class ParallelPart:
-    """Parts side by side, by their first leaves: nothing orders one with another."""
+    """Unordered parts, sorted by their first leaves."""
 
     parts: tuple[Part, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class PrimePart:
-    """Parts, by their first leaves, whose order has neither form; ``orderings`` are pairs of their numbers."""
+    """Parts in an order of neither form, sorted by their first leaves; ``orderings`` are pairs of their indices."""
 
     parts: tuple[Part, ...]
     orderings: tuple[tuple[int, int], ...]
 
 
 Part = SerialPart | ParallelPart | PrimePart | int
-"""A leaf is a node, given by its number in the order of the nodes."""
+"""A leaf is the index of a node."""
 
 
 def decomposed(order: Precedence[_N], deepest: int = MOST_NESTED + 1) -> Part | None:
-    """Return what is one after another, what side by side, and what is neither, ``deepest`` levels deep; None if empty.
+    """Decompose an order into serial, parallel and prime parts, ``deepest`` levels deep; None if it is empty.
 
-    A part of a SerialPart is never a SerialPart, one of a ParallelPart never a ParallelPart. What is nested deeper is
-    one PrimePart of leaves. This is the modular decomposition of an order (R. H. Möhring, F. J. Radermacher, 1984), but
+    Parts of a SerialPart are no SerialParts, those of a ParallelPart no ParallelParts. Deeper levels become one
+    PrimePart of leaves. This is the modular decomposition of an order (R. H. Möhring, F. J. Radermacher, 1984), except
     that within a prime part only modules of series-parallel form are found.
     """
     if not order.nodes:
@@ -91,15 +90,17 @@ def decomposed(order: Precedence[_N], deepest: int = MOST_NESTED + 1) -> Part | 
         parts = tuple(part(group, deepest - 1) for group in groups)
         if is_serial or is_parallel:
             return SerialPart(parts) if is_serial else ParallelPart(parts)
-        place = {node: index for index, group in enumerate(groups) for node in order.members(group)}
-        pairs = {(place[one], place[other]) for one in place for other in order.covers(one) if other in place}
+        group_of = {node: index for index, group in enumerate(groups) for node in order.members(group)}
+        pairs = {
+            (group_of[one], group_of[other]) for one in group_of for other in order.covers(one) if other in group_of
+        }
         return PrimePart(parts, tuple(sorted(pair for pair in pairs if pair[0] != pair[1])))
 
     return part(sum(map(order.bit, order.nodes)), deepest)
 
 
 def _components(order: Precedence[_N], inside: int) -> Iterator[int]:
-    """Yield the sets of nodes (as bits) between which nothing is ordered."""
+    """Yield the connected components of the order, as bits."""
     while inside:
         group = waiting = inside & -inside
         while waiting:
@@ -112,44 +113,46 @@ def _components(order: Precedence[_N], inside: int) -> Iterator[int]:
 
 
 def _series(order: Precedence[_N], inside: int) -> list[int]:
-    """Return the longest series of sets of nodes such that all of one come before all of the next.
+    """Split nodes into the longest sequence of sets (as bits) such that all of one come before all of the next.
 
-    A linear extension can be cut where exactly the nodes before the cut are those that come before every node after it.
+    A linear extension can be cut where exactly the nodes before the cut come before every node after it.
     """
     groups: list[int] = []
-    before_all, tail, left = inside, 0, inside
+    before_all, tail, remaining = inside, 0, inside
     for node in reversed(list(order.members(inside))):
         before_all &= order.earlier(node)
         tail |= order.bit(node)
-        left ^= order.bit(node)
-        if before_all == left:
+        remaining ^= order.bit(node)
+        if before_all == remaining:
             groups.append(tail)
             tail = 0
     return groups[::-1]
 
 
 def _modules(order: Precedence[_N], inside: int) -> list[int]:
-    """Return sets of nodes of series-parallel form that stand in one relation to every other node.
+    """Find modules of series-parallel form (as bits): sets whose nodes have the same order to every other node.
 
-    Two nodes are made one, for which the first stands, if the same nodes come before and after both, or if nothing else
-    does between them.
+    Two nodes are merged, and the first represents both, if the same nodes come before and after both, or if one
+    directly follows the other and nothing else is ordered between them.
     """
     groups = {node: order.bit(node) for node in order.members(inside)}
     for _ in range(MOST_ROUNDS):
-        known = len(groups)
+        before = len(groups)
         mask = sum(map(order.bit, groups))
-        # by their hashes: the sets themselves take 1 KB a node where there are 10,000
-        known_with: dict[int, list[_N]] = {}
+        # keyed by hash, because with 10,000 nodes each set takes 1 KB
+        groups_with: dict[int, list[_N]] = {}
         for node in list(groups):
-            around = order.earlier(node) & mask, order.later(node) & mask
-            alike = known_with.setdefault(hash(around), [])
-            same = next((one for one in alike if (order.earlier(one) & mask, order.later(one) & mask) == around), None)
+            neighbours = order.earlier(node) & mask, order.later(node) & mask
+            twins = groups_with.setdefault(hash(neighbours), [])
+            same = next(
+                (one for one in twins if (order.earlier(one) & mask, order.later(one) & mask) == neighbours), None
+            )
             if same is None:
-                alike.append(node)
+                twins.append(node)
             else:
                 groups[same] |= groups.pop(node)
         mask = sum(map(order.bit, groups))
-        for node in reversed(list(groups)):  # the last first, so that a chain becomes one in a single round
+        for node in reversed(list(groups)):  # backwards, so that a chain collapses in a single round
             following = order.later(node) & mask
             if not following:
                 continue
@@ -157,44 +160,44 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
             is_only_one_after = following == order.later(after) & mask | order.bit(after)
             if is_only_one_after and order.earlier(after) & mask == order.earlier(node) & mask | order.bit(node):
                 groups[node] |= groups.pop(after)
-        if len(groups) == known:
+        if len(groups) == before:
             break
     return list(groups.values())
 
 
 class BranchNames:
-    """The names of branches and states, as the recipe writes them; a number tells apart what is the same in snake case.
+    """Names of branches and states as in the recipe, with a number if they are equal in snake case.
 
-    So functions, and parameters that take results, have names of their own, too.
+    The functions and parameters that are named after them in snake case are therefore unique, too.
     """
 
     def __init__(self) -> None:
         self._names = Names()
 
     def claim(self, wanted: str) -> str:
-        """Return a name that is not given out yet."""
+        """Make a name unique."""
         key = f"branch_{snake_case(wanted)}"
         return wanted + self._names.claim(key).removeprefix(key)
 
 
 def _is_keyword(name: str) -> bool:
-    """Return True for a name that a branch of ``par`` may have."""
+    """True for a valid keyword argument of ``par``."""
     return name.isidentifier() and not iskeyword(name) and name not in ("name", "limit")
 
 
-def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
-    """Return nodes in an order of as many; ``names`` are what branches are called by.
+def arranged_by(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str]) -> Series:
+    """Arrange nodes by an order with as many elements; ``names`` are the preferred names of branches.
 
-    The constructs allow exactly the orders that the order allows.
+    The constructs allow exactly the executions that the order allows.
     """
     part = decomposed(order)
     if part is None:
         return Series(())
-    known = BranchNames()
-    own = list(map(known.claim, names))
+    branch_names = BranchNames()
+    own = list(map(branch_names.claim, names))
 
     def called(part: Part) -> str:
-        """Return the name of a branch: of its step, or made of the names of its first and last ones."""
+        """Name of a branch: that of its step, or made of the names of its first and last steps."""
         if isinstance(part, int):
             return own[part]
         leaves = _leaves(part)
@@ -203,7 +206,7 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
             name = f"{first}_then_{last}" if len(leaves) == 2 else f"{first}_to_{last}"
         else:
             name = f"{first}_and_{last}" if len(leaves) == 2 else f"{first}_and_others"
-        return known.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more")
+        return branch_names.claim(name if len(name) <= LONGEST_NAME else f"{first}_and_more")
 
     def made(part: Part) -> Node:
         if isinstance(part, int):
@@ -222,7 +225,7 @@ def structured(order: Precedence[_N], nodes: Sequence[Node], names: Sequence[str
 
 
 def _leaves(part: Part) -> list[int]:
-    """Return the leaves of a part, in the order of its parts."""
+    """Leaves of a part, in the order of its parts."""
     return [part] if isinstance(part, int) else [leaf for inner in part.parts for leaf in _leaves(inner)]
 
 
@@ -234,20 +237,20 @@ _READY = {BEGINS: READY_TO_BEGIN, ENDS: READY_TO_END}
 
 @dataclass(slots=True)
 class _Point:
-    """The beginning or the end of a step: what it waits for, and what happens together with it."""
+    """The beginning or the end of a step: events to wait for, and events that happen together with it."""
 
     waits: dict[Event, None] = field(default_factory=dict)
     together: dict[Event, None] = field(default_factory=dict)
 
 
 class Overlaps:
-    """The gates of the steps of one recipe; ``order`` is that of its steps (IRIs)."""
+    """Builds the gates of overlapping steps of a recipe; ``order`` is that of its steps (IRIs)."""
 
     def __init__(self, recipe: Recipe, order: Precedence[str]) -> None:
         self._points: dict[tuple[str, str], _Point] = {}
         self._signalled: set[Event] = set()
         self._in_words: dict[str, str] = {}
-        """Overlaps of each step with others as the recipe states them, in words."""
+        """Step (IRI) -> its stated overlaps, in words."""
         known = {step.iri for step in recipe.steps}
         for overlap in recipe.overlaps:
             text = f"{overlap.relation.value} {local_name(overlap.second)}"
@@ -260,14 +263,14 @@ class Overlaps:
                     self._with_recipe(recipe, here, there, order)
 
     def gated(self, step: str, node: Node) -> Node:
-        """Return the node of a step between its gates, or the node itself if nothing overlaps the step."""
+        """Put a node between the gates of its step; nodes of steps without overlaps stay as they are."""
         if not self._points and not self._signalled:
             return node
         opens, closes = self._gates(step, BEGINS), self._gates(step, ENDS)
         return Gate(local_name(step), opens, node, closes, self._in_words.get(step, "")) if opens or closes else node
 
     def _gates(self, step: str, moment: str) -> tuple[Event | tuple[Event, ...], ...]:
-        """Return the gates at one end of a step: first wait, then meet the steps that are ready, then signal."""
+        """Gates at one end of a step: wait for others, meet the steps that are ready, then signal."""
         point = self._points.get((step, moment), _Point())
         gates: list[Event | tuple[Event, ...]] = []
         if point.waits:
@@ -294,7 +297,7 @@ class Overlaps:
     def _with_recipe(
         self, recipe: Recipe, one: tuple[str, str], other: tuple[str, str], order: Precedence[str]
     ) -> None:
-        """Gate a step that begins with the recipe before all others, one that ends with it after all others."""
+        """Gate a step that begins with the recipe before all others, and one that ends with it after all others."""
         step, moment = one if other[0] == recipe.iri else other
         for another in recipe.steps:
             if another.iri == step or order.ordered(step, another.iri):
@@ -311,20 +314,20 @@ class Overlaps:
 DONE, TRUE, FALSE = "done", "true", "false"
 
 NOT_SEEN = ObjectNotFound.__name__
-"""The failure by which a step that checks whether something is seen reports that it is not."""
+"""Failure of a step that checks whether something is visible, if it is not."""
 
 
 def machine(
     recipe: Recipe, node_of: Callable[[Step], Node], kept: Callable[[Step], tuple[str, ...]] = lambda step: ()
 ) -> Machine:
-    """Return the state machine of a finite-state recipe; ``node_of`` returns the node of a state's step.
+    """Build the state machine of a finite-state recipe; ``node_of`` builds the node of a state's step.
 
-    ``kept`` are the names under which other states find what a state has made.
+    ``kept`` gives the names under which other states find the result of a state.
     """
     assert recipe.machine is not None
     steps = {step.iri: step for step in recipe.steps}
-    known = BranchNames()
-    names = {iri: known.claim(step.name) for iri, step in steps.items()}
+    state_names = BranchNames()
+    names = {iri: state_names.claim(step.name) for iri, step in steps.items()}
     ends = [end for end in recipe.machine.ends if end in steps]
     leaving: dict[str, list[Transition]] = {iri: [] for iri in steps}
     for transition in recipe.machine.transitions:
@@ -355,37 +358,37 @@ def _state(name: str, body: Node, leaving: list[Transition]) -> State:
 
 
 def _not_cured(body: Node) -> Node:
-    """Return the node without recoveries from failed perception, which the machine handles itself."""
+    """Remove recoveries from failed perception, which the machine handles by a transition."""
     if not isinstance(body, Handle):
         return body
-    kept = tuple(recovery for recovery in body.recoveries if recovery.failure != NOT_SEEN)
-    return Handle(body.body, kept) if kept else body.body
+    remaining = tuple(recovery for recovery in body.recoveries if recovery.failure != NOT_SEEN)
+    return Handle(body.body, remaining) if remaining else body.body
 
 
 def _cases(names: Mapping[str, str], state: str, leaving: list[Transition]) -> list[Case]:
-    """Return a case for each outcome of a state; a transition for any outcome covers outcomes without their own."""
+    """Build a case for each outcome of a state; a transition for any outcome covers those without their own."""
     endings = {transition.ending for transition in leaving}
     checks = bool(endings & {Ending.TRUE, Ending.FALSE})
-    found: dict[tuple[str, bool], str] = {}
+    targets: dict[tuple[str, bool], str] = {}
     for transition in leaving:
         target = names[transition.target]
         match transition.ending:
             case Ending.TRUE:
-                found.setdefault((TRUE, False), target)
+                targets.setdefault((TRUE, False), target)
             case Ending.FALSE:
-                found.setdefault((FALSE, False), target)
-                found.setdefault((NOT_SEEN, True), target)
+                targets.setdefault((FALSE, False), target)
+                targets.setdefault((NOT_SEEN, True), target)
             case Ending.OTHER:
-                found.setdefault((local_name(transition.outcome or ""), False), target)
+                targets.setdefault((local_name(transition.outcome or ""), False), target)
             case Ending.FAILED:
-                found.setdefault((PlanFailure.__name__, True), target)
+                targets.setdefault((PlanFailure.__name__, True), target)
             case _ if not checks:
-                found.setdefault((DONE, False), target)
+                targets.setdefault((DONE, False), target)
     for transition in leaving:
         if checks and transition.ending is Ending.DONE:
             for outcome in (TRUE, FALSE):
-                found.setdefault((outcome, False), names[transition.target])
-    by_kind = sorted(found.items(), key=lambda item: (item[0][1], item[0][0] == PlanFailure.__name__))
+                targets.setdefault((outcome, False), names[transition.target])
+    by_kind = sorted(targets.items(), key=lambda item: (item[0][1], item[0][0] == PlanFailure.__name__))
     return [Case(names[state], outcome, target, is_failure) for (outcome, is_failure), target in by_kind]
 
 

@@ -1,9 +1,8 @@
-"""The things that steps are about, in terms of plan functions, and the roles (resources) that steps hold.
+"""Arguments of actions in terms of plan functions, and the roles (resources) that steps hold.
 
-A role is one of base, torso, arm, gripper, head. A step with a recipe holds the roles of all its primitives from its
-first to its last one where it is unordered with a step that shares a role with it; that one waits, and so holds its
-own. So does a step that nothing performs yet, which may need every role. Unordered primitives need no such order:
-process modules take turns by themselves.
+A role is one of base, torso, arm, gripper, head. A step with a recipe holds the roles of all its primitives from the
+first to the last one if it is unordered with a step that shares a role; so does that step, because it waits. So does an
+abstract step, which may need every role. Unordered primitives need not hold anything: process modules take turns.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
-from planlang.compiler.tree import ActionTerm, Described, Kept, Passed, PlaceUse, Resting, Value
+from planlang.compiler.tree import ActionTerm, Described, LatestProduct, PlaceUse, Resting, StepResult, Value
 from planlang.designators import local_name, snake_case, unused_name
 from planlang.ontology import Ontology, shorten
 from planlang.recipe.actions import Actions
@@ -32,21 +31,21 @@ from planlang.recipe.model import (
     Thing,
 )
 from planlang.recipe.order import Precedence, callees_first, recipe_order
-from planlang.recipe.slots import offered
+from planlang.recipe.slots import fitting_parameters
 
 _T = Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
-Given = Thing | PlaceUse
-"""The argument of a caller for a parameter: a thing, or a place for one that stands for a place."""
+Argument = Thing | PlaceUse
+"""Argument for a parameter: a thing, or a place if the parameter stands for a place."""
 
-Renaming = dict[Thing, Given]
-"""Parameter of a called function -> what its caller passes."""
+Substitution = dict[Thing, Argument]
+"""Parameter of a called function -> argument of its caller."""
 
 HandUse = tuple[PlaceUse | Thing | Resting, Thing | None]
-"""A goal of a hand, and the device that it reaches with, if that is known."""
+"""Goal of a hand, and the device to reach it with, if known."""
 
 SEEN = "detectedObject"
-"""The property of a condition that names what has to be seen."""
+"""Property of a condition for the thing that has to be seen."""
 
 ACTED_ON, CHECKED = "object_acted_on", "condition_evaluated"
 
@@ -55,7 +54,7 @@ LAST = ("deviceUsed",)
 
 
 class Terms:
-    """Answers for one set of recipes; all answers are in the order in which the plan performs the steps."""
+    """Translates fillers of recipes to arguments of plan functions; results are in the order of the plan's steps."""
 
     def __init__(self, ontology: Ontology, recipes: RecipeSet, actions: Actions) -> None:
         self._ontology = ontology
@@ -63,49 +62,49 @@ class Terms:
         self._actions = actions
         self._parameters: dict[str, tuple[Thing, ...]] = {}
         self._steps: dict[str, tuple[Step, ...]] = {}
-        self._passed: dict[str, dict[tuple[str, str], list[Flow]]] = {}
+        self._flows: dict[str, dict[tuple[str, str], list[Flow]]] = {}
         self._uses: dict[str, tuple[HandUse, ...]] = {}
         self._devices = self._effective_devices()
-        for recipe in callees_first(recipes):  # whatever asks below a recipe finds the answer there
+        for recipe in callees_first(recipes):  # parameters of callers depend on those of their callees
             self.parameters(recipe)
         for recipe in callees_first(recipes):
             self._uses[recipe.iri] = tuple(dict.fromkeys(self.hand_uses(recipe, self.steps(recipe))))
 
     def steps(self, recipe: Recipe) -> Sequence[Step]:
-        """Return the steps of a recipe in the order in which the plan names them."""
+        """Steps of a recipe in the order of the plan."""
         if recipe.iri not in self._steps:
             self._steps[recipe.iri] = tuple(map(recipe.step, recipe_order(recipe).extension))
         return self._steps[recipe.iri]
 
     def parameters(self, recipe: Recipe) -> tuple[Thing, ...]:
-        """Return the objects and persons that a recipe uses, itself or in what it calls, by first use."""
+        """Objects and persons that a recipe uses, directly or in recipes that it calls, by first use."""
         if recipe.iri not in self._parameters:
-            found: dict[Thing, None] = {}
+            used: dict[Thing, None] = {}
             for step in self.steps(recipe):
                 for parameter in _ordered(step):
-                    found.update(dict.fromkeys(_things(parameter[1])))
+                    used.update(dict.fromkeys(_things(parameter[1])))
                 checked = step.condition.parameters if step.condition is not None else ()
-                found.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
+                used.update(dict.fromkeys(_things(parameter.filler for parameter in checked)))
                 for callee in step.recipes:
-                    for given in self.renaming(recipe, step, callee).values():
-                        found.update(dict.fromkeys(given.arguments if isinstance(given, PlaceUse) else (given,)))
-            self._parameters[recipe.iri] = tuple(thing for thing in found if thing.kind is not Kind.DEVICE)
+                    for passed in self.substitution(recipe, step, callee).values():
+                        used.update(dict.fromkeys(passed.arguments if isinstance(passed, PlaceUse) else (passed,)))
+            self._parameters[recipe.iri] = tuple(thing for thing in used if thing.kind is not Kind.DEVICE)
         return self._parameters[recipe.iri]
 
-    def renaming(self, caller: Recipe, step: Step, callee: str) -> Renaming:
-        """Return what a call passes for each parameter of the called function.
+    def substitution(self, caller: Recipe, step: Step, callee: str) -> Substitution:
+        """Map the parameters of a called function to the arguments of a call.
 
-        An individual stands for itself. A class takes the caller's filler of the same property if there is just one
-        and its class is below, what the called recipe does not state takes that of the step; else it stands for itself,
-        too.
+        An individual is passed as itself. A class takes the caller's filler of the same property, if there is exactly
+        one and its class is a subclass; a parameter that the called recipe leaves open takes that of the step;
+        otherwise the parameter is passed on as it is.
         """
         recipe = self._recipes.recipes[callee]
-        if recipe.within is not None:  # an alternative stands in the function of the step itself
+        if recipe.within is not None:  # an alternative is part of the function with the step itself
             return {thing: thing for thing in self.parameters(recipe)}
         return {thing: self._argument(caller, step, recipe, thing) for thing in self.parameters(recipe)}
 
     def action(self, recipe: Recipe, step: Step) -> ActionTerm:
-        """Return the action designator of a step; a step of the hand takes the recipe's device if it names none."""
+        """Action designator of a step; a step of the hand uses the recipe's device if it names none."""
         properties: dict[str, tuple[Value, ...]] = {}
         for name, fillers in _ordered(step):
             key = _unclashed(snake_case(local_name(name)), properties)
@@ -119,59 +118,60 @@ class Terms:
 
     @staticmethod
     def performed_class(step: Step) -> str:
-        """Return the class (IRI) of the action; an individual with a recipe of its own is one, the nearest there is."""
+        """Class (IRI) of the action; an individual with a recipe of its own counts as its own class."""
         return step.iri if step.iri in step.recipes else step.action_class
 
-    def passed(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
-        """Return the step (IRI) whose result a step takes for a filler; None if none provides it.
-
-        Of several that make the same the last one, if they are in order.
-        """
-        if recipe.iri not in self._passed:
+    def producer_of(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
+        """Step (IRI) whose result fills a property, if any; of several ordered producers the last one."""
+        if recipe.iri not in self._flows:
             flows: dict[tuple[str, str], list[Flow]] = {}
             for flow in recipe.flows:
                 flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
-            self._passed[recipe.iri] = flows
-        found = self._passed[recipe.iri].get((step.iri, property_name), ())
+            self._flows[recipe.iri] = flows
+        flows_in = self._flows[recipe.iri].get((step.iri, property_name), ())
         order = recipe_order(recipe)
-        makers = [
-            flow.producer for flow in found if flow.resource in _names(filler) and order.before(flow.producer, step.iri)
+        producers = [
+            flow.producer
+            for flow in flows_in
+            if flow.resource in _names(filler) and order.before(flow.producer, step.iri)
         ]
-        last = [maker for maker in makers if all(maker == other or order.before(other, maker) for other in makers)]
+        last = [
+            maker for maker in producers if all(maker == other or order.before(other, maker) for other in producers)
+        ]
         return last[0] if last else None
 
-    def kept(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
-        """Return the names under which other states of a machine find what a state makes."""
+    def products(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
+        """Names under which other states of a machine find the result of a state."""
         if recipe.machine is None:
             return ()
         used = [flow for flow in recipe.flows if flow.producer == step.iri and flow.consumer != step.iri]
         return tuple(dict.fromkeys(_key(flow) for flow in used if self._takes(recipe, flow)))
 
-    def handed(self, recipe: Recipe, step: Step, given: Given) -> Given | Passed | Kept:
-        """Return what a step passes to its recipe, or the result of an earlier step for it."""
+    def resolved_argument(self, recipe: Recipe, step: Step, given: Argument) -> Argument | StepResult | LatestProduct:
+        """Argument that a step passes to its recipe, or the result of an earlier step for it."""
         filler = given.place if isinstance(given, PlaceUse) else given
         for name in dict.fromkeys(parameter.property for parameter in step.parameters if parameter.filler == filler):
-            found = self._from_others(recipe, step, name, filler, given)
-            if found is not None:
-                return found
+            result = self._from_others(recipe, step, name, filler, given)
+            if result is not None:
+                return result
         return given
 
-    def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | Passed:
-        """Return the goal of a base motion, or the result of an earlier step that stands for it."""
-        producer = self.passed(recipe, step, "toLocation", place)
-        return Passed(producer, self.use(place)) if producer is not None else self.use(place)
+    def place(self, recipe: Recipe, step: Step, place: Place) -> PlaceUse | StepResult:
+        """Goal of a base motion, or the result of an earlier step for it."""
+        producer = self.producer_of(recipe, step, "toLocation", place)
+        return StepResult(producer, self.use(place)) if producer is not None else self.use(place)
 
     def _checked(
         self, condition: Description, properties: Mapping[str, tuple[Value, ...]]
     ) -> dict[str, tuple[Value, ...]]:
-        """Return the properties of a check: perception is an action on an object, anything else a situation."""
+        """Properties of a check: perception acts on an object, any other check has a situation."""
         seen = [one.filler for one in condition.parameters if local_name(one.property) == SEEN]
         if len(seen) == len(condition.parameters) == 1 and isinstance(seen[0], Thing):
             return {} if ACTED_ON in properties else {ACTED_ON: (seen[0],)}
         return {CHECKED: (self._described(condition) if condition.parameters else Name(condition.type),)}
 
     def _described(self, description: Description) -> Described:
-        """Return a situation in the form that plans use."""
+        """Situation in the form that plans use."""
         properties: dict[str, tuple[Value, ...]] = {}
         for parameter in description.parameters:
             filler = parameter.filler
@@ -186,51 +186,53 @@ class Terms:
 
     def _from_others(
         self, recipe: Recipe, step: Step, property_name: str, filler: Filler, own: _T
-    ) -> Passed | Kept | None:
-        """Return what other steps provide for a filler, which is ``own`` in the plan; None if they provide nothing."""
+    ) -> StepResult | LatestProduct | None:
+        """Result of other steps for a filler, with ``own`` as the fallback; None if no step provides one."""
         if recipe.machine is not None:
             for flow in recipe.flows:
                 if (flow.consumer, flow.consumes) == (step.iri, property_name) and flow.resource in _names(filler):
-                    return Kept(_key(flow), own)
+                    return LatestProduct(_key(flow), own)
             return None
-        producer = self.passed(recipe, step, property_name, filler)
-        return Passed(producer, own) if producer is not None else None
+        producer = self.producer_of(recipe, step, property_name, filler)
+        return StepResult(producer, own) if producer is not None else None
 
     def _takes(self, recipe: Recipe, flow: Flow) -> bool:
         consumers = (step for step in recipe.steps if step.iri == flow.consumer)
         return any(flow.resource in _names(filler) for one in consumers for filler in one.fillers(flow.consumes or ""))
 
     def use(self, place: Place) -> PlaceUse:
-        """Return a place with the things that it depends on."""
+        """Place together with the things that it depends on."""
         return PlaceUse(place, place.changeable())
 
     def device(self, recipe: Recipe, step: Step) -> Thing | None:
-        """Return the device of a step of the hand: its own, else its recipe's."""
+        """Device of a step of the hand: its own, else its recipe's."""
         own = _device(step.fillers("deviceUsed"))
         if own is not None or not self._actions.uses_hand(step):
             return own
         return self._devices.get(recipe.iri)
 
     def hand_uses(self, recipe: Recipe, steps: Iterable[Step]) -> Iterator[HandUse]:
-        """Yield the goals of the hand in some steps and in the recipes that they call, each once for a step.
+        """Yield the goals of the hand in steps and in the recipes that they call, each once per step.
 
-        Of alternatives the first one counts: a base pose need not suit what is only tried when that has failed.
+        Of alternatives only the first counts: a base pose need not suit those that are tried after it has failed.
         """
         for step in steps:
             for goal in self._actions.hand_goals(step):
                 yield self._goal(step, goal), self.device(recipe, step)
             for callee in step.recipes[:1]:
-                renaming = self.renaming(recipe, step, callee)
-                yield from ((renamed(where, renaming), device) for where, device in self._uses[callee])
+                substitution = self.substitution(recipe, step, callee)
+                yield from ((substituted(where, substitution), device) for where, device in self._uses[callee])
 
     def _goal(self, step: Step, goal: Place | Thing) -> PlaceUse | Thing | Resting:
-        """Return where a step takes the hand; a thing that something is lowered onto stands for the place on it."""
+        """Goal of the hand in a step; a thing to lower something onto stands for the place on it."""
         if isinstance(goal, Place):
             return self.use(goal)
         return Resting(goal) if self._actions.is_a(step, "LoweringAnObject") else goal
 
     def devices_of_places(self, scopes: Iterable[tuple[PlaceUse, list[HandUse]]]) -> tuple[tuple[str, Thing], ...]:
-        """Return the places that are always reached with the same device: of hands, and of bases in their scopes."""
+        """Places that are always reached with the same device: goals of hands, and base poses by the goals in their
+        scopes.
+        """
         users: dict[str, set[Thing | None]] = {}
         for recipe in self._recipes.recipes.values():
             for step in self.steps(recipe):
@@ -243,7 +245,7 @@ class Terms:
             (iri, device) for iri, devices in users.items() if len(devices) == 1 for device in devices if device
         )
 
-    def _argument(self, caller: Recipe, step: Step, recipe: Recipe, thing: Thing) -> Given:
+    def _argument(self, caller: Recipe, step: Step, recipe: Recipe, thing: Thing) -> Argument:
         if thing.iri is not None:
             return thing
         if thing.slot is not None:
@@ -255,25 +257,25 @@ class Terms:
             if parameter.filler == thing
         }
         for source in (step, caller):
-            offered = dict.fromkeys(
+            candidates = dict.fromkeys(
                 filler
                 for name in sorted(properties)
                 for filler in source.fillers(name)
                 if isinstance(filler, Thing) and filler.kind is thing.kind and self._may_be(filler, thing.stated)
             )
-            if len(offered) == 1:
-                return next(iter(offered))
+            if len(candidates) == 1:
+                return next(iter(candidates))
         return thing
 
     def _may_be(self, filler: Thing, cls: str) -> bool:
-        """Return True for what is of a class, and for what may be: a caller's thing, and one of an unknown class."""
-        is_anything = filler.slot is not None or is_of_unknown_kind(self._ontology, filler.stated)
-        return is_anything or self._ontology.is_a(filler.stated, cls)
+        """True if a filler is, or may be, an instance of a class: parameters and things of unknown class may."""
+        has_any_class = filler.slot is not None or is_of_unknown_kind(self._ontology, filler.stated)
+        return has_any_class or self._ontology.is_a(filler.stated, cls)
 
-    def _filled(self, step: Step, recipe: Recipe, thing: Thing, slot: Slot) -> Given:
-        """Return what a step passes for what its recipe does not state; the parameter itself unless it is clear."""
+    def _filled(self, step: Step, recipe: Recipe, thing: Thing, slot: Slot) -> Argument:
+        """Argument for a parameter that the called recipe leaves open; the parameter itself if it is ambiguous."""
         if thing.owner == recipe.name:
-            match [one.filler for one in offered(self._ontology, step, slot)]:
+            match [one.filler for one in fitting_parameters(self._ontology, step, slot)]:
                 case [Place() as place]:
                     return self.use(place)
                 case [Thing() as filler]:
@@ -281,12 +283,12 @@ class Terms:
         return thing
 
     def _effective_devices(self) -> dict[str, Thing]:
-        """Return the device of each recipe: its own, else the one that all its callers give it."""
+        """Device of each recipe: its own, else the one that all its callers use."""
         devices: dict[str, Thing] = {}
-        given: dict[str, set[Thing | None]] = {}
+        offers_to: dict[str, set[Thing | None]] = {}
         for recipe in reversed(callees_first(self._recipes)):
             own = _device(recipe.fillers("deviceUsed"))
-            offers = given.get(recipe.iri, set())
+            offers = offers_to.get(recipe.iri, set())
             if own is not None:
                 devices[recipe.iri] = own
             elif len(offers) == 1 and (only := next(iter(offers))) is not None:
@@ -294,33 +296,33 @@ class Terms:
             for step in recipe.steps:
                 for callee in step.recipes:
                     offer = _device(step.fillers("deviceUsed")) or devices.get(recipe.iri)
-                    given.setdefault(callee, set()).add(offer)
+                    offers_to.setdefault(callee, set()).add(offer)
         return devices
 
 
-def renamed(where: PlaceUse | Thing | Resting, renaming: Renaming) -> PlaceUse | Thing | Resting:
-    """Return a place or thing of a called function in terms of its caller."""
+def substituted(where: PlaceUse | Thing | Resting, substitution: Substitution) -> PlaceUse | Thing | Resting:
+    """Translate a place or thing of a called function to the terms of its caller."""
     if isinstance(where, Thing):
-        return renaming.get(where, where)
+        return substitution.get(where, where)
     if isinstance(where, Resting):
-        given = renaming.get(where.support, where.support)
+        given = substitution.get(where.support, where.support)
         return Resting(given) if isinstance(given, Thing) else given
-    return PlaceUse(where.place, tuple(renamed_thing(thing, renaming) for thing in where.arguments))
+    return PlaceUse(where.place, tuple(substituted_thing(thing, substitution) for thing in where.arguments))
 
 
-def renamed_thing(thing: Thing, renaming: Renaming) -> Thing:
-    """Return a thing of a called function in terms of its caller; itself if the caller passes a place."""
-    given = renaming.get(thing, thing)
+def substituted_thing(thing: Thing, substitution: Substitution) -> Thing:
+    """Translate a thing of a called function to the terms of its caller; unchanged if the caller passes a place."""
+    given = substitution.get(thing, thing)
     return given if isinstance(given, Thing) else thing
 
 
 def _key(flow: Flow) -> str:
-    """Return the name of what a flow passes between states."""
+    """Name of the resource of a flow between states."""
     return local_name(flow.resource or flow.producer)
 
 
 def _names(filler: Filler) -> tuple[str | None, ...]:
-    """Return the names of a filler in data flows; among them None, as a flow may leave out the name."""
+    """Names of a filler in data flows, including None, because a flow may leave out the name."""
     match filler:
         case Thing():
             return (None, filler.iri) if filler.iri is not None else (None, filler.stated)
@@ -331,7 +333,7 @@ def _names(filler: Filler) -> tuple[str | None, ...]:
 
 
 def _ordered(step: Step) -> list[tuple[str, tuple[Filler, ...]]]:
-    """Return properties and their fillers: the object first, then the place, the rest by name, the device last."""
+    """Properties and their fillers: the object first, then places, the rest by name, the device last."""
     names = dict.fromkeys(parameter.property for parameter in step.parameters)
     middle = sorted(name for name in names if name not in FIRST + LAST)
     ordered = [name for name in FIRST if name in names] + middle + [name for name in LAST if name in names]
@@ -346,7 +348,7 @@ def _things(fillers: Iterable[Filler]) -> Iterator[Thing]:
             yield from filler.things()
         elif isinstance(filler, Constraint):
             yield from _things((filler.tool, filler.world))
-        elif isinstance(filler, Part) and filler.held_by is None:  # what a hand holds is found by the hand
+        elif isinstance(filler, Part) and filler.held_by is None:  # a held thing is identified by the hand
             yield filler.of
 
 
@@ -355,24 +357,24 @@ def _device(fillers: Iterable[Filler]) -> Thing | None:
 
 
 def _unclashed(key: str, taken: Iterable[str]) -> str:
-    """Return a keyword argument of ``action`` for a property: no keyword of Python, nor a parameter of ``action``."""
+    """Keyword argument of ``action`` for a property, distinct from Python's keywords and its own parameters."""
     return unused_name(key, {*taken, "type", "name", "below", *kwlist})
 
 
 ROLES = ("base", "torso", "arm", "gripper", "head")
-"""The order in which a plan names roles; others follow by name."""
+"""Roles in the order in which a plan names them; others follow by name."""
 
 SIDED = frozenset({"arm", "gripper"})
-"""Roles of which a robot has one on each side."""
+"""Roles that exist once per side of a robot."""
 
 SIDES = ("left", "right")
 
 Role = tuple[str, str | None]
-"""A role and its side; None where any side may be meant."""
+"""A role and its side; None for any side."""
 
 
 class Roles:
-    """The roles of one set of recipes. Sides only count if a device of one side is used."""
+    """The roles of one set of recipes. Sides count only if a step uses a device of one side."""
 
     def __init__(self, recipes: RecipeSet, actions: Actions, terms: Terms) -> None:
         self._recipes = recipes
@@ -386,21 +388,21 @@ class Roles:
         self._has_sides = any(side for _, side in used)
 
     def of(self, recipe: Recipe, step: Step) -> tuple[str, ...]:
-        """Return the names of all roles that a step holds, ``left_arm`` and ``right_arm`` where sides count."""
+        """Names of all roles that a step holds, ``left_arm`` and ``right_arm`` if sides count."""
         names = {name for role in self._roles(recipe, step) for name in self._names(*role)}
         return tuple(sorted(names, key=_rank))
 
     def held(self, recipe: Recipe, order: Precedence[str]) -> frozenset[str]:
-        """Return the steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps.
+        """Steps (IRIs) that hold their roles; ``order`` has all orders of the recipe's steps.
 
-        What is unordered with one that holds a role holds it, too: a request that waits in a module's queue for a role
-        would be in the way of the one that has the role and asks the module.
+        A step that is unordered with a holder has to hold its roles, too. Otherwise its request would wait in a
+        module's queue for the role, and block the holder's own requests to that module: a deadlock.
         """
         users: dict[str, int] = {}
         for step in recipe.steps:
             for name in self.of(recipe, step):
                 users[name] = users.get(name, 0) | order.bit(step.iri)
-        found = 0
+        holders = 0
         waiting = [step for step in recipe.steps if step.recipes or step.is_abstract]
         while waiting:
             step = waiting.pop()
@@ -409,10 +411,10 @@ class Roles:
                 sharing |= users[name]
             own = order.bit(step.iri)
             sharing &= ~(order.later(step.iri) | order.earlier(step.iri) | own)
-            new = (sharing | own if sharing else 0) & ~found
-            found |= new
+            new = (sharing | own if sharing else 0) & ~holders
+            holders |= new
             waiting += [recipe.step(iri) for iri in order.members(new & ~own)]
-        return frozenset(order.members(found))
+        return frozenset(order.members(holders))
 
     def _roles(self, recipe: Recipe, step: Step) -> frozenset[Role]:
         key = recipe.iri, step.iri
@@ -421,17 +423,17 @@ class Roles:
         return self._known[key]
 
     def _found(self, recipe: Recipe, step: Step) -> set[Role]:
-        found: set[Role] = {(role, None) for role in ROLES} if step.is_abstract else set()
+        roles: set[Role] = {(role, None) for role in ROLES} if step.is_abstract else set()
         for callee in step.recipes:
             below = self._recipes.recipes[callee]
-            found |= {role for inner in below.steps for role in self._roles(below, inner)}
+            roles |= {role for inner in below.steps for role in self._roles(below, inner)}
         primitive = self._actions.primitive(step)
         if primitive is not None:
             side = _side(self._terms.device(recipe, step))
-            found |= {(role, side if role in SIDED else None) for role in primitive.resources}
+            roles |= {(role, side if role in SIDED else None) for role in primitive.resources}
             implied = (self._actions.primitives.get(action) for action in primitive.implies)
-            found |= {(role, None) for other in implied if other is not None for role in other.resources}
-        return found
+            roles |= {(role, None) for other in implied if other is not None for role in other.resources}
+        return roles
 
     def _names(self, role: str, side: str | None) -> tuple[str, ...]:
         if role not in SIDED or not self._has_sides:
@@ -440,7 +442,7 @@ class Roles:
 
 
 def _side(device: Thing | None) -> str | None:
-    """Return the side in a device's name or its class in the vocabulary; None if neither, or both, are named."""
+    """Side in a device's name or class; None if it mentions neither, or both."""
     if device is None:
         return None
     words = {word for name in (device.iri, device.type) if name for word in snake_case(local_name(name)).split("_")}

@@ -1,4 +1,4 @@
-"""The plan tree, what a recipe is lowered to and the source is written from, and what its nodes pass on."""
+"""The plan tree, between recipes and source, and the values that its nodes pass to each other."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from planlang.recoveries import Strategy
 
 @dataclass(frozen=True, slots=True)
 class PlaceUse:
-    """A place as a function uses it: the place, and the function's own things that stand for those it names."""
+    """A place in a plan function, with the function's arguments for the things that the place refers to."""
 
     place: Place
     arguments: tuple[Thing, ...]
@@ -20,42 +20,42 @@ class PlaceUse:
 
 @dataclass(frozen=True, slots=True)
 class Resting:
-    """The place on a thing, or the place that the thing stands for if the plan's caller gives one instead."""
+    """The place on a thing, or the place itself if the caller passes a place for the thing."""
 
     support: Thing
 
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """A situation of a class (IRI, local name if of the vocabulary) in which properties are filled, in snake case."""
+    """A situation of a class (IRI, or local name of the vocabulary) with properties in snake case."""
 
     type: str
     properties: tuple[tuple[str, tuple[Value, ...]], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Passed:
-    """The result of an earlier step (IRI), or ``otherwise`` if that is not of the right kind."""
+class StepResult:
+    """Result of an earlier step (IRI), or ``otherwise`` if the result is of the wrong kind."""
 
     producer: str
     otherwise: Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """The last value that states have made under a name, or ``otherwise`` if it is not of the right kind."""
+class LatestProduct:
+    """Latest result of states under a name, or ``otherwise`` if it is of the wrong kind."""
 
     name: str
     otherwise: Thing | PlaceUse | Part | Constraint | Name | str | int | float | bool
 
 
-Value = Thing | PlaceUse | Part | Constraint | Described | Passed | Kept | Name | str | int | float | bool
-"""A filler of a property of an action in a plan."""
+Value = Thing | PlaceUse | Part | Constraint | Described | StepResult | LatestProduct | Name | str | int | float | bool
+"""Filler of a property of an action in a plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class ActionTerm:
-    """An action designator: the step's own class (IRI, local name if of the vocabulary), properties in snake case.
+    """An action designator: the step's own class (IRI, or local name of the vocabulary) and properties in snake case.
 
     A property may have several fillers.
     """
@@ -68,8 +68,8 @@ class ActionTerm:
 class Perform:
     """Perform a primitive or abstract action; ``name`` is the step's class, ``label`` its description.
 
-    ``step`` is the IRI of the step, by which others refer to its result. ``once``: it must not be repeated, as nothing
-    is known of what it changes.
+    ``step`` is the IRI of the step, by which others refer to its result. ``once`` if it must not be repeated, because
+    its effects are unknown.
     """
 
     name: str
@@ -84,8 +84,8 @@ class FunctionCall:
     """Call the plan function of a recipe (IRI) with things for some of its parameters."""
 
     recipe: str
-    arguments: tuple[tuple[Thing, Thing | PlaceUse | Passed | Kept], ...]
-    """Pairs (parameter of the called function, what the caller passes)."""
+    arguments: tuple[tuple[Thing, Thing | PlaceUse | StepResult | LatestProduct], ...]
+    """Pairs (parameter of the called function, argument)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition that the executive can look up, over things of the function."""
+    """A condition over things of the function that the executive can evaluate."""
 
     predicate: str
     things: tuple[Thing, ...]
@@ -109,7 +109,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Achieve:
-    """Run the body unless the condition holds; after it the condition must hold."""
+    """Run the body unless the condition holds; afterwards the condition must hold."""
 
     condition: Condition
     body: Node
@@ -117,9 +117,9 @@ class Achieve:
 
 @dataclass(frozen=True, slots=True)
 class Recover:
-    """One recovery: failure class, strategy and what it is about, how often, and what to raise then.
+    """One recovery: failure class, strategy and its object, number of attempts, and the failure to raise after them.
 
-    ``again`` names what the strategy runs again (:class:`Again`).
+    ``again`` names the branch that the strategy runs again (:class:`Again`).
     """
 
     failure: str
@@ -132,7 +132,7 @@ class Recover:
 
 @dataclass(frozen=True, slots=True)
 class Again:
-    """Run the body, which recoveries of later nodes run again by this name."""
+    """Run the body; recoveries of later nodes run it again by this name."""
 
     name: str
     body: Node
@@ -148,7 +148,7 @@ class Handle:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Run the body while holding resources (roles), which are granted all at once; ``name`` is the step's."""
+    """Run the body while holding resources (roles), which are granted all at once; ``name`` is that of the step."""
 
     name: str
     roles: tuple[str, ...]
@@ -157,11 +157,11 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """Run the body where the base is at ``place`` and can reach all of ``reaching``; ``motion`` is the step's class."""
+    """Run the body with the base at ``place``, able to reach all of ``reaching``; ``motion`` is the step's class."""
 
     name: str
     motion: str
-    place: PlaceUse | Passed
+    place: PlaceUse | StepResult
     reaching: tuple[PlaceUse | Thing | Resting, ...]
     attempts: int
     body: Series
@@ -170,14 +170,14 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class Parallel:
-    """Named branches side by side: nothing orders one with another."""
+    """Named branches that run in parallel."""
 
     branches: tuple[tuple[str, Node], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Alternatives:
-    """Named branches, of which each is tried if those before it failed; ``name``, ``step``, ``label`` as in Perform."""
+    """Named branches, each tried if those before it failed; ``name``, ``step``, ``label`` as in Perform."""
 
     name: str
     branches: tuple[tuple[str, Node], ...]
@@ -187,7 +187,7 @@ class Alternatives:
 
 @dataclass(frozen=True, slots=True)
 class PartialOrder:
-    """Named branches and the pairs (before, after) of names that order them, none of which follows from others."""
+    """Named branches and the transitive reduction of their order, as pairs (before, after) of names."""
 
     branches: tuple[tuple[str, Node], ...]
     orderings: tuple[tuple[str, str], ...]
@@ -195,16 +195,16 @@ class PartialOrder:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Nodes one after another."""
+    """Nodes in sequence."""
 
     nodes: tuple[Node, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """The beginning or the end of a step that overlaps others, as these see it.
+    """The beginning or the end of a step that overlaps others.
 
-    ``moment`` is one of "begins", "ends", or for those that happen together "is ready to begin", "is ready to end".
+    ``moment`` is "begins" or "ends", or "is ready to begin" or "is ready to end" for steps that do so together.
     """
 
     step: str
@@ -213,21 +213,21 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """Run the body when events have happened, and count as ended when further ones have; signal its own."""
+    """Run the body after certain events, count as ended after further ones, and signal events of its own."""
 
     name: str
     opens: tuple[Event | tuple[Event, ...], ...]
-    """Before the body, in order: an event of its own to signal, or events of others to wait for."""
+    """Before the body, in order: an own event to signal, or events of others to wait for."""
     body: Node
     closes: tuple[Event | tuple[Event, ...], ...]
     """After the body, likewise."""
     overlaps: str = ""
-    """The overlaps of the step with others, in words."""
+    """Overlaps of the step, in words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A change from a state to the next for an outcome; ``is_failure`` if that is the name of a failure class."""
+    """Transition for an outcome of a state; ``is_failure`` if the outcome is the name of a failure class."""
 
     state: str
     outcome: str
@@ -237,10 +237,11 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """A state: what is done in it, and what it returns to say how that ended.
+    """A state: its body, and the outcome that it returns.
 
-    With ``checks`` that is "true", or "false" if the body's result is False. Of ``outcomes`` the one that the body's
-    result names. Else "done". ``keeps`` are names under which other states find the body's result.
+    With ``checks`` the outcome is "false" if the body's result is False, else "true". If the result is one of
+    ``outcomes``, it is the outcome. Otherwise it is "done". ``keeps`` are names under which other states find the
+    result.
     """
 
     name: str
@@ -252,7 +253,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """States that follow each other by how they end."""
+    """States and the transitions between them."""
 
     states: tuple[State, ...]
     cases: tuple[Case, ...]
@@ -289,17 +290,17 @@ class Function:
 
 @dataclass(frozen=True, slots=True)
 class PlanTree:
-    """All functions of a plan, called ones before their callers, the task last."""
+    """All functions of a plan, callees before their callers, the task last."""
 
     functions: tuple[Function, ...]
     devices: tuple[tuple[str, Thing], ...] = ()
-    """Pairs (IRI of a place, the one device that all its uses reach it with)."""
+    """Pairs (IRI of a place, the device that all its uses reach it with)."""
     classes: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    """Classes of actions that the bundled vocabulary does not know, with those directly above, which come first."""
+    """Action classes outside the bundled vocabulary with their direct superclasses; superclasses come first."""
 
 
 def inside(node: Node) -> tuple[Node, ...]:
-    """Return the nodes directly inside of a node, in textual order."""
+    """Direct children of a node, in textual order."""
     match node:
         case Series(nodes):
             return nodes
@@ -312,8 +313,8 @@ def inside(node: Node) -> tuple[Node, ...]:
     return ()
 
 
-class Passing:
-    """The values that each node of a function's body makes and uses. Nodes are distinguished by identity."""
+class DataFlow:
+    """Results that each node of a function's body produces and uses. Nodes are distinguished by identity."""
 
     def __init__(self, body: Series) -> None:
         self._made: dict[int, dict[str, None]] = {}
@@ -333,34 +334,34 @@ class Passing:
         self._total = self._used.get(id(body), Counter())
 
     def leaving(self, node: Node) -> tuple[str, ...]:
-        """Return the steps (IRIs) inside of a node whose results are used outside of it."""
+        """Steps (IRIs) inside a node whose results are used outside it."""
         if self._is_plain:
             return ()
         used = self._used[id(node)]
         return tuple(step for step in self._made[id(node)] if self._total[step] > used[step])
 
     def needed(self, node: Node, made_by: Node) -> bool:
-        """Return True if a node uses the result of a step inside of another."""
+        """True if a node uses the result of a step inside another one."""
         if self._is_plain:
             return False
         return any(self._used[id(node)][step] for step in self._made[id(made_by)])
 
     def events(self, series: Series) -> tuple[Event, ...]:
-        """Return the events that occur in a series, but not within one nested series alone."""
+        """Events that occur in a series, but not only in one nested series."""
         return tuple(self._home.get(id(series), ()))
 
     def _walk(self, node: Node, total: Counter[Event]) -> None:
-        made: dict[str, None] = {}
+        produced: dict[str, None] = {}
         used: Counter[str] = Counter(_passed(node))
         events: Counter[Event] = Counter(_events(node) if isinstance(node, Gate) else ())
         if isinstance(node, (Perform, Call, Alternatives)):
-            made[node.step] = None
+            produced[node.step] = None
         for inner in inside(node):
             self._walk(inner, total)
-            made.update(self._made[id(inner)])
+            produced.update(self._made[id(inner)])
             used.update(self._used[id(inner)])
             events.update(self._events[id(inner)])
-        self._made[id(node)], self._used[id(node)], self._events[id(node)] = made, used, events
+        self._made[id(node)], self._used[id(node)], self._events[id(node)] = produced, used, events
         if isinstance(node, Series):
             home = [event for event in events if events[event] == total[event] and event not in self._settled]
             self._settled.update(home)
@@ -375,13 +376,15 @@ def _all(body: Node) -> Iterator[Node]:
         waiting += inside(node)
 
 
-def uses_kept(body: Node) -> bool:
-    """Return True if a node, or one inside of it, uses what the states of a machine have made."""
-    return any(isinstance(value, Kept) for node in _all(body) for value in _values(node))
+def uses_latest_products(body: Node) -> bool:
+    """True if a node, or one inside it, uses results of earlier states of a machine."""
+    return any(isinstance(value, LatestProduct) for node in _all(body) for value in _values(node))
 
 
 def uses_of_classes(tree: PlanTree) -> Counter[str]:
-    """Count the uses of each class of actions, outside of its own statement, in which it can be stated, too."""
+    """Count the uses of each action class, not counting its own declaration; uses that rule out an inline one count
+    twice.
+    """
     uses: Counter[str] = Counter()
     for node in (node for function in tree.functions for node in _all(function.body)):
         if isinstance(node, Perform | Call):
@@ -396,14 +399,14 @@ def uses_of_classes(tree: PlanTree) -> Counter[str]:
 
 
 def _situations(value: Value) -> Iterator[str]:
-    """Yield the classes of what a value describes."""
+    """Yield the classes of described situations."""
     if isinstance(value, Described):
         yield value.type
         yield from (one for _, fillers in value.properties for inner in fillers for one in _situations(inner))
 
 
 def uses_of_places(body: Node) -> Counter[str]:
-    """Count how often a function names each place (IRI)."""
+    """Count how often a function refers to each place (IRI)."""
     uses: Counter[str] = Counter()
     for node in _all(body):
         for value in _values(node):
@@ -415,7 +418,7 @@ def uses_of_places(body: Node) -> Counter[str]:
 
 
 def _places(value: Value) -> Iterator[str]:
-    """Yield the places (IRIs) that a value names, with those by which they are described."""
+    """Yield the places (IRIs) that a value refers to, directly or through other places."""
     match value:
         case PlaceUse(place):
             waiting = [place]
@@ -423,7 +426,7 @@ def _places(value: Value) -> Iterator[str]:
                 place = waiting.pop()
                 yield place.iri
                 waiting += [reference for _, reference in place.relations if isinstance(reference, Place)]
-        case Passed(_, otherwise) | Kept(_, otherwise):
+        case StepResult(_, otherwise) | LatestProduct(_, otherwise):
             yield from _places(otherwise)
         case Described(_, properties):
             yield from (place for _, fillers in properties for inner in fillers for place in _places(inner))
@@ -435,7 +438,7 @@ def uses_of_recoveries(body: Node) -> Counter[tuple[Recover, ...]]:
 
 
 def uses_of_features(body: Node) -> Counter[Part]:
-    """Count how often a function names each feature; constraints that relate the same two are stated once."""
+    """Count how often a function refers to each feature; constraints with the same two features count once."""
     related: dict[tuple[str, Part, Part], None] = {}
     uses: Counter[Part] = Counter()
     for value in (value for node in _all(body) for value in _values(node)):
@@ -449,11 +452,11 @@ def uses_of_features(body: Node) -> Counter[Part]:
 
 def _passed(node: Node) -> Iterator[str]:
     """Yield the steps whose results a node itself uses."""
-    return (value.producer for value in _values(node) if isinstance(value, Passed))
+    return (value.producer for value in _values(node) if isinstance(value, StepResult))
 
 
 def _values(node: Node) -> Iterator[Value]:
-    """Yield the values that a node itself hands to actions, calls and places."""
+    """Yield the values that a node itself passes to actions, calls and places."""
     if isinstance(node, (Perform, Call)):
         for _, fillers in node.action.properties:
             yield from fillers

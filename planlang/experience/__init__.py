@@ -1,7 +1,7 @@
-"""Experience of runs as others write it: narratives in SOMA's and DUL's terms, and poses over time.
+"""Experience of runs in common formats: narratives in SOMA's and DUL's terms, and poses over time.
 
-General layout: ``model`` (what is told), ``traces`` (from a trace), ``terms`` and ``narrative`` (to RDF), ``reading``
-(back from it), ``poses``.
+General layout: ``model`` (data classes), ``traces`` (from a trace), ``terms`` and ``narrative`` (to RDF), ``reading``
+(from RDF), ``poses``.
 """
 
 from planlang.experience.model import Experience, State, Thing

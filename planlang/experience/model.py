@@ -1,4 +1,4 @@
-"""Experience of a run: who did what with what, when, how it ended, and what descriptions were resolved to."""
+"""Experience of a run: activities with their participants, times and outcomes, and how designators were resolved."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planlang.records import dataclass
 
 
 class State(StrEnum):
-    """The end of an activity; the values are those of a trace, RUNNING for one whose end the trace does not tell."""
+    """Outcome of an activity; the values are those of a trace, RUNNING if the trace does not contain its end."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"
@@ -20,7 +20,7 @@ class State(StrEnum):
 
 
 class ResolvedTo(StrEnum):
-    """The kind of thing that a designator was resolved to."""
+    """Kind of the solution of a designator."""
 
     BASE_POSE = "base pose"
     MODULE = "process module"
@@ -29,7 +29,7 @@ class ResolvedTo(StrEnum):
 
 
 class About(StrEnum):
-    """The kind of thing that a designator describes."""
+    """Kind of a designator."""
 
     ACTION = "action"
     LOCATION = "location"
@@ -39,7 +39,7 @@ class About(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A failure with the one that it was raised from. ``others`` are (relation, branch, text) of those beside it."""
+    """A failure with its cause. ``others`` are (relation, branch, text) of failures that came with it."""
 
     type: str
     message: str
@@ -48,7 +48,7 @@ class Failure:
     others: tuple[tuple[str, str, str], ...] = ()
 
     def chain(self) -> Iterator[Failure]:
-        """Yield the failure, then what it was raised from, and so on."""
+        """Yield the failure, its cause, the cause of that, and so on."""
         link: Failure | None = self
         while link is not None:
             yield link
@@ -57,7 +57,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True)
 class Designator:
-    """A description that a plan used: its text as the trace writes it."""
+    """A designator that a plan used, with its text as in the trace."""
 
     about: About
     text: str
@@ -65,7 +65,7 @@ class Designator:
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """A property of an action, in KnowRob's spelling (``objectActedOn``), and the text of what fills it."""
+    """A property of an action, in KnowRob's spelling (``objectActedOn``), and the text of its filler."""
 
     property: str
     filler: str
@@ -73,7 +73,7 @@ class Role:
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """An object, person or device that a designator names; ``type`` and ``iri`` as the designator has them."""
+    """An object, person or device that a designator names; ``type`` and ``iri`` are those of the designator."""
 
     name: str
     kind: str
@@ -83,10 +83,10 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """The solution of a designator, and when it was found [world steps].
+    """A solution of a designator, and when it was found [world steps].
 
-    ``value`` names the module, plan or thing; of a pose of the base it is empty and ``base`` is (x, y, heading)
-    [m, m, rad] in the map. ``details`` is what else the trace tells of it. ``failure`` is why it did not serve.
+    ``value`` names the module, plan or thing; for a pose of the base it is empty and ``base`` is (x, y, heading)
+    [m, m, rad] in the map. ``details`` are further values from the trace. ``failure`` is why the solution did not work.
     """
 
     step: int
@@ -100,7 +100,7 @@ class Resolution:
 
 @dataclass(frozen=True, slots=True)
 class Occurrence:
-    """Something that happened in an activity: an attempt, the decision of a recovery, a transition."""
+    """An event in an activity: an attempt, the decision of a recovery, a transition."""
 
     step: int
     event: str
@@ -110,9 +110,9 @@ class Occurrence:
 
 @dataclass(frozen=True, slots=True)
 class Activity:
-    """A node of the task tree. ``begin`` and ``end`` are plan time [world steps], None where it did not come to that.
+    """A node of the task tree. ``begin`` and ``end`` are plan time [world steps], None if it did not begin or end.
 
-    ``number`` and ``parent`` are those of the trace; ``parameters`` and ``result`` what it tells of start and end.
+    ``number`` and ``parent`` are those of the trace, ``parameters`` and ``result`` those of its start and its end.
     ``participants`` are names of things.
     """
 
@@ -133,7 +133,7 @@ class Activity:
     occurrences: tuple[Occurrence, ...] = ()
 
     def failures(self) -> Iterator[Failure]:
-        """Yield the failures of attempts in the order in which they came, then that of the activity itself."""
+        """Yield the failures of attempts in order of time, then that of the activity itself."""
         yield from (one.failure for one in self.occurrences if one.failure is not None)
         if self.failure is not None:
             yield self.failure
@@ -141,10 +141,9 @@ class Activity:
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """A run. ``rate`` is world steps per second of plan time; ``robot`` and ``environment`` as its header names them.
+    """A run. ``rate`` is world steps per second of plan time; ``robot`` and ``environment`` are those of its header.
 
-    ``is_whole``: the trace tells how the plan ended. Activities are in the order of their numbers, things in that of
-    their names.
+    ``is_whole`` if the trace contains the end of the plan. Activities are sorted by number, things by name.
     """
 
     plan: str
@@ -159,12 +158,13 @@ class Experience:
     things: tuple[Thing, ...] = ()
 
     def recovered(self) -> Iterator[tuple[Activity, Failure]]:
-        """Yield the failures that something around them survived: the innermost activity that succeeded nevertheless.
+        """Yield each failure that a surrounding activity survived, with the innermost activity that succeeded
+        nevertheless.
 
-        A failure that passes through several activities on its way is yielded once for each.
+        A failure that passes through several activities is yielded once for each.
         """
         numbered = {one.number: one for one in self.activities}
-        survivors: dict[int, Activity | None] = {}  # parents come before children
+        survivors: dict[int, Activity | None] = {}  # filled in one pass, because parents come before children
         for one in self.activities:
             above = None if one.parent is None else survivors[one.parent]
             survivor = survivors[one.number] = numbered[one.number] if one.state is State.SUCCEEDED else above

@@ -1,8 +1,8 @@
-"""Experience as a narrative in RDF: DUL's and SOMA's terms, planlang's own only where these have none.
+"""Experience as a narrative in RDF, in terms of DUL and SOMA, and of planlang where these have none.
 
-An activity is a ``dul:Action`` that executes a ``dul:Task`` in a ``dul:TimeInterval``; those inside it are its
-constituents. The episode includes all, which makes it a question to a knowledge base. Individuals are named in the
-narrative's own namespace, things as their designators name them.
+An activity is a ``dul:Action`` that executes a ``dul:Task`` in a ``dul:TimeInterval``; nested activities are its
+constituents. The episode includes them all, so that a knowledge base can be queried for it. Individuals are named in
+the narrative's own namespace, things by the IRIs of their designators.
 """
 
 from __future__ import annotations
@@ -41,11 +41,10 @@ _DECLARED = (DUL.Action, DUL.Agent, DUL.InformationObject, DUL.TimeInterval)
 
 
 def narrative(experience: Experience, base: str, began: datetime | None = None, *, records: Sequence[str] = ()) -> str:
-    """Return a narrative in Turtle. ``base`` is the IRI, without ``#``, that names it.
+    """Write a narrative in Turtle. ``base`` is its IRI, without ``#``.
 
     Times are seconds since 1970 if the run ``began`` at a known time (with its zone), otherwise since its beginning.
-    ``records`` are names of files beside it that tell more of the run, such as poses. Equal experiences give equal
-    texts.
+    ``records`` are names of accompanying files with more data, such as poses. Equal experiences give equal texts.
     """
     writer = _Writer(experience, base, 0.0 if began is None else began.timestamp())
     writer.write(began)
@@ -62,10 +61,10 @@ class _Writer:
         plan = re.sub(r"[^A-Za-z0-9_-]", "_", local_name(experience.iri or experience.plan))[:80]
         self._episode = f"{base}#{plan if _NAME.fullmatch(plan) else 'plan'}_episode"
         self._named: dict[object, str] = {}
-        """IRIs of individuals that several activities share."""
+        """Key of an individual that several activities share -> its IRI."""
         self._counts: dict[str, int] = {}
         self._spaces = {0: _space_of(experience.iri)}
-        """Number of an activity -> the namespace of the recipe around it, whose classes its steps may have."""
+        """Number of an activity -> namespace of the enclosing recipe, in which the classes of its steps may be."""
 
     def write(self, began: datetime | None) -> None:
         run, episode = self._experience, self._episode
@@ -94,7 +93,7 @@ class _Writer:
                 self._say(episode, EXPERIENCE.includesRecoveredFailure, self._failure(link))
 
     def record(self, file: str) -> None:
-        """State that a file tells more of what was done in the whole run."""
+        """State that a file contains further data of the whole run."""
         for root in (one for one in self._experience.activities if one.parent is None):
             node = self._new("record")
             self._say(self._activity_iri(root.number), SOMA.includesRecord, node)
@@ -163,7 +162,7 @@ class _Writer:
             self._number(interval, seconds, None if step is None else self._began + step / self._experience.rate)
 
     def _classes(self, one: Activity, node: str) -> None:
-        """Type an activity by the class of the action that it performs, and of the recipe that it follows."""
+        """State the classes of an activity: those of the action that it performs, and of the recipe that it follows."""
         if one.designator is not None and one.designator.about is About.ACTION:
             above = one.parameters.get("classes")
             own = one.designator.text.partition("(")[0]
@@ -189,16 +188,16 @@ class _Writer:
     # tasks, roles and designators, which several activities may share
 
     def _task(self, one: Activity, node: str) -> None:
-        what = one.designator or one.parameters.get("iri") or one.name
-        key = (one.kind, what if isinstance(what, str | Designator) else one.name, one.roles)
+        subject = one.designator or one.parameters.get("iri") or one.name
+        key = (one.kind, subject if isinstance(subject, str | Designator) else one.name, one.roles)
 
-        def state(task: str) -> None:
+        def describe(task: str) -> None:
             self._say(task, RDF.type, DUL.Task)
-            self._text(task, RDFS.label, what.text if isinstance(what, Designator) else str(what))
+            self._text(task, RDFS.label, subject.text if isinstance(subject, Designator) else str(subject))
             for number, role in enumerate(one.roles, 1):
                 self._role(task, number, role)
 
-        task = self._shared("task", key, state)
+        task = self._shared("task", key, describe)
         self._say(node, DUL.executesTask, task)
         self._say(task, DUL.isExecutedIn, node)
         for role in one.roles:
@@ -221,7 +220,7 @@ class _Writer:
             self._say(node, DUL.classifies, thing)
 
     def _fillers(self, role: Role) -> list[str]:
-        """Return the things (IRIs) that fill a role; several are written ``(cup1, plate1)``."""
+        """Things (IRIs) that fill a role; several are written ``(cup1, plate1)``."""
         names = role.filler[1:-1].split(", ") if role.filler.startswith("(") else [role.filler]
         return [self._named[name] for name in dict.fromkeys(names) if name in self._named]
 
@@ -251,7 +250,7 @@ class _Writer:
             self._say(node, EXPERIENCE.failedWith, self._failure(one.failure))
 
     def _thing_of_the_map(self, one: Resolution) -> str:
-        """Return the individual that a thing's designator was bound to: one that a designator names, or a further."""
+        """Individual that a thing's designator was bound to: a thing named by a designator, or a new individual."""
         if one.value in self._named:
             return self._named[one.value]
         node = self._shared("bound", one.value, lambda new: self._text(new, RDFS.label, one.value))
@@ -288,12 +287,12 @@ class _Writer:
     # statements
 
     def _shared(self, word: str, key: object, state: Any) -> str:
-        """Return the individual of a key; ``state`` says what it is when it is named for the first time."""
-        found = self._named.get((word, key))
-        if found is None:
-            found = self._named[word, key] = self._new(word)
-            state(found)
-        return found
+        """Individual for a key; ``state`` adds its statements when it is first used."""
+        iri = self._named.get((word, key))
+        if iri is None:
+            iri = self._named[word, key] = self._new(word)
+            state(iri)
+        return iri
 
     def _new(self, word: str) -> str:
         self._counts[word] = self._counts.get(word, 0) + 1
@@ -321,7 +320,7 @@ def _space_of(iri: str | None) -> str:
 
 
 def text_literal(text: str) -> Literal:
-    """Return a text as a value; one with characters that RDF does not have (half ones, NUL) as JSON."""
+    """Literal for a text; characters that RDF does not allow (lone surrogates, NUL) are written as JSON."""
     try:
         text.encode()
         is_plain = "\0" not in text

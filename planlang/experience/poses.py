@@ -1,7 +1,7 @@
-"""Poses over time as JSON Lines: each line a transform in the fields of ROS' tf, as NEEMs keep them.
+"""Poses over time as JSON Lines: each line is a transform with the fields of ROS' tf, as in NEEMs.
 
-A trace tells poses where the robot learns of them, and what it believes to have moved where a step of the plan
-completes; a pose log that was written beside it (``planlang run --poses``) tells what moved in between.
+A trace has poses when the robot perceives or computes them, and the believed poses of things at the end of each step
+of the plan; a pose log (``planlang run --poses``) also has the motion in between.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from planlang.outputs import MARK
 from planlang.records import dataclass
 
 MAP = "map"
-"""The frame of the environment; the robot's base and bodies are told in it."""
+"""Frame of the environment, in which the poses of the base and of bodies are expressed."""
 BASE = "base"
 IDENTITY = ("seed", "schedule", "plan_sha256", "robot_sha256", "map_sha256")
-"""Keys of a trace's header by which a log of poses tells whose it is."""
+"""Keys of a trace's header that identify the run of a pose log."""
 LARGEST = 200_000_000
-"""Bytes of a log that are read."""
+"""Maximum size of a pose log [bytes]."""
 EPOCH = datetime.fromtimestamp(0, UTC)
-"""The beginning of a run of which nobody said when it was."""
+"""Time stamp of the beginning of a run if it is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Transform:
     """The pose of a frame in another at a time [world steps]: position [m], unit quaternion (x, y, z, w).
 
-    ``by`` is who tells it: ``world``, the robot's ``belief``, its ``perception``, or a ``log`` of the world.
+    ``by`` is its source: ``world``, the robot's ``belief``, its ``perception``, or a ``log`` of the world.
     """
 
     step: int
@@ -46,8 +46,8 @@ class Transform:
 
 
 def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
-    """Yield the poses that the records of a trace tell; what is no pose is left out."""
-    asked: dict[Any, str] = {}
+    """Yield the poses in the records of a trace; malformed ones are skipped."""
+    thing_of: dict[Any, str] = {}
     for record in records:
         step, node = record["step"], record.get("node")
         match record:
@@ -55,9 +55,9 @@ def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
                 yield from _base(step, base)
             case {"event": "request", "action": str(action)} if isinstance(node, int):
                 things = [role.filler for role in roles_of(action) if role.property == "objectActedOn"]
-                asked[node] = things[0] if len(things) == 1 else ""
-            case {"event": "performed", "value": dict(value)} if isinstance(node, int) and asked.get(node):
-                yield from _pose(step, asked[node], value, "perception")
+                thing_of[node] = things[0] if len(things) == 1 else ""
+            case {"event": "performed", "value": dict(value)} if isinstance(node, int) and thing_of.get(node):
+                yield from _pose(step, thing_of[node], value, "perception")
             case {"event": "belief", "name": str(name), "pose": dict(pose)}:
                 yield from _pose(step, name, pose, "belief")
             case {"event": "completed", "left": {"belief": dict(belief), **left}}:
@@ -66,7 +66,7 @@ def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
 
 
 def _believed(step: int, belief: Mapping[str, Any]) -> Iterator[Transform]:
-    """Yield where things are believed to be that are not where the map has them, what is held in the hand's frame."""
+    """Yield the believed poses of moved things in the map, and of held things in the frame of the hand."""
     poses, held = belief.get("poses"), belief.get("held")
     in_hands = held if isinstance(held, dict) else {}
     for name, pose in poses.items() if isinstance(poses, dict) else ():
@@ -108,7 +108,7 @@ def _numbers(values: object, size: int) -> tuple[float, ...] | None:
 def pose_lines(transforms: Iterable[Transform], rate: float, began: datetime | None, **known: object) -> Iterator[str]:
     """Yield the lines of a file: first what is ``known`` of the run, then transforms in their order.
 
-    Time stamps are in UTC, those of a run of which nobody said when it ``began`` from 1970 on.
+    Time stamps are in UTC. If it is unknown when the run ``began``, they count from 1970.
     """
     head = {"file": f"poses, {MARK}", "rate": rate, **known, "began": None if began is None else began.isoformat()}
     yield json.dumps(head) + "\n"
@@ -118,7 +118,7 @@ def pose_lines(transforms: Iterable[Transform], rate: float, began: datetime | N
 def transform_lines(
     transforms: Iterable[Transform], rate: float, began: datetime | None, first: int = 0
 ) -> Iterator[str]:
-    """Yield the lines of transforms, which are numbered from ``first`` on."""
+    """Yield the lines of transforms, numbered from ``first`` on."""
     start = (EPOCH if began is None else began).astimezone(UTC)
     for number, one in enumerate(transforms, first):
         moment = (start + timedelta(seconds=one.step / rate)).isoformat(timespec="microseconds")
@@ -137,12 +137,12 @@ def transform_lines(
 
 
 def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]]:
-    """Return what the first line knows of the run, and the transforms. Raises ValueError, with the line, if it is none.
+    """Read the header line and the transforms of a pose log. Raises ValueError, with the line, if one is malformed.
 
-    A last line that was cut off is left out.
+    An incomplete last line is skipped.
     """
     head: Mapping[str, Any] = {}
-    found: list[Transform] = []
+    transforms: list[Transform] = []
     for number, line in enumerate(lines, 1):
         if number == len(lines) and not line.endswith("\n"):
             break
@@ -151,27 +151,27 @@ def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]
             if number == 1:
                 head = dict(value)
                 continue
-            found.append(_transform(value))
+            transforms.append(_transform(value))
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            raise ValueError(f"line {number} tells no pose") from None
-    return head, found
+            raise ValueError(f"line {number} is not a pose") from None
+    return head, transforms
 
 
 def read_log(path: Path, header: Mapping[str, Any]) -> list[Transform]:
-    """Return the poses of a log that was written with the run of a trace, by its header. Raises BadInput."""
+    """Read the pose log of the run with a certain trace header. Raises BadInput for malformed logs and other runs."""
     lines = read_file(path, "C001", largest=LARGEST).decode(errors="replace").splitlines(keepends=True)
     try:
-        known, found = read_poses(lines)
+        head, transforms = read_poses(lines)
     except ValueError as problem:
-        raise BadInput([error("K081", f"this is no log of poses: {problem}", Span(str(path)))]) from None
-    if any(one.step > header["rate"] * LONGEST for one in found):
-        raise BadInput([error("K081", "a pose is too late for any run", Span(str(path)))])
-    differing = [key for key in IDENTITY if known.get(key) != header.get(key)]
+        raise BadInput([error("K081", f"not a pose log: {problem}", Span(str(path)))]) from None
+    if any(one.step > header["rate"] * LONGEST for one in transforms):
+        raise BadInput([error("K081", "a pose has an impossible time", Span(str(path)))])
+    differing = [key for key in IDENTITY if head.get(key) != header.get(key)]
     if differing:
         advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
-        message = f"the poses are of another run: {', '.join(differing)} differ"
+        message = f"the poses belong to another run: {', '.join(differing)} differ"
         raise BadInput([error("K081", message, Span(str(path)), advice)])
-    return found
+    return transforms
 
 
 def _transform(value: Any) -> Transform:

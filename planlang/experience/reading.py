@@ -1,4 +1,4 @@
-"""Experience read back from a narrative, whoever wrote it: what it lacks or says twice is refused."""
+"""Read experience from a narrative of any origin; missing and contradictory statements are refused."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ T = TypeVar("T")
 
 
 def read_narrative(content: bytes | str, file: str) -> Experience:
-    """Return the experience that a file in Turtle tells. Raises BadInput: K080, and as the reader of Turtle does."""
+    """Read the experience in a Turtle file. Raises BadInput with K080, or with the codes of the Turtle reader."""
     return experience_in(read_turtle(content, file, base=f"file:///{file}").triples, file)
 
 
 def experience_in(triples: Iterable[Triple], file: str) -> Experience:
-    """Return the experience that a graph tells. Raises BadInput with K080 if it tells none, or contradicts itself."""
+    """Read the experience in a graph. Raises BadInput with K080 if there is none, or if it contradicts itself."""
     return _Reader(triples, file).experience()
 
 
 def episode_in(triples: Iterable[Triple], file: str) -> str:
-    """Return the IRI of the episode whose experience a graph tells. Raises BadInput as :func:`experience_in` does."""
+    """Find the IRI of the episode in a graph. Raises BadInput like :func:`experience_in`."""
     reader = _Reader(triples, file)
     reader.experience()
     return reader.episode
@@ -51,10 +51,10 @@ class _Reader:
         self._about: dict[str, dict[str, list[Triple]]] = {}
         for triple in triples:
             self._about.setdefault(str(triple.subject), {}).setdefault(triple.predicate, []).append(triple)
-        found = [one for one in self._about if SOMA.Episode in self._kinds(one)]
-        if len(found) != 1:
-            self._refuse(f"a narrative tells of one episode (soma:Episode), this of {len(found)}", None)
-        self.episode = found[0]
+        episodes = [one for one in self._about if SOMA.Episode in self._kinds(one)]
+        if len(episodes) != 1:
+            self._refuse(f"a narrative has exactly one episode (soma:Episode), this one has {len(episodes)}", None)
+        self.episode = episodes[0]
         self._failures: dict[str, Failure] = {}
         self._roles: dict[str, tuple[Role, ...]] = {}
 
@@ -67,7 +67,7 @@ class _Reader:
         for node in nodes:
             for below in self._many(node, DUL.hasConstituent):
                 if parents.setdefault(below, node) != node:
-                    self._refuse("an action is a constituent of two", below)
+                    self._refuse("an action is a constituent of two actions", below)
         numbers = {node: self._whole(node, EXPERIENCE.number) for node in nodes}
         things = {self._text(one, RDFS.label): one for one in self._many(top, DUL.includesObject)}
         names = {iri: name for name, iri in things.items()}
@@ -91,14 +91,16 @@ class _Reader:
     def _rate(self, top: str) -> float:
         rate = self._float(top, EXPERIENCE.rate)
         if not 0 < rate <= MOST_STEPS:
-            self._refuse("the rate is no number of steps per second", top)
+            self._refuse("the rate is not a valid number of steps per second", top)
         return rate
 
     def _check_tree(self, activities: list[Activity]) -> None:
         seen: set[int] = set()
-        for one in activities:  # also finds circles
+        for one in activities:  # a parent has to come first, which also excludes circles
             if one.number in seen or (one.parent is not None and one.parent not in seen):
-                self._refuse(f"number {one.number} is given twice, or not behind that of the action around it", None)
+                self._refuse(
+                    f"number {one.number} is used twice, or is not greater than that of its parent action", None
+                )
             seen.add(one.number)
 
     def _thing(self, name: str, node: str) -> Thing:
@@ -111,11 +113,11 @@ class _Reader:
         interval, task = self._one(node, DUL.hasTimeInterval), self._one(node, DUL.executesTask)
         state = _STATES.get(str(self._one(node, SOMA.hasExecutionState)))
         if state is None or (parent is not None and parent not in numbers):
-            self._refuse("its execution state is unknown, or the action around it no part of the episode", node)
+            self._refuse("its execution state is unknown, or its parent action is not part of the episode", node)
         designator = next((self._designator(one) for one in self._many(node, EXPERIENCE.describedBy)), None)
         participants = self._many(node, DUL.hasParticipant)
         if not names.keys() >= set(participants):
-            self._refuse("a participant is no thing of the episode", node)
+            self._refuse("a participant is not a thing of the episode", node)
         return Activity(
             numbers[node],
             None if parent is None else numbers[parent],
@@ -135,12 +137,12 @@ class _Reader:
         )
 
     def _listed(self, node: str, prop: str, read: Callable[[str], T]) -> Iterator[T]:
-        """Yield what is linked to a node, in the order of its numbers."""
+        """Yield linked individuals, sorted by their numbers."""
         found = sorted(self._many(node, prop), key=lambda one: self._whole(one, EXPERIENCE.number))
         yield from map(read, found)
 
     def _roles_of(self, task: str) -> tuple[Role, ...]:
-        """Return the roles of a task, which many actions may share, read once."""
+        """Roles of a task, read once because many actions may share it."""
         if task not in self._roles:
             self._roles[task] = tuple(self._listed(task, DUL.isTaskOf, self._role))
         return self._roles[task]
@@ -151,14 +153,14 @@ class _Reader:
     def _designator(self, node: str) -> Designator:
         about = next((_ABOUTS[kind] for kind in self._kinds(node) if kind in _ABOUTS), None)
         if about is None:
-            self._refuse("this is no designator", node)
+            self._refuse("it is not a designator", node)
         return Designator(about, self._text(node, EXPERIENCE.text))
 
     def _resolution(self, node: str) -> Resolution:
         base = self._json(node, EXPERIENCE.base, None)
         to = self._text(node, EXPERIENCE.resolvedAs)
         if to not in list(ResolvedTo) or not (base is None or _are_numbers(base)):
-            self._refuse("a designator is resolved to something unknown", node)
+            self._refuse("the kind of the designator's solution is unknown", node)
         return Resolution(
             self._whole(node, EXPERIENCE.atStep),
             self._designator(self._one(node, EXPERIENCE.resolves)),
@@ -174,16 +176,16 @@ class _Reader:
         return Occurrence(step, event, self._json(node, EXPERIENCE.details, {}), self._failed(node))
 
     def _failed(self, node: str) -> Failure | None:
-        found = self._many(node, EXPERIENCE.failedWith)
-        if len(found) > 1:
-            self._refuse("this failed in two ways", node)
-        return self._failure(found[0]) if found else None
+        failures = self._many(node, EXPERIENCE.failedWith)
+        if len(failures) > 1:
+            self._refuse("it has two failures", node)
+        return self._failure(failures[0]) if failures else None
 
     def _failure(self, node: str) -> Failure:
         chain = [node]
         while chain[-1] not in self._failures and (causes := self._many(chain[-1], EXPERIENCE.hasCause)):
             if len(causes) > 1 or len(chain) >= MOST_CAUSES or causes[0] in chain:
-                self._refuse("a failure has several causes, itself among them, or too many", node)
+                self._refuse("a failure has several direct causes, causes itself, or has too many causes", node)
             chain.append(causes[0])
         for one in reversed(chain):
             if one not in self._failures:
@@ -194,7 +196,7 @@ class _Reader:
     def _link(self, node: str, cause: Failure | None) -> Failure:
         others = self._json(node, EXPERIENCE.other, [])
         if not isinstance(others, list) or not all(_are_texts(one) for one in others):
-            self._refuse("what failed beside it is not given by threes of texts", node)
+            self._refuse("the failures that came with it are not triples of texts", node)
         return Failure(
             self._text(node, EXPERIENCE.typeName),
             self._text(node, EXPERIENCE.message),
@@ -215,63 +217,63 @@ class _Reader:
         return [value for value in self._values(node, prop) if isinstance(value, str)]
 
     def _one(self, node: str, prop: str) -> str:
-        found = self._many(node, prop)
-        if len(found) != 1:
-            self._refuse(f"{prop} is stated {len(found)} times, and has to be once", node)
-        return found[0]
+        values = self._many(node, prop)
+        if len(values) != 1:
+            self._refuse(f"{prop} is stated {len(values)} times instead of once", node)
+        return values[0]
 
     def _maybe(self, node: str, prop: str) -> str | None:
-        found = [value for value in self._values(node, prop) if isinstance(value, Literal)]
-        if len(found) > 1:
-            self._refuse(f"{prop} is stated {len(found)} times", node)
-        if not found:
+        values = [value for value in self._values(node, prop) if isinstance(value, Literal)]
+        if len(values) > 1:
+            self._refuse(f"{prop} is stated {len(values)} times", node)
+        if not values:
             return None
-        if found[0].datatype != EXPERIENCE.json:
-            return found[0].value
-        return str(self._loaded(found[0].value, node))
+        if values[0].datatype != EXPERIENCE.json:
+            return values[0].value
+        return str(self._loaded(values[0].value, node))
 
     def _text(self, node: str, prop: str) -> str:
-        found = self._maybe(node, prop)
-        if found is None:
+        text = self._maybe(node, prop)
+        if text is None:
             self._refuse(f"{prop} is missing", node)
-        return found
+        return text
 
     def _json(self, node: str, prop: str, default: Any) -> Any:
         text = self._maybe(node, prop)
-        found = default if text is None else self._loaded(text, node)
-        if isinstance(default, dict) and not isinstance(found, dict):
-            self._refuse(f"{prop} is no JSON object", node)
-        return found
+        value = default if text is None else self._loaded(text, node)
+        if isinstance(default, dict) and not isinstance(value, dict):
+            self._refuse(f"{prop} is not a JSON object", node)
+        return value
 
     def _loaded(self, text: str, node: str) -> Any:
         try:
             return json.loads(text)
         except (ValueError, RecursionError):
-            self._refuse("a value is no JSON, or too deeply nested", node)
+            self._refuse("a value is not JSON, or is too deeply nested", node)
 
     def _whole(self, node: str, prop: str) -> int:
-        found = self._maybe_whole(node, prop)
-        if found is None:
+        number = self._maybe_whole(node, prop)
+        if number is None:
             self._refuse(f"{prop} is missing", node)
-        return found
+        return number
 
     def _maybe_whole(self, node: str, prop: str) -> int | None:
         number = self._maybe(node, prop)
         try:
             return None if number is None else int(number)
         except ValueError:
-            self._refuse(f"{prop} is no whole number", node)
+            self._refuse(f"{prop} is not a whole number", node)
 
     def _float(self, node: str, prop: str) -> float:
         try:
             return float(Literal(self._text(node, prop)).number())
         except (ValueError, OverflowError):
-            self._refuse(f"{prop} is no finite number", node)
+            self._refuse(f"{prop} is not a finite number", node)
 
     def _refuse(self, message: str, node: str | None) -> NoReturn:
-        said = next(iter(self._about.get(node or "", {}).values()), None)
+        statements = next(iter(self._about.get(node or "", {}).values()), None)
         where = "" if node is None else f"{node.rsplit('#', 1)[-1]}: "
-        raise BadInput([error("K080", where + message, said[0].span if said else Span(self._file))])
+        raise BadInput([error("K080", where + message, statements[0].span if statements else Span(self._file))])
 
 
 def _are_numbers(value: object) -> bool:

@@ -1,4 +1,4 @@
-"""Activities of a run, from the records of its trace. A trace may come from a stranger: nothing in it is trusted."""
+"""Activities of a run, from the records of its trace. Traces may be untrusted, so all values are checked."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ MOST_ACTIVITIES = 100_000
 MOST_CAUSES = 100
 DEEPEST = 200
 LATEST = 2**53
-"""The last step of a run: up to here floating-point numbers tell steps apart."""
+"""Last possible step of a run: the largest range of integers that floating-point numbers represent exactly."""
 MOST_STEPS = 1e9
-"""Steps in a second."""
+"""Maximum number of steps per second."""
 LONGEST = 3e9
-"""Seconds that a run may take: dates of it can be told."""
+"""Maximum duration of a run [s], so that its time stamps are valid dates."""
 
-_TOLD = frozenset(
+_OCCURRENCES = frozenset(
     {"attempt", "recovery", "pose failed", "no more poses", "displaced", "skipped", "transition", "policy violated"}
 )
 _THINGS = ("Object", "Person", "Device")
@@ -46,7 +46,7 @@ _FILLED = re.compile(r"(\w+)=")
 
 
 def experience_of(records: Iterable[Mapping[str, Any]]) -> Experience:
-    """Return what the records of a trace tell, the header first. Raises DamagedTrace."""
+    """Extract the experience from the records of a trace, the header first. Raises DamagedTrace."""
     reader = _Reader()
     for number, record in checked_records(records):
         try:
@@ -59,12 +59,12 @@ def experience_of(records: Iterable[Mapping[str, Any]]) -> Experience:
 def _reason(problem: Exception) -> str:
     if isinstance(problem, RecursionError):
         return "too deeply nested"
-    return f"there is no {problem}" if isinstance(problem, KeyError) else str(problem)
+    return f"{problem} is missing" if isinstance(problem, KeyError) else str(problem)
 
 
 @dataclass(slots=True)
-class _Told:
-    """What the trace tells of a node beside its place in the tree."""
+class _NodeData:
+    """Data of a node beside its position in the tree."""
 
     designator: Designator | None = None
     resolutions: list[Resolution] = field(default_factory=list)
@@ -74,18 +74,18 @@ class _Told:
 class _Reader:
     def __init__(self) -> None:
         self._header: Mapping[str, Any] = {}
-        self._tree, self._told = RunTree(), dict[int, _Told]()
+        self._tree, self._data = RunTree(), dict[int, _NodeData]()
         self._things: dict[str, Thing] = {}
         self._bound: dict[str, str] = {}
         self._lone: list[Resolution] = []
-        """Of things, which belong to the whole run."""
+        """Resolutions of things, which belong to the whole run."""
 
     def read(self, record: Mapping[str, Any]) -> None:
         event, step, rate = str(record["event"]), int(record["step"]), self._tree.rate
         if event == "header":
             self._header, rate = record, _number(record.get("rate"))
             if not 0 < rate <= MOST_STEPS:
-                raise ValueError("the rate is no number of steps per second")
+                raise ValueError("the rate is not a valid number of steps per second")
             _text(record.get("plan"))
         if step > min(LATEST, rate * LONGEST):
             raise ValueError(f"step {step} is too late")
@@ -98,57 +98,57 @@ class _Reader:
 
     def _check(self, record: Mapping[str, Any]) -> None:
         number = record["node"]
-        if number in self._told:
+        if number in self._data:
             return
         if type(number) is not int or not 0 < number <= LATEST:
-            raise ValueError("a node is given by its number, from 1")
-        if len(self._told) == MOST_ACTIVITIES:
+            raise ValueError("a node must be a positive whole number")
+        if len(self._data) == MOST_ACTIVITIES:
             raise ValueError(f"more than {MOST_ACTIVITIES:,} nodes")
         parent = record["parent"]
-        if parent is not None and (type(parent) is not int or parent not in self._told or parent > number):
-            raise ValueError("the node around this one has not started")
+        if parent is not None and (type(parent) is not int or parent not in self._data or parent > number):
+            raise ValueError("the parent of a node has not started")
         _text(record["kind"])
         _text(record["name"])
-        self._told[number] = _Told()
+        self._data[number] = _NodeData()
 
     def _in_node(self, event: str, step: int, node: TaskNode) -> None:
-        told = self._told[node.number]
+        data = self._data[node.number]
         if event == "started":
-            told.designator = _designator(node.parameters) or told.designator
+            data.designator = _designator(node.parameters) or data.designator
         elif event == "ended":
             State(_text(node.status))
             failure_of(node.failure) if node.failure is not None else None
         if node.kind == "plan" and event in ("started", "plan"):
             self._resolve(node, step, ResolvedTo.PLAN, _text(node.parameters.get("iri") or node.name))
         elif node.happened and node.happened[-1].event == event:
-            self._happened(told, node, node.happened[-1])
+            self._happened(data, node, node.happened[-1])
 
-    def _happened(self, told: _Told, node: TaskNode, what: Happened) -> None:
-        more = dict(what.details)
-        if what.event == "request":
-            self._resolve(node, what.step, ResolvedTo.MODULE, _text(more["module"]))
-        elif what.event == "solution" and told.designator is not None:
+    def _happened(self, data: _NodeData, node: TaskNode, event: Happened) -> None:
+        more = dict(event.details)
+        if event.event == "request":
+            self._resolve(node, event.step, ResolvedTo.MODULE, _text(more["module"]))
+        elif event.event == "solution" and data.designator is not None:
             base, at = tuple(_number(one) for one in more.pop("base")), ResolvedTo.BASE_POSE
-            told.resolutions.append(Resolution(what.step, told.designator, at, base=base, details=more))
-        elif what.event in _TOLD:
+            data.resolutions.append(Resolution(event.step, data.designator, at, base=base, details=more))
+        elif event.event in _OCCURRENCES:
             failure = failure_of(more.pop("failure")) if "failure" in more else None
-            told.occurrences.append(Occurrence(what.step, what.event, more, failure))
-            if what.event == "pose failed" and told.resolutions:
-                told.resolutions[-1] = replace(told.resolutions[-1], failure=failure)
+            data.occurrences.append(Occurrence(event.step, event.event, more, failure))
+            if event.event == "pose failed" and data.resolutions:
+                data.resolutions[-1] = replace(data.resolutions[-1], failure=failure)
 
     def _resolve(self, node: TaskNode, step: int, to: ResolvedTo, value: str) -> None:
-        """Note that what the nearest action around a node describes was resolved."""
-        above = None if node.parent is None else self._told[node.parent.number]
+        """Note the solution of the action designator at the parent of a node."""
+        above = None if node.parent is None else self._data[node.parent.number]
         if above is not None and above.designator is not None and above.designator.about is About.ACTION:
             above.resolutions.append(Resolution(step, above.designator, to, value))
 
     def _find_things(self, record: Mapping[str, Any], step: int) -> None:
-        """Note the designators of things in a record, and what the belief has bound them to."""
+        """Note the designators of things in a record, and the objects that the belief has bound them to."""
         stack: list[tuple[Any, int]] = [(record, 0)]
         while stack:
             value, depth = stack.pop()
             if depth > DEEPEST:
-                raise ValueError(f"more than {DEEPEST} lists or objects inside of each other")
+                raise ValueError(f"more than {DEEPEST} nested lists or objects")
             if isinstance(value, list):
                 stack += ((one, depth + 1) for one in value)
             elif isinstance(value, dict):
@@ -189,11 +189,11 @@ class _Reader:
         )
 
     def _activities(self) -> Iterator[Activity]:
-        root = next(iter(self._told), None)
+        root = next(iter(self._data), None)
         for number, node in sorted(self._tree.numbered.items()):
-            told = self._told[number]
-            action = told.designator is not None and told.designator.about is About.ACTION
-            text = "" if told.designator is None else told.designator.text
+            data = self._data[number]
+            action = data.designator is not None and data.designator.about is About.ACTION
+            text = "" if data.designator is None else data.designator.text
             named = [word for word in _WORD.findall(text.partition("(")[2] if action else text) if word in self._things]
             yield Activity(
                 number,
@@ -206,62 +206,64 @@ class _Reader:
                 node.parameters,
                 node.result,
                 None if node.failure is None else failure_of(node.failure),
-                told.designator,
+                data.designator,
                 tuple(roles_of(text)) if action else (),
                 tuple(sorted(set(named))),
-                (*told.resolutions, *(self._lone if number == root else ())),
-                tuple(told.occurrences),
+                (*data.resolutions, *(self._lone if number == root else ())),
+                tuple(data.occurrences),
             )
 
 
 def failure_of(json: object) -> Failure:
-    """Return a failure as a trace writes it, with its causes. Raises ValueError for anything else."""
+    """Read a failure of a trace, with its causes. Raises ValueError for anything else."""
     links: list[Mapping[str, Any]] = []
     while json is not None:
         if not isinstance(json, dict) or len(links) == MOST_CAUSES:
-            raise ValueError(f"no failure, or one with more than {MOST_CAUSES} causes")
+            raise ValueError(f"not a failure, or one with more than {MOST_CAUSES} causes")
         links.append(json)
         json = json.get("cause")
     if not links:
         raise ValueError("a failure is missing")
-    found: Failure | None = None
+    failure: Failure | None = None
     for link in reversed(links):
         where = link.get("where")
         others = tuple(other for relation in ("siblings", "members", "cleanup") for other in _others(link, relation))
-        found = Failure(
-            _text(link["type"]), _text(link["message"]), None if where is None else _text(where), found, others
+        failure = Failure(
+            _text(link["type"]), _text(link["message"]), None if where is None else _text(where), failure, others
         )
-    assert found is not None
-    return found
+    assert failure is not None
+    return failure
 
 
 def _others(link: Mapping[str, Any], relation: str) -> Iterator[tuple[str, str, str]]:
-    told = link.get(relation, ())
-    pairs: Iterable[tuple[object, object]] = told.items() if isinstance(told, dict) else [("", one) for one in told]
+    others = link.get(relation, ())
+    pairs: Iterable[tuple[object, object]] = (
+        others.items() if isinstance(others, dict) else [("", one) for one in others]
+    )
     for branch, text in pairs:
         yield relation, _text(branch), _text(text)
 
 
 def roles_of(action: str) -> Iterator[Role]:
-    """Yield the roles in the text of an action: ``Reaching(device_used=gripper, object_acted_on=cup)``."""
+    """Parse the roles in the text of an action: ``Reaching(device_used=gripper, object_acted_on=cup)``."""
     inside = action.partition("(")[2].removesuffix(")")
     starts: list[int] = []
     depth = 0
-    for place, character in enumerate(inside):
+    for index, character in enumerate(inside):
         depth += (character == "(") - (character == ")")
-        if depth == 0 and (place == 0 or inside.endswith(", ", 0, place)) and _FILLED.match(inside, place):
-            starts.append(place)
+        if depth == 0 and (index == 0 or inside.endswith(", ", 0, index)) and _FILLED.match(inside, index):
+            starts.append(index)
     for begin, end in pairwise([*starts, len(inside) + 2]):
         key, _, filler = inside[begin : end - 2].partition("=")
         first, *rest = key.split("_")
         yield Role(first + "".join(word.capitalize() for word in rest), filler)
 
 
-def _designator(told: Mapping[str, Any]) -> Designator | None:
-    """Return the designator of what begins; None for what has none."""
+def _designator(parameters: Mapping[str, Any]) -> Designator | None:
+    """Designator among the parameters of a started node, if any."""
     for about in (About.ACTION, About.LOCATION, About.GOAL):
-        if isinstance(told.get(about), str):
-            return Designator(about, told[about])
+        if isinstance(parameters.get(about), str):
+            return Designator(about, parameters[about])
     return None
 
 
@@ -274,13 +276,13 @@ def _thing(value: Mapping[str, Any]) -> Thing | None:
 
 def _text(value: object) -> str:
     if not isinstance(value, str):
-        raise ValueError(f"a text is expected, not {str(value)[:40]}")
+        raise ValueError(f"expected a text, not {str(value)[:40]}")
     return value
 
 
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"a number is expected, not {str(value)[:40]}")
+        raise ValueError(f"expected a number, not {str(value)[:40]}")
     return float(value)
 
 

@@ -1,9 +1,9 @@
 """Recipes: their model, readers of the dialects they are written in, the order of their steps, checks, and fixes.
 
-General layout: ``model`` is what a recipe says. ``readers`` get ``statements`` from an ontology, one reader for each
-dialect; ``actions`` knows the action classes, ``order`` answers questions about orders. ``reading`` is the way in: it
-finds the task, makes the model of it and of what is below it, with ``fillers``, and judges it by the ``checks``;
-``fixes`` mend its text.
+General layout: ``model`` holds the data classes of a recipe. ``readers`` extract ``statements`` from an ontology, one
+reader for each dialect; ``actions`` knows the action classes, ``order`` answers questions about the order of steps.
+``reading`` is the entry point: it finds the task, builds the model of it and of the recipes below it with the help of
+``fillers``, and runs the ``checks``. ``fixes`` correct the text of the file.
 """
 
 from planlang.recipe.actions import Actions

@@ -22,17 +22,17 @@ Performed = Callable[[], frozenset[str]]
 
 @dataclass(frozen=True, slots=True)
 class Movers:
-    """Steps after which the base is elsewhere: ``opening`` start a scope, ``ending`` only end the one before."""
+    """Steps that move the base: ``opening`` ones start a location scope, ``ending`` ones only end the previous one."""
 
     opening: frozenset[str]
     ending: frozenset[str] = frozenset()
 
 
 _ANY = "PurposefulAction"
-"""The class of all actions that somebody does; it and those above it say nothing of what is done."""
+"""The class of all deliberate actions; this class and those above it do not say which action is meant."""
 
 _HANDLED = ("in_center_of", "in_front_of")
-"""Relations of a place of the hand to the thing that it is to handle there."""
+"""Relations between a goal of the hand and the thing that it handles there."""
 _HAND = frozenset({"arm", "gripper"})
 _DEPENDS = expand("dependsOnCapability")
 _BASE_MOTION = expand("BaseMotionCapability")
@@ -41,8 +41,8 @@ _BASE_MOTION = expand("BaseMotionCapability")
 class Actions:
     """The action classes of one ontology.
 
-    ``performed`` returns the classes (IRIs, or local names of the vocabulary) that process modules outside of the
-    ontology perform. It is asked only about steps that nothing in the ontology performs: importing modules takes long.
+    ``performed`` returns the classes (IRIs, or local names of the vocabulary) that process modules outside the ontology
+    perform. It is called only for steps that nothing in the ontology performs, because importing modules is slow.
     """
 
     def __init__(self, ontology: Ontology, performed: Performed | None = None) -> None:
@@ -52,48 +52,48 @@ class Actions:
         self.declared: Declared = declared(ontology)
         self._letting_go = self.declared.ending("holding")
         self.library: dict[str, list[str]] = read_library(ontology)
-        """Classes of actions (IRIs) and the recipes that perform them where a file states none itself."""
+        """Class of actions (IRI) -> recipes of the library that perform it if the file states none."""
         self._standard = frozenset().union(*self.library.values())
         self.declared_slots, self.slot_problems = read_slots(ontology)
         self.recoveries: tuple[RecoveryRule, ...] = read_recoveries(ontology)
         self.performers: dict[str, tuple[tuple[str, ...], str | None]] = {}
-        """Action (IRI) -> who performs it, as :func:`planlang.recipe.actions.recipes_for` returns it."""
+        """Action (IRI) -> its performers, cached results of :func:`recipes_for`."""
         self._statements: dict[str, Statements | None] = {}
         self._slots: dict[tuple[str, ...], dict[str, Slot]] = {}
         self._last_moving: tuple[RecipeSet, tuple[frozenset[str], frozenset[str]]] | None = None
 
     def statements(self, iri: str) -> Statements | None:
-        """Return the recipe that a class or an individual states; None if it states none. Each is read once."""
+        """Recipe that a class or an individual states; None if it states none. Each is read once."""
         if iri not in self._statements:
-            found = self._statements[iri] = statements_of(self.ontology, iri)
-            for sub in found.sub_actions if found is not None else ():
+            statements = self._statements[iri] = statements_of(self.ontology, iri)
+            for sub in statements.sub_actions if statements is not None else ():
                 for name, member in sub.alternatives:
-                    assert found is not None
-                    self._statements[name] = Statements(name, found.dialect, (member,))
+                    assert statements is not None
+                    self._statements[name] = Statements(name, statements.dialect, (member,))
         return self._statements[iri]
 
     def is_a(self, step: Step | Recipe, *classes: str) -> bool:
-        """Return True if the step's class is below one of the classes (local names of the vocabulary)."""
+        """True if the class of the step is a subclass of one of the classes (local names of the vocabulary)."""
         return self.ontology.any_is_a((step.action_class,), classes)
 
     def is_any(self, cls: str) -> bool:
-        """Return True for a class (IRI, or local name of the vocabulary) that means no more than some action."""
+        """True for a class (IRI, or local name of the vocabulary) that is no more specific than "some action"."""
         return self.ontology.is_a(expand(_ANY), expand(cls))
 
     def primitive(self, step: Step) -> Primitive | None:
-        """Return the primitive that performs the step, if one does."""
+        """Primitive that performs the step, if any."""
         return self.primitives[step.primitive] if step.primitive is not None else None
 
     def is_standard(self, step: Step) -> bool:
-        """Return True unless a recipe of the file performs the step: then it needs what its class does."""
+        """True unless a recipe of the file performs the step; otherwise the slots of its class apply."""
         return self.is_of_library(step.recipes)
 
     def is_of_library(self, recipes: Iterable[str]) -> bool:
-        """Return True for recipes (IRIs) that all stand in the library."""
+        """True if all recipes (IRIs) belong to the library."""
         return self._standard.issuperset(recipes)
 
     def is_base_motion(self, step: Step) -> bool:
-        """Return True for a primitive step that depends on BaseMotionCapability and states a destination."""
+        """True for a primitive step that depends on BaseMotionCapability and states a destination."""
         if step.primitive is None or not any(isinstance(goal, (Place, Thing)) for goal in step.fillers("toLocation")):
             return False
         return any(
@@ -105,14 +105,14 @@ class Actions:
         )
 
     def moves_the_base(self, recipe: Recipe, recipes: RecipeSet) -> bool:
-        """Return True if the recipe has a base motion, itself or in a recipe below it."""
+        """True if the recipe contains a base motion, directly or in a recipe below it."""
         return recipe.iri in self._moving(recipes)[0]
 
     def movers(self, recipe: Recipe, recipes: RecipeSet) -> Movers:
-        """Return the steps of a recipe that move the base: by themselves, or in a recipe below them.
+        """Find the steps of a recipe that move the base, directly or in a recipe below them.
 
-        A recipe of the library does not count: it stands in the place of a process module, and the base goes back to
-        where its caller's scope has it.
+        Recipes of the library do not count: they replace a process module, and the base returns to the pose of the
+        caller's scope afterwards.
         """
         _, moving = self._moving(recipes)
         opening = frozenset(step.iri for step in recipe.steps if self.is_base_motion(step))
@@ -120,8 +120,8 @@ class Actions:
         return Movers(opening, ending)
 
     def _moving(self, recipes: RecipeSet) -> tuple[frozenset[str], frozenset[str]]:
-        """Return the recipes that move the base, themselves or in a recipe below them; then those of them that do so
-        without one of the library.
+        """Recipes (IRIs) that move the base, directly or in a recipe below them; then those that do so without the
+        library.
         """
         if self._last_moving is None or self._last_moving[0] is not recipes:
             callers: dict[str, list[str]] = {}
@@ -134,12 +134,12 @@ class Actions:
         return self._last_moving[1]
 
     def uses_hand(self, step: Step) -> bool:
-        """Return True for a primitive that needs an arm or a gripper."""
+        """True for a primitive that needs an arm or a gripper."""
         primitive = self.primitive(step)
         return primitive is not None and not _HAND.isdisjoint(primitive.resources)
 
     def hand_goals(self, step: Step) -> tuple[Place | Thing, ...]:
-        """Return the goals of the hand of a primitive step, without postures."""
+        """Goals of the hand in a primitive step, without named postures."""
         if not self.uses_hand(step):
             return ()
         return tuple(
@@ -149,41 +149,41 @@ class Actions:
         )
 
     def properties(self, cls: str) -> frozenset[str]:
-        """Return the properties (IRIs) that the vocabulary lists for an action class or an ancestor of it."""
+        """Properties (IRIs) that the vocabulary lists for an action class or its ancestors."""
         return frozenset(self.ontology.valid_properties(cls))
 
     def slots(self, cls: str) -> Mapping[str, Slot]:
-        """Return the slots of an action class by property: those of the nearest class that declares each."""
+        """Slots of an action class by property; the nearest class that declares a property wins."""
         declaring = tuple(filter(self.declared_slots.__contains__, self.ontology.ancestors(cls)))
-        found = self._slots.get(declaring)
-        if found is None:
-            found = {}
+        slots = self._slots.get(declaring)
+        if slots is None:
+            slots = {}
             for above in declaring:
                 for name, slot in self.declared_slots[above].items():
-                    found.setdefault(name, slot)
-            self._slots[declaring] = found
-        return found
+                    slots.setdefault(name, slot)
+            self._slots[declaring] = slots
+        return slots
 
     def goal(self, cls: str) -> Pattern | None:
-        """Return the goal declared for the class or its nearest ancestor that has one."""
+        """Goal declared for the class or its nearest ancestor that has one."""
         goals = self.declared.goals
         return next((goals[ancestor] for ancestor in self.ontology.ancestors(cls) if ancestor in goals), None)
 
     def releases(self, step: Step) -> bool:
-        """Return True if the step lets go of something."""
+        """True if the step releases something."""
         return not self._letting_go.keys().isdisjoint(self.ontology.ancestors(step.action_class))
 
     def released(self, step: Step) -> frozenset[Thing | None]:
-        """Return the things that a step lets go of; None if it does not say which."""
+        """Things that a step releases; {None} if it does not state which."""
         names = [name for cls in self.ontology.ancestors(step.action_class) for name in self._letting_go.get(cls, ())]
         things = {filler for name in names for filler in step.fillers(name) if isinstance(filler, Thing)}
         return frozenset(things) if things else frozenset({None})
 
 
 def gone_to(filler: Filler) -> Iterator[Thing]:
-    """Yield the things that are looked at before a hand goes to a location: the thing itself, or what is right there.
+    """Yield the things to see before a hand moves to a location: the thing itself, or the one to handle there.
 
-    A person is looked at wherever near it the hand goes.
+    A person is always included, whatever the relation: people move.
     """
     if isinstance(filler, Thing):
         yield filler
@@ -194,7 +194,7 @@ def gone_to(filler: Filler) -> Iterator[Thing]:
 
 
 def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) -> frozenset[str]:
-    """Return recipes with all that call them, directly or not."""
+    """Recipes together with their direct and indirect callers."""
     return frozenset(reached(recipes, lambda one: callers.get(one, ())))
 
 
@@ -202,8 +202,8 @@ def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) 
 class Primitive:
     """An action class that a process module performs.
 
-    ``resources`` are roles (base, head, torso, arm, gripper); ``implies`` are classes of actions that are performed
-    on the way.
+    ``resources`` are roles (base, head, torso, arm, gripper); ``implies`` are classes of actions that it performs as a
+    side effect.
     """
 
     action: str
@@ -225,11 +225,11 @@ class RecoveryRule:
     rank: int
     span: Span | None = None
     problems: tuple[Diagnostic, ...] = ()
-    """Errors (R043) of numbers that are none; the rule has the default instead."""
+    """Errors (R043) of malformed numbers; the rule uses the default instead."""
 
 
 def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
-    """Return all primitives, by the IRI of their class."""
+    """Read all primitives, by the IRI of their action class."""
     return {
         action: Primitive(
             action,
@@ -243,16 +243,16 @@ def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
 
 
 def read_library(ontology: Ontology) -> dict[str, list[str]]:
-    """Return the recipes (IRIs of classes) that say of themselves for which class of actions they stand."""
-    found: dict[str, list[str]] = {}
+    """Map action classes (IRIs) to the recipes (IRIs) that declare themselves the standard recipe for them."""
+    library: dict[str, list[str]] = {}
     for triple in ontology.triples(p=expand("standardRecipeOf")):
         if isinstance(triple.subject, str) and isinstance(triple.object, str):
-            found.setdefault(triple.object, []).append(triple.subject)
-    return found
+            library.setdefault(triple.object, []).append(triple.subject)
+    return library
 
 
 def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
-    """Return all recovery rules, in the order of the files."""
+    """Read all recovery rules, in the order of the files."""
     rules = []
     for individual in ontology.individuals(expand("Recovery")):
         problems: list[Diagnostic] = []
@@ -272,9 +272,9 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
 
 
 def recoveries_of(ontology: Ontology, rules: tuple[RecoveryRule, ...], cls: str) -> list[tuple[str, RecoveryRule]]:
-    """Return the rules that hold for an action class, as pairs (failure, rule), nearest class first, then by rank.
+    """List the rules that apply to an action class as pairs (failure, rule), nearest class first, then by rank.
 
-    A rule for the same failure nearer by replaces the farther; ``attempts 0`` switches it off.
+    For the same failure a rule of a nearer class replaces that of a farther one; ``attempts 0`` disables it.
     """
     chosen: dict[str, RecoveryRule] = {}
     for ancestor in ontology.ancestors(cls):
@@ -302,46 +302,48 @@ def _count(ontology: Ontology, subject: str, property_name: str, default: int, p
 
 
 def recipes_for(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None]:
-    """Return the performers of an action: classes with recipes, or a primitive class; the nearer wins.
+    """Find the performers of an action: recipes (IRIs), or else a primitive (IRI).
 
-    An individual's own recipe is nearer than any of its class. On a tie the primitive wins, and a recipe of the library
-    is taken only where nothing else is at that distance. Several recipes at the same distance are alternatives.
+    The nearest class wins; an individual's own recipe is nearer than any of its class. At equal distance a primitive
+    wins over recipes, and the recipes of the file over those of the library. Several recipes at equal distance are
+    alternatives.
     """
     if iri not in actions.performers:
         actions.performers[iri] = _performers(actions, iri)
     return actions.performers[iri]
 
 
-def meant(actions: Actions, recipes: tuple[str, ...], parameters: Sequence[Parameter]) -> tuple[str, ...]:
-    """Return those recipes that an action with these parameters means: of several of the library the best one.
+def best_recipes(actions: Actions, recipes: tuple[str, ...], parameters: Sequence[Parameter]) -> tuple[str, ...]:
+    """Choose among several recipes of the library the one that fits the parameters of an action best.
 
-    Least of what that states is not stated by the action, and most of what the action states.
+    The best recipe states the fewest properties that the action does not state, then the most that it does. Recipes of
+    the file are all kept, because they are alternatives.
     """
     if len(recipes) < 2 or not actions.is_of_library(recipes):
         return recipes
-    stated = {(one.property, isinstance(one.filler, Place)) for one in parameters}
+    given = {(one.property, isinstance(one.filler, Place)) for one in parameters}
 
     def misfit(recipe: str) -> tuple[int, int]:
         own = _stated(actions.ontology, recipe)
-        return len(own - stated), -len(own & stated)
+        return len(own - given), -len(own & given)
 
     return (min(recipes, key=misfit),)
 
 
 def _stated(ontology: Ontology, recipe: str) -> set[tuple[str, bool]]:
-    """Return the properties, except of what is acted on, that a recipe states, and whether a place fills each."""
+    """Pairs (property, whether a place fills it) that a recipe states, without the object acted on."""
     levels = [filling for level in fillings(ontology, recipe) for filling in level]
     read = ((shorten(one.property), read_filler(ontology, one.term, one.property)) for one in levels)
     return {(name, isinstance(filler, Place)) for name, filler in read if name != "objectActedOn"}
 
 
 def recipes_of_task(actions: Actions, iri: str) -> tuple[str, ...]:
-    """Return what states the recipe of a task: itself also where a primitive performs it as a step of others."""
+    """Recipes of a task: its own, even if a primitive performs it where it is a step of another recipe."""
     return (iri,) if actions.statements(iri) is not None else recipes_for(actions, iri)[0]
 
 
 def statements_for(actions: Actions, iri: str) -> Statements:
-    """Return what the file states about a task with a recipe, or about the class that it inherits the recipe from."""
+    """Statements about a task that has a recipe, or about the class that it inherits the recipe from."""
     statements = actions.statements(recipes_of_task(actions, iri)[0])
     assert statements is not None
     return statements
@@ -352,20 +354,20 @@ def _performers(actions: Actions, iri: str) -> tuple[tuple[str, ...], str | None
         for ancestor in level:
             if ancestor in actions.primitives:
                 return (), ancestor
-        found = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
-        found = found or tuple(recipe for ancestor in level for recipe in actions.library.get(ancestor, ()))
-        if found:
-            return found, None
+        recipes = tuple(ancestor for ancestor in level if actions.statements(ancestor) is not None)
+        recipes = recipes or tuple(recipe for ancestor in level for recipe in actions.library.get(ancestor, ()))
+        if recipes:
+            return recipes, None
     return (), None
 
 
 def _levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
-    """Yield an individual; or a class, its direct superclasses, theirs, ...: each class once, at its least distance."""
+    """Yield the individual, its class, the direct superclasses, theirs, ...: each class at its smallest distance."""
     cls = iri
     if not ontology.is_class(iri):
         yield (iri,)
         cls = action_class(ontology, iri) or iri
-    known = set(ontology.ancestors(cls))
+    ancestors = set(ontology.ancestors(cls))
     seen = {cls, iri}
     level: tuple[str, ...] = (cls,) if cls != iri or ontology.is_class(iri) else ()
     while level:
@@ -373,7 +375,7 @@ def _levels(ontology: Ontology, iri: str) -> Iterator[tuple[str, ...]]:
         above: list[str] = []
         for member in level:
             for ancestor in ontology.parents(member):
-                if ancestor in known and ancestor not in seen:
+                if ancestor in ancestors and ancestor not in seen:
                     seen.add(ancestor)
                     above.append(ancestor)
         level = tuple(above)

@@ -1,8 +1,8 @@
 """Reading constraints of motions: kind, limits, weight, and the parts of things that they relate.
 
 A motion is ``constrainedBy`` classes of constraints (:mod:`planlang.motion_constraints`). Features are class
-expressions over parts, as in "a handle that is part of a spatula that the left arm holds"; one that names no whole is a
-part of the device that the motion uses, or in the world of the object that it acts on.
+expressions over parts, as in "a handle that is part of a spatula that the left arm holds". A tool feature that names no
+whole is part of the device that the motion uses, a world feature is part of the object that it acts on.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from planlang.recipe.statements import KINDS, is_word
 from planlang.units import IncompatibleUnits, stated_number, unit_of
 
 ROLES = ("deviceUsed", "objectActedOn")
-"""The properties of a motion whose fillers features are parts of that name no whole: the tool's and the world's."""
+"""Properties of a motion whose fillers are the default wholes of tool and world features."""
 FEATURES = ("toolFeature", "worldFeature")
 LIMITS = ("constrLowerLimit", "constrUpperLimit", "constrWeight")
 
 _OF_WHOLE = ("physicalPartOf", "properPhysicalPartOf", "partOf")
 """Properties from a part to the whole."""
 _OF_PARTS = ("physicalParts", "properPhysicalParts", "parts")
-"""Properties from the whole to a part, of which expressions use the inverse."""
+"""Properties from the whole to a part; expressions use their inverses."""
 _HELD_BY = ("predecessorInKinematicChain",)
 _DEEPEST = 20
-"""Parts of parts that are followed: more stand in no model of a thing."""
+"""Maximum depth of parts of parts; deeper nesting is treated as a mistake, such as a part of itself."""
 
 
 def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
-    """Return the parameters of a motion with its constraints and the parts that it is about in the place of names.
+    """Replace names of constraints and parts among the parameters of a motion by the constraints and parts themselves.
 
-    A constraint below another one replaces it. One that is incomplete stays a name:
-    :mod:`planlang.recipe.checks.constraints` says what it lacks.
+    A constraint replaces the constraints that it is a subclass of. An incomplete one stays a name;
+    :mod:`planlang.recipe.checks.constraints` reports what it lacks.
     """
     if not any(one.property == CONSTRAINED_BY for one in parameters):
         return parameters
@@ -45,24 +45,26 @@ def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> t
     tool, world = (_whole(next((p.filler for p in read if p.property == name), None)) for name in ROLES)
     named = [one.filler.iri for one in read if one.property == CONSTRAINED_BY and isinstance(one.filler, Name)]
     replaced = {ancestor for name in named for ancestor in _levels(ontology, name)[1:]}
-    found = []
+    replaced_parameters = []
     for one in read:
         if one.property != CONSTRAINED_BY or not isinstance(one.filler, Name):
-            found.append(one)
+            replaced_parameters.append(one)
         elif one.filler.iri not in replaced:
-            found.append(replace(one, filler=read_constraint(ontology, one.filler.iri, tool, world) or one.filler))
-    return tuple(found)
+            replaced_parameters.append(
+                replace(one, filler=read_constraint(ontology, one.filler.iri, tool, world) or one.filler)
+            )
+    return tuple(replaced_parameters)
 
 
 def _whole(filler: object) -> Part | None:
-    """Return what a motion uses or acts on as a part; None if that is no thing."""
+    """Filler of a motion's device or object as a part; None if it is not a thing."""
     return Part(filler) if isinstance(filler, Thing) else filler if isinstance(filler, Part) else None
 
 
 def read_constraint(ontology: Ontology, iri: str, tool: Part | None, world: Part | None) -> Constraint | None:
-    """Return the constraint that a class or an individual is; None if it lacks its kind, a feature, or its limits.
+    """Read a class or an individual as a constraint; None if it lacks its kind, a feature, or valid limits.
 
-    ``tool`` and ``world`` are what features are parts of that name no whole.
+    ``tool`` and ``world`` are the default wholes of features that name none.
     """
     kind = kind_of_constraint(ontology, iri)
     parts = [stated_feature(ontology, iri, word, whole) for word, whole in zip(FEATURES, (tool, world), strict=True)]
@@ -95,16 +97,16 @@ def _comment(ontology: Ontology, iri: str) -> str | None:
 
 
 def kind_of_constraint(ontology: Ontology, iri: str) -> ConstraintKind | None:
-    """Return the kind of the nearest class above that has one."""
+    """Kind of the nearest class above that has one."""
     kinds = (ConstraintKind.of_owl_class(ancestor) for ancestor in _levels(ontology, iri))
     return next((kind for kind in kinds if kind is not None), None)
 
 
 def number_of(ontology: Ontology, iri: str, word: str) -> float | str | None:
-    """Return the number that a constraint states or inherits, the text of what is no number, None without any.
+    """Read the number that a constraint states or inherits; the text if it is not a number, None if there is none.
 
-    A limit with a unit is in metres, or a mere number, as the kind of the constraint measures it; in another one it is
-    no number.
+    Limits are in metres or without a unit, depending on the kind of the constraint; a number in any other unit is
+    returned as text.
     """
     stated = _stated(ontology, iri, word)
     if stated is None:
@@ -127,15 +129,15 @@ def _is_above(lower: float | None, upper: float | None) -> bool:
 
 
 def _levels(ontology: Ontology, iri: str) -> tuple[str, ...]:
-    """Return a class and its ancestors, nearest first; of an individual itself, then its classes and theirs."""
+    """A class and its ancestors, nearest first; for an individual: itself, then its classes and theirs."""
     if ontology.is_class(iri) or not ontology.types(iri):
         return ontology.ancestors(iri)
     above = (ancestor for cls in ontology.types(iri) for ancestor in ontology.ancestors(cls))
     return tuple(dict.fromkeys((iri, *above)))
 
 
-def _said(ontology: Ontology, iri: str, word: str) -> Term | None:
-    """Return what a class or an individual itself states for a property."""
+def _own_value(ontology: Ontology, iri: str, word: str) -> Term | None:
+    """Value that a class or an individual itself states for a property."""
     for restriction in ontology.restrictions(iri):
         if restriction.kind in KINDS and is_word(restriction.property, word):
             return restriction.filler
@@ -143,9 +145,9 @@ def _said(ontology: Ontology, iri: str, word: str) -> Term | None:
 
 
 def _stated(ontology: Ontology, iri: str, word: str) -> tuple[int, Term] | None:
-    """Return the value nearest to a constraint, and how far above it is stated; None if nothing states one."""
+    """Nearest value of a property, with its distance in levels above the constraint; None if nothing states one."""
     for distance, level in enumerate(_levels(ontology, iri)):
-        if (term := _said(ontology, level, word)) is not None:
+        if (term := _own_value(ontology, level, word)) is not None:
             return distance, term
     return None
 
@@ -156,10 +158,10 @@ def _distance(ontology: Ontology, iri: str, word: str) -> int:
 
 
 def stated_feature(ontology: Ontology, iri: str, word: str, whole: Part | None = None) -> Part | None:
-    """Return the part of a thing that a constraint states for ``toolFeature`` or ``worldFeature``; None if it does not.
+    """Read the part that a constraint states for ``toolFeature`` or ``worldFeature``; None if it states none.
 
-    An expression, a class or an individual that names no whole is a part of ``whole``, or that itself if its class is
-    one of these; without ``whole`` it is a thing.
+    A feature that names no whole is a part of ``whole``, or is ``whole`` itself if that is an instance of the feature's
+    class. Without ``whole`` it is a thing of its own.
     """
     stated = _stated(ontology, iri, word)
     described = _described(ontology, stated[1]) if stated is not None else None
@@ -196,7 +198,7 @@ def _described(ontology: Ontology, term: Term, depth: int = 0) -> Part | None:
 
 
 def _individual_part(ontology: Ontology, iri: str, depth: int) -> Part | None:
-    """Return an individual as a part of the thing that states it among its parts, else as a thing."""
+    """An individual as a part of the thing that lists it among its parts; otherwise as a thing."""
     for word in _OF_PARTS:
         for prop in ontology.properties_named(word):
             for triple in ontology.triples(p=prop, o=iri):
@@ -210,7 +212,7 @@ def _individual_part(ontology: Ontology, iri: str, depth: int) -> Part | None:
 
 
 def _conjuncts(ontology: Ontology, term: str | BNode) -> Iterator[Term]:
-    """Yield the parts of an intersection; of a named class that is equivalent to one those of that one."""
+    """Yield the members of an intersection; for a named class, those of its equivalent classes too."""
     if isinstance(term, str):
         for triple in ontology.triples(s=term, p=OWL.equivalentClass):
             if isinstance(triple.object, BNode):
@@ -219,7 +221,7 @@ def _conjuncts(ontology: Ontology, term: str | BNode) -> Iterator[Term]:
 
 
 def _related(ontology: Ontology, node: BNode) -> Iterator[tuple[str, Term]]:
-    """Yield the property of a restriction, as if from a part to its whole, and its filler."""
+    """Yield the property of a restriction, in the direction from part to whole, and its fillers."""
     prop = ontology.value(node, OWL.onProperty)
     fillers = (*ontology.values(node, OWL.someValuesFrom), *ontology.values(node, OWL.hasValue))
     if isinstance(prop, BNode):
@@ -231,7 +233,7 @@ def _related(ontology: Ontology, node: BNode) -> Iterator[tuple[str, Term]]:
 
 
 def _with_part(ontology: Ontology, parameter: Parameter) -> Parameter:
-    """Return a parameter of a motion; what a class describes as a part of something is that part."""
+    """Replace a class that describes a part of something by that part."""
     thing = parameter.filler
     if not isinstance(thing, Thing) or thing.iri is not None:
         return parameter

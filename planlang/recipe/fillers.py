@@ -1,4 +1,4 @@
-"""Reading what fills the properties of actions: objects, persons, devices, location designators, numbers with units.
+"""Reading the fillers of action properties: objects, persons, devices, location designators, numbers with units.
 
 Numbers with units are converted to SI units (:mod:`planlang.units`).
 """
@@ -12,23 +12,23 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, filled, is_word
+from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, fillings_of, is_word
 from planlang.relations import of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
 
 OBJECT_PROPERTY = OWL.ObjectProperty
 
 PLACES = ("Point2D", "Point3D")
-"""Classes of location designators: of the base, of the hand or an object."""
+"""Classes of location designators: for the base (2D), for the hand or an object (3D)."""
 
 PLACE = "Place"
-"""Class of location designators that say no more; cities and rooms are below it too, and are things."""
+"""Class of location designators that are no more specific; its subclasses such as cities and rooms are things."""
 
 ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
-"""Classes of things that are somewhere, whatever they are."""
+"""Classes of things with a position, whatever their kind."""
 
 MOST_PLACES = 10
-"""Places that may refer to each other in a chain: a plan calls the function of each in that of the one before."""
+"""Maximum length of a chain of places: a plan nests the call for each place in that for the previous one."""
 
 _SIZES = ("long", "int", "short", "byte", "unsignedLong", "unsignedInt", "unsignedShort", "unsignedByte")
 _SIGNS = ("positiveInteger", "nonNegativeInteger", "negativeInteger", "nonPositiveInteger")
@@ -37,13 +37,13 @@ NUMERIC = _INTEGERS | {"float", "double", "decimal"}
 """Local names of the datatypes of numbers."""
 
 TEXT = frozenset({"", "string", "langString"})
-"""Local names of the datatypes of text; text without one is text."""
+"""Local names of the datatypes of text; an untyped literal is text."""
 
 
 def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
-    """Return the class itself or its nearest ancestor that the bundled vocabulary knows, as a local name; else the IRI.
+    """Local name of the nearest class at or above ``cls`` in the bundled vocabulary; its own IRI if there is none.
 
-    With ``below`` (IRI) only classes that are below that one count, unless there is none.
+    With ``below`` (IRI) subclasses of that class are preferred.
     """
     nearest = None
     for ancestor in ontology.ancestors(cls):
@@ -56,24 +56,24 @@ def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None
 
 
 def kind_of(ontology: Ontology, cls: str) -> Kind:
-    """Return whether things of a class are persons, parts of a robot, or objects."""
+    """Classify things of a class as persons, parts of a robot, or objects."""
     if ontology.is_a(cls, expand("Person")):
         return Kind.PERSON
     return Kind.DEVICE if is_device(ontology, cls) else Kind.OBJECT
 
 
 def is_device(ontology: Ontology, cls: str) -> bool:
-    """Return True for classes of robot parts that can be used to do something, such as grippers and arms."""
+    """True for classes of robot parts that act on something, such as grippers and arms."""
     return ontology.any_is_a((cls,), ("HolderGripper", "RobotPart", "ComponentComposition"))
 
 
 def is_place(ontology: Ontology, iri: str) -> bool:
-    """Return True for a location designator, written as an individual or as a class."""
+    """True for a location designator, written as an individual or as a class."""
     return ontology.any_is_a((iri,), PLACES) or _is_just_a_place(ontology, iri) or _pose(ontology, iri) is not None
 
 
 def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
-    """Return True if an IRI is a Place and, as far as the vocabulary knows, nothing more particular, such as a room."""
+    """True for a Place that the vocabulary does not classify any further, for example as a room."""
     place = expand(PLACE)
     if not ontology.is_a(iri, place):
         return False
@@ -84,16 +84,16 @@ def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
 
 
 def _pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
-    """Return the pose that a matrix states; None for anything else."""
+    """Pose that a rotation matrix states; None for anything else."""
     if not ontology.is_a(iri, expand("RotationMatrix3D")):
         return None
     return stated_pose(ontology, iri)
 
 
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:
-    """Return the thing, place, value or name that a term denotes; None for undefined IRIs and anonymous expressions.
+    """Read a term as a thing, place, value or name; None for undefined IRIs and anonymous expressions.
 
-    What fills a property (IRI) that takes things is an object if nothing states its kind.
+    A term of unknown kind that fills a property (IRI) of things is read as an object.
     """
     if isinstance(term, Literal):
         return read_literal(ontology, term, property_name)
@@ -103,14 +103,14 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
         return read_place(ontology, term)
     if property_name is not None and OWL.Class in ontology.values(property_name, RDFS.range):
         return Name(term)
-    known = read_thing(ontology, term)
-    if known is None and property_name is not None and is_of_unknown_kind(ontology, term):
-        known = _unknown(ontology, term) if takes_things(ontology, property_name) else None
-    return known or Name(term)
+    thing = read_thing(ontology, term)
+    if thing is None and property_name is not None and is_of_unknown_kind(ontology, term):
+        thing = _unknown(ontology, term) if takes_things(ontology, property_name) else None
+    return thing or Name(term)
 
 
 def read_thing(ontology: Ontology, iri: str) -> Thing | None:
-    """Return the individual or class as a thing; None if no class of it is one of localised things."""
+    """Read an individual or a class as a thing; None unless it belongs to a class of things with a position."""
     for cls in classes_of(ontology, iri):
         if is_localised(ontology, cls):
             return Thing(kind_of(ontology, cls), _type_of(ontology, cls), _individual(ontology, iri), cls)
@@ -118,35 +118,35 @@ def read_thing(ontology: Ontology, iri: str) -> Thing | None:
 
 
 def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
-    """Return a class itself, or the classes of an individual, the ones with the most ancestors first."""
+    """The class itself, or the classes of an individual, those with the most ancestors first."""
     if _individual(ontology, iri) is None:
         return (iri,)
     return tuple(sorted(ontology.types(iri), key=lambda cls: (-len(ontology.ancestors(cls)), cls)))
 
 
 def is_of_unknown_kind(ontology: Ontology, iri: str) -> bool:
-    """Return True if no class of the vocabulary is above a class, or above any class of an individual."""
+    """True if neither the class, nor any class of the individual, has an ancestor in the vocabulary."""
     above = (ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls))
     return not any(is_vocabulary_class(ancestor) for ancestor in above)
 
 
 def is_vocabulary_class(cls: str) -> bool:
-    """Return True for a class that the bundled vocabulary defines."""
+    """True for a class that the bundled vocabulary defines."""
     short = shorten(cls)
     return short != cls and is_vocabulary(short)
 
 
 def takes_things(ontology: Ontology, property_name: str) -> bool:
-    """Return True for a property whose range is one of localised things."""
+    """True for a property whose range is a class of things with a position."""
     ranges = ontology.iris(property_name, RDFS.range)
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
 def takes_numbers(ontology: Ontology, property_name: str) -> bool:
-    """Return True for a property with a numeric range, its own or an ancestor's, or with a physical dimension.
+    """True for a property with a numeric range, its own or inherited, or with a physical dimension.
 
-    The dimension follows from the local name, as some recipes have the vocabulary in a namespace of their own; but not
-    for a property that a file declares with things or other values.
+    The dimension follows from the local name, because some recipes have the vocabulary in a namespace of their own. A
+    property that the file declares with things or other values has none.
     """
     key = ("takes numbers", property_name)
     if key not in ontology.kept:
@@ -156,12 +156,12 @@ def takes_numbers(ontology: Ontology, property_name: str) -> bool:
         ontology.kept[key] = is_ranged or any(
             dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
         )
-    known: bool = ontology.kept[key]
-    return known
+    takes: bool = ontology.kept[key]
+    return takes
 
 
 def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
-    """Return True for a property outside of the vocabulary that is declared as an object property, or has a range."""
+    """True for a property outside the vocabulary that is declared as an object property, or has a range."""
     if shorten(property_name) != property_name:
         return False
     kinds = ontology.values(property_name, RDF.type)
@@ -173,28 +173,27 @@ def _individual(ontology: Ontology, iri: str) -> str | None:
 
 
 def _unknown(ontology: Ontology, iri: str) -> Thing:
-    """Return a thing of unknown kind: an object of its first class."""
+    """Read a thing of unknown kind as an object of its first class."""
     cls = next(iter(classes_of(ontology, iri)), expand(ANYTHING[0]))
     return Thing(Kind.OBJECT, shorten(cls), _individual(ontology, iri), cls)
 
 
 def _type_of(ontology: Ontology, cls: str) -> str:
-    """Return the nearest class of the vocabulary; the class itself if that is only the class of localised things."""
+    """Nearest class of the vocabulary; the class itself if that one only means "thing with a position"."""
     nearest = nearest_in_vocabulary(ontology, cls)
     return cls if nearest in ANYTHING and shorten(cls) == cls else nearest
 
 
 def is_localised(ontology: Ontology, cls: str) -> bool:
-    """Return True for classes of things with a position: objects, persons, devices."""
+    """True for classes of things with a position: objects, persons, devices."""
     return ontology.is_a(cls, expand("SpatialThing-Localized")) or kind_of(ontology, cls) is not Kind.OBJECT
 
 
 def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset()) -> Place:
-    """Return a location designator with its relations in the order of the file.
+    """Read a location designator, with its relations in the order of the file.
 
-    As an individual its facts count, as a class its restrictions. A place that refers to itself, directly or through
-    others, loses the reference that closes the circle; so does one that is :data:`MOST_PLACES` references away. What it
-    relates to is an object if nothing states its kind.
+    An individual is read from its facts, a class from its restrictions. A reference that would close a circle, or that
+    is :data:`MOST_PLACES` references away, is dropped. A related thing of unknown kind is read as an object.
     """
     relations: list[tuple[str, Thing | Place]] = []
     for relation, term in references(ontology, iri):
@@ -212,12 +211,12 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
 
 
 def is_relation(property_name: str) -> bool:
-    """Return True for a property (IRI) by which location designators relate to things and places."""
+    """True for a property (IRI) that relates location designators to things and places."""
     return _relation(property_name) is not None
 
 
 def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str, str]]:
-    """Return the relations of a location designator to things that are defined, but of unknown kind."""
+    """List the relations of a location designator to defined things of unknown kind."""
     return [
         (relation, term)
         for relation, term in references(ontology, place)
@@ -230,14 +229,14 @@ def references_of_unknown_kind(ontology: Ontology, place: str) -> list[tuple[str
 
 
 def unread_references(ontology: Ontology, place: str) -> list[str]:
-    """Return the IRIs that a location designator relates to but that nothing defines."""
+    """List the undefined IRIs that a location designator refers to."""
     return [
         term for _, term in references(ontology, place) if isinstance(term, str) and read_filler(ontology, term) is None
     ]
 
 
 def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
-    """Yield the relations of a location designator, and their other ends, from its facts or restrictions."""
+    """Yield the relations of a location designator, with the related terms, from its facts and restrictions."""
     for triple in ontology.triples(s=place):
         if (relation := _relation(triple.predicate)) is not None:
             yield relation, triple.object
@@ -248,15 +247,14 @@ def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
 
 
 def _relation(property_name: str) -> str | None:
-    """Return the relation that a property (IRI) stands for."""
+    """Relation that a property (IRI) stands for, if any."""
     return of_owl_property(shorten(property_name))
 
 
 def read_literal(ontology: Ontology, literal: Literal, property_name: str | None) -> str | int | float | bool:
-    """Return a value of a property (IRI) as a Python value, a number with a unit in that of the property's numbers.
+    """Convert a value of a property (IRI) to a Python value; numbers with units to the unit of the property.
 
-    Text without a type is read as a number, too, if the property takes numbers and it is written like one. Text that is
-    no number is returned as it is.
+    Untyped text is read as a number if the property takes numbers. Malformed numbers are returned as text.
     """
     if unit_of(literal) is not None:
         try:
@@ -277,7 +275,7 @@ def read_literal(ontology: Ontology, literal: Literal, property_name: str | None
 
 
 CONSTRAINED_BY = "constrainedBy"
-"""The property of motions whose fillers add up."""
+"""The property of motions whose fillers add up instead of replacing inherited ones."""
 
 NO_PARAMETERS = (
     *ON_ACTIONS,
@@ -290,14 +288,14 @@ NO_PARAMETERS = (
     "startTime",
     "endTime",
 )
-"""Properties of actions (local names) that say how, when or with what right, not on what."""
+"""Properties of actions (local names) about their steps, requirements and times, which are not parameters."""
 
 READ_BY_DIALECTS = (*ON_INDIVIDUALS, "adtChunkSupport")
-"""Properties of individuals (local names) that readers of dialects take up."""
+"""Properties of individuals (local names) that the readers of dialects read."""
 
 
 def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> Iterator[list[Filling]]:
-    """Yield the stated fillers of an action, nearest first: ``more``, those of its facts, its class, its ancestors.
+    """Yield the fillers of an action, nearest first: ``more``, those of its facts, of its class, of its ancestors.
 
     Superclasses and equivalent classes count alike. Restrictions of the bundled vocabulary do not count.
     """
@@ -314,54 +312,53 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
 
 
 def _may_fill(property_name: str) -> bool:
-    """Return True for a property (IRI) that may state what an action acts on, not how, when or with what right."""
+    """True for a property (IRI) that may be a parameter of an action."""
     return not is_word(property_name, *NO_PARAMETERS, *REGISTERED_WORDS)
 
 
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
-    """Return what the restrictions of a class fill in; nothing for classes of the bundled vocabulary."""
-    known: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
-    found = known.get(cls)
-    if found is None:
-        is_said = shorten(cls) == cls or ontology.main(cls)
-        every = filled(ontology.restrictions(cls)) if is_said else ()
-        found = known[cls] = [filling for filling in every if _may_fill(filling.property)]
-    return found
+    """Fillings from the restrictions of a class; none for classes of the bundled vocabulary."""
+    cache: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
+    own = cache.get(cls)
+    if own is None:
+        is_users = shorten(cls) == cls or ontology.main(cls)
+        every = fillings_of(ontology.restrictions(cls)) if is_users else ()
+        own = cache[cls] = [filling for filling in every if _may_fill(filling.property)]
+    return own
 
 
 def read_parameters(
-    ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), made: frozenset[str] = frozenset()
+    ontology: Ontology, iri: str, more: tuple[Filling, ...] = (), created: frozenset[str] = frozenset()
 ) -> tuple[Parameter, ...]:
-    """Return the parameters of an action: ``more``, those that it states itself, and those of its ancestors.
+    """Read the parameters of an action: ``more``, its own, and those of its ancestors.
 
-    A nearer filler replaces a farther one of the same property; constraints of motions all count. A robot part given as
-    a body part is the device used.
-    ``made`` are individuals that need not be defined, as another step creates them.
+    A nearer filler replaces a farther one of the same property; constraints of motions add up. A robot part stated as a
+    body part is read as the device used. ``created`` are individuals that another step creates: they may be undefined.
     """
-    found: dict[str, list[Parameter]] = {}
+    by_property: dict[str, list[Parameter]] = {}
     for level in fillings(ontology, iri, more):
-        nearer = set(found)
+        nearer = set(by_property)
         for filling in level:
-            parameter = _parameter(ontology, filling, made)
+            parameter = _parameter(ontology, filling, created)
             if parameter is not None and (parameter.property not in nearer or parameter.property == CONSTRAINED_BY):
-                found.setdefault(parameter.property, []).append(parameter)
-    return tuple(dict.fromkeys(parameter for parameters in found.values() for parameter in parameters))
+                by_property.setdefault(parameter.property, []).append(parameter)
+    return tuple(dict.fromkeys(parameter for parameters in by_property.values() for parameter in parameters))
 
 
 def action_class(ontology: Ontology, individual: str) -> str | None:
-    """Return the class of actions of an individual: the narrowest of its types that is one, else its first known.
+    """Find the class of actions of an individual: its most specific type below Action, else Event, else any known type.
 
-    The narrowest has the most superclasses: being a grasp says more than being a chunk of a table.
+    The type with the most superclasses is the most specific: a grasp rather than a chunk of a table.
     """
     types = ontology.types(individual)
-    for wanted in ("Action", "Event"):
-        if fitting := [cls for cls in types if ontology.is_a(cls, expand(wanted))]:
+    for top in ("Action", "Event"):
+        if fitting := [cls for cls in types if ontology.is_a(cls, expand(top))]:
             return max(fitting, key=lambda cls: len(ontology.ancestors(cls)))
     return next((cls for cls in types if len(ontology.ancestors(cls)) > 1), next(iter(types), None))
 
 
 def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
-    """Yield the facts of an individual that neither fill a property of actions nor state how it is performed."""
+    """Yield the facts of an individual that are neither parameters of an action nor read otherwise."""
     for triple in ontology.triples(s=individual):
         name = triple.predicate
         is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS, *REGISTERED_WORDS) or _is_annotation(
@@ -379,13 +376,13 @@ def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
 
 
 def action_properties(ontology: Ontology) -> tuple[str, ...]:
-    """Return the properties (IRIs) that the vocabulary lists for any class of actions."""
-    found = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
-    return tuple(name for name in found if isinstance(name, str))
+    """Properties (IRIs) that the vocabulary lists for any class of actions."""
+    properties = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
+    return tuple(name for name in properties if isinstance(name, str))
 
 
 def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
-    """Return True for a property that the vocabulary lists for a class of actions, or one below it."""
+    """True for a property that the vocabulary lists for a class of actions, or a subproperty of one."""
     return any(
         True
         for above in ontology.superproperties(property_name)
@@ -397,9 +394,9 @@ def _is_annotation(ontology: Ontology, name: str) -> bool:
     return name.startswith((OWL, RDF, RDFS)) or OWL.AnnotationProperty in ontology.values(name, RDF.type)
 
 
-def _parameter(ontology: Ontology, filling: Filling, made: frozenset[str]) -> Parameter | None:
+def _parameter(ontology: Ontology, filling: Filling, created: frozenset[str]) -> Parameter | None:
     filler = read_filler(ontology, filling.term, filling.property)
-    if filler is None and filling.term in made:
+    if filler is None and filling.term in created:
         filler = Name(str(filling.term))
     if filler is None:
         return None
@@ -418,13 +415,13 @@ def _is_device_term(ontology: Ontology, term: Term) -> bool:
 
 
 UPRIGHT = 1e-3
-"""The distance of the last number of a matrix from 1 up to which its z axis points up."""
+"""Tolerance of m22 around 1: a matrix within it has its z axis pointing up."""
 
 
 def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
-    """Return x, y, z [m] and heading [rad] of a matrix in the frame of the map; None if a number is missing.
+    """Pose of a matrix in the map frame: x, y, z [m] and heading [rad]; None if a number is missing.
 
-    The z axis of the pose has to point up, as that of a base does.
+    The z axis has to point up, as that of a base does.
     """
     numbers = {name: _number(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")}
     x, y, z, cosine, sine, up = (numbers[name] for name in numbers)
@@ -434,7 +431,7 @@ def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, floa
 
 
 def _number(ontology: Ontology, iri: str, name: str) -> float | None:
-    """Return the number that an individual states last by a property; None if there is none, or it is not finite."""
+    """Last number that an individual states for a property; None if there is none, or it is not finite."""
     try:
         values = [one for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
         return stated_number(values[-1], unit_of_property(name)) if values else None

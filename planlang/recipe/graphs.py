@@ -1,7 +1,7 @@
 """networkx, imported when a graph is first used.
 
-Importing it takes a fifth of a second, and few recipes need it: those with states, overlaps, data flow or a cycle, and
-drawings.
+The import takes a fifth of a second, and few recipes need it: those with states, overlaps, data flow or a cycle,
+and drawings.
 """
 
 from __future__ import annotations

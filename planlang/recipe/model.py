@@ -1,21 +1,20 @@
 """The model of a recipe, the same for all dialects.
 
-A recipe is steps with four kinds of statements among them, each about IRIs of steps:
+A recipe consists of steps and four kinds of statements about them, which refer to steps by IRI:
 
-* ``orderings``: one step ends before another begins. Of two intervals, "before" and "meets" are both that; a plan does
-  not measure the gap between them.
-* ``overlaps``: of two intervals, any other relation. It constrains when the steps begin and end relative to each
-  other (:meth:`Overlap.endpoints`), so that they have to run side by side: a parallel scope, in which the one watches
-  the other. One of the two may be the recipe itself: a step that starts it begins no later than any other step, and
-  one that finishes it ends no earlier. An order of steps that follows from overlaps is also among the orderings, with
-  reason OVERLAP.
-* ``flows``: one step makes or finds what another one uses. Every flow that orders its steps also is an
-  ordering with reason DATA_FLOW, so that who looks at orders alone misses nothing; the flow adds what is passed.
-* ``machine``: the steps are states, which follow each other by transitions as they end this way or that. Then
+* ``orderings``: one step ends before another begins. This covers the interval relations "before" and "meets", because
+  a plan does not measure the gap between steps.
+* ``overlaps``: any other relation of two intervals. It constrains when the steps begin and end relative to each other
+  (:meth:`Overlap.endpoints`), so they have to run in parallel, and one waits for events of the other. One of the two
+  may be the recipe itself: a step that starts it begins no later than any other step, and one that finishes it ends no
+  earlier. An order of steps that follows from overlaps is also among the orderings, with reason OVERLAP.
+* ``flows``: one step makes or finds what another one uses. Every flow that orders its steps is also an ordering with
+  reason DATA_FLOW, so ``orderings`` is complete; the flow adds which resource is passed.
+* ``machine``: the steps are states, connected by transitions for the different ways in which a step can end. Then
   ``orderings`` and ``overlaps`` are empty, every state is a step, and a state may be visited any number of times.
 
-A step is a class of actions, or an individual of one: ``iri`` names the step, ``action_class`` what it is. Two steps
-of a recipe may be individuals of the same class. Whatever is looked up in the taxonomy goes by ``action_class``.
+A step is a class of actions, or an individual of one: ``iri`` names the step, ``action_class`` is its class. Two steps
+of a recipe may be individuals of the same class. Use ``action_class`` for lookups in the taxonomy.
 """
 
 from __future__ import annotations
@@ -52,17 +51,17 @@ class _Action(_Named):
 
     @property
     def action_class(self) -> str:
-        """The class of actions (IRI) that the action is, or is an individual of."""
+        """Class of actions (IRI) that the action is, or is an individual of."""
         return self.cls or self.iri
 
     def fillers(self, property_name: str) -> tuple[Filler, ...]:
-        """Return the fillers of a property of the action itself, in the order of the file."""
+        """Fillers of a property of the action itself, in the order of the file."""
         return tuple(parameter.filler for parameter in self.parameters if parameter.property == property_name)
 
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """A way of writing recipes: a short name, and what such a recipe consists of, in words."""
+    """A way of writing recipes: a short name, and a description of the statements in such a recipe."""
 
     name: str
     parts: str
@@ -78,47 +77,47 @@ WORKFLOW = Dialect("D5", "individuals that a workflow has by hasStep, related as
 
 
 class Kind(Enum):
-    """The part that a thing has for the robot."""
+    """How the robot treats a thing."""
 
     OBJECT = "object"
     PERSON = "person"
     DEVICE = "device"
     PLACE = "place"
-    """Of parameters of a plan only: a place, or a thing that stands for one."""
+    """A place, or a thing that stands for one; only for parameters of a plan."""
     NUMBER = "number"
-    """Of slots only: a number, such as a duration."""
+    """A number, such as a duration; only for slots."""
 
 
 class Absence(Enum):
-    """Meaning of an action that leaves a slot empty; the values are the properties of OWL that declare slots."""
+    """Meaning of an empty slot; the values are the OWL properties that declare slots."""
 
     ERROR = "mustState"
     PARAMETER = "requires"
     """The filler is a parameter of the plan."""
     CONSTRAINED = "requiresIfConstrained"
-    """It is a parameter of the plan if a constraint of the motion is about it."""
+    """The filler is a parameter of the plan if a constraint of the motion refers to it."""
     EXPECTED = "expects"
-    """The action does without it, but a recipe should say it."""
+    """The action works without a filler, but a recipe should state one."""
     ALLOWED = "accepts"
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A property (local name) of actions, the kinds of its fillers, and what it means that there is none."""
+    """A property (local name) of actions, the kinds of its fillers, and the meaning of a missing filler."""
 
     property: str
     kinds: tuple[Kind, ...]
     absence: Absence
     is_shared: bool = False
-    """True if a step without a filler has all that the step around it has."""
+    """True if a step without a filler takes all fillers of the step around it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """An object, a person or a device: the individual ``iri``, or any of its class when ``iri`` is None.
+    """An object, a person or a device: the individual ``iri``, or any instance of its class if ``iri`` is None.
 
-    ``type`` is the nearest class of the vocabulary (local name), ``stated`` the class that the recipe wrote (IRI).
-    With ``owner``, the name of an action, the recipe states nothing that fills ``slot``: the caller gives it.
+    ``type`` is the nearest class of the vocabulary (local name), ``stated`` the class that the recipe names (IRI). With
+    ``owner``, the name of an action, the thing is a parameter: the caller provides the filler of ``slot``.
     """
 
     kind: Kind
@@ -130,7 +129,7 @@ class Thing:
 
     @property
     def name(self) -> str:
-        """Local name of the individual, of the class when anonymous; of a slot its path."""
+        """Local name of the individual, or of the class if anonymous; for a parameter the path of its slot."""
         if self.slot is not None:
             return f"{self.owner}.{self.slot.property}"
         return local_name(self.iri or self.stated or self.type)
@@ -140,9 +139,8 @@ class Thing:
 class Place(_Named):
     """A location designator: poses that stand in ``relations`` to things and other places.
 
-    Without relations it is a named posture of the robot, or the one ``pose`` in the map: x, y, z [m] and heading [rad].
-    ``relations`` holds pairs (key of
-    :data:`planlang.relations.RELATIONS`, reference) in the order of the file.
+    ``relations`` holds pairs (key of :data:`planlang.relations.RELATIONS`, reference) in the order of the file. Without
+    relations it is a named posture of the robot, or one ``pose`` in the map: x, y, z [m] and heading [rad].
     """
 
     iri: str
@@ -152,11 +150,11 @@ class Place(_Named):
 
     @property
     def is_posture(self) -> bool:
-        """True for a named posture of the robot's own, and for a pose: no thing is needed to find them."""
+        """True for a named posture of the robot or a fixed pose, which refer to nothing."""
         return not self.relations
 
     def things(self) -> Iterator[Thing]:
-        """Yield all things that the place refers to, also through other places; some may come twice."""
+        """Yield all things that the place refers to, also through other places; may repeat a thing."""
         for _, reference in self.relations:
             if isinstance(reference, Thing):
                 yield reference
@@ -164,13 +162,13 @@ class Place(_Named):
                 yield from reference.things()
 
     def changeable(self) -> tuple[Thing, ...]:
-        """Return the things for which a plan may put others: all that the place refers to but devices, each once."""
+        """Things that a plan can replace by others: all that the place refers to except devices, each once."""
         return tuple(dict.fromkeys(thing for thing in self.things() if thing.kind is not Kind.DEVICE))
 
 
 @dataclass(frozen=True, slots=True)
 class Name(_Named):
-    """A filler that is neither thing nor place, e.g. a policy."""
+    """A filler that is neither a thing nor a place, for example a policy."""
 
     iri: str
 
@@ -179,8 +177,8 @@ class Name(_Named):
 class Part:
     """A part of a thing, or with an empty path the thing itself.
 
-    ``path`` are the classes of the parts that lead to it, the nearest to the thing first: local names of the
-    vocabulary, else IRIs; an individual has its IRI. ``held_by`` says which thing of its class is meant.
+    ``path`` holds the classes of the nested parts, outermost first: local names of the vocabulary, else IRIs; an
+    individual has its IRI. ``held_by`` is the device that holds the thing, if that identifies it.
     """
 
     of: Thing
@@ -197,8 +195,8 @@ class Part:
 class Constraint(_Named):
     """A constraint of a motion: the class ``iri`` of constraints, or an individual.
 
-    ``template`` is the class (IRI) that states its features, itself or an ancestor; ``label`` that one's description.
-    For lengths in m and cosines; a limit that is None binds nothing.
+    ``template`` is the class (IRI) that states its features, itself or an ancestor; ``label`` describes that class.
+    Limits are lengths [m] or cosines, depending on ``kind``; None means unlimited.
     """
 
     iri: str
@@ -219,9 +217,9 @@ Filler = Thing | Place | Part | Constraint | Name | str | int | float | bool
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A property of an action and what fills it. ``property`` is a local name of the vocabulary, else an IRI.
+    """A property of an action and its filler. ``property`` is a local name of the vocabulary, else an IRI.
 
-    ``is_inherited`` if the action itself states nothing: the filler is that of the action around it, or a parameter.
+    ``is_inherited`` if the action itself states no filler: it comes from the action around it, or is a parameter.
     """
 
     property: str
@@ -232,9 +230,9 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """Any situation of a class (``type``, an IRI) in which these properties are filled like this.
+    """Any situation of a class (``type``, an IRI) with these parameters.
 
-    ``type`` may also be an individual: then that very situation.
+    If ``type`` is an individual, it is that situation itself.
     """
 
     type: str
@@ -242,7 +240,7 @@ class Description:
 
     @property
     def name(self) -> str:
-        """Local name of the class or the individual."""
+        """Local name of the class or individual."""
         return local_name(self.type)
 
 
@@ -253,8 +251,8 @@ class Step(_Action):
     ``action`` is the nearest class of the vocabulary (local name); ``recipes`` are the classes or individuals (IRIs)
     whose recipes perform the step, more than one if they are alternatives; ``primitive`` is the class (IRI) listed as
     a primitive. A step that has neither is abstract. ``cls`` is the class of a step that is an individual, None for
-    one that is a class itself. ``condition`` is what a step that checks something finds to be true or false.
-    ``is_choice`` if the step is nothing but its alternatives: then ``recipes`` have one step each.
+    one that is a class itself. ``condition`` describes what a checking step evaluates to true or false. ``is_choice``
+    marks a union of alternatives: then each of ``recipes`` has one step.
     """
 
     iri: str
@@ -283,7 +281,7 @@ class Reason(Enum):
 
 
 class Ordering(NamedTuple):
-    """``before`` comes before ``after``; both are IRIs of step classes. ``iri`` names the constraint."""
+    """``before`` comes before ``after``; both are IRIs of steps. ``iri`` names the constraint."""
 
     before: str
     after: str
@@ -293,7 +291,7 @@ class Ordering(NamedTuple):
 
 
 class Allen(Enum):
-    """The relations of two intervals that overlap, after J. F. Allen (1983); an inverse exchanges the two."""
+    """Relations of two overlapping intervals, after J. F. Allen (1983); for an inverse, exchange the two intervals."""
 
     OVERLAPS = "overlaps"
     DURING = "during"
@@ -316,12 +314,12 @@ _ENDPOINTS = {
     Allen.FINISHES: "b2<b1 e1=e2",
     Allen.EQUALS: "b1=b2 e1=e2",
 }
-"""The meaning of a relation for beginnings and ends (b, e) of the first and the second interval."""
+"""Each relation as constraints on the beginnings and ends (b, e) of the first and the second interval."""
 
 
 @dataclass(frozen=True, slots=True)
 class Overlap:
-    """``first`` stands in ``relation`` to ``second``: IRIs of steps, or of the recipe itself. Never both the same."""
+    """``first`` stands in ``relation`` to ``second``: two different IRIs of steps, or of the recipe itself."""
 
     first: str
     relation: Allen
@@ -329,10 +327,11 @@ class Overlap:
     span: Span | None = None
 
     def endpoints(self) -> Iterator[tuple[Point, bool, Point]]:
-        """Yield the meaning for beginnings and ends: (point, True if strictly before or False if with, other point).
+        """Yield the relation as constraints on points: (point, True if strictly before or False if together, other
+        point).
 
-        In a plan the later point happens only after the earlier one has. Two that go together happen only when both
-        can: steps begin together, and neither counts as ended while the other has not.
+        In a plan the later point happens only after the earlier one has. Two points that coincide happen only when both
+        can: steps begin together, and neither counts as ended before the other.
         """
         ends = {"b1": Point(self.first, False), "e1": Point(self.first, True)}
         ends |= {"b2": Point(self.second, False), "e2": Point(self.second, True)}
@@ -344,9 +343,9 @@ class Overlap:
 class Flow:
     """``producer`` makes or finds what ``consumer`` uses; both are IRIs of steps.
 
-    ``resource`` is the individual or class (IRI) that is passed, None if the recipe does not say. ``consumes`` is the
-    property of the consumer that it fills (local name of the vocabulary, else an IRI; its parameters have it too),
-    None if no property of the consumer fits: then the flow only orders. ``iri`` names the constraint that states it.
+    ``resource`` is the individual or class (IRI) that is passed, None if unstated. ``consumes`` is the property of the
+    consumer that it fills (local name of the vocabulary, else an IRI; also among the consumer's parameters), None if no
+    property fits: then the flow only orders. ``iri`` names the constraint that states it.
     """
 
     producer: str
@@ -358,10 +357,10 @@ class Flow:
 
 
 class Ending(Enum):
-    """The endings of a state that transitions distinguish.
+    """How a state ended, as far as transitions distinguish it.
 
-    DONE: its step was performed. TRUE and FALSE: what the step checks (its ``condition``) was found to be so, or not.
-    FAILED: its step failed. OTHER: it gave the outcome by name.
+    DONE: its step was performed. TRUE and FALSE: result of the step's ``condition``. FAILED: its step failed.
+    OTHER: the step returned the name of the outcome.
     """
 
     DONE = "completed"
@@ -375,7 +374,7 @@ class Ending(Enum):
 class Transition:
     """A change from one state (IRI of a step) to another if the first ends with ``outcome`` (IRI), meaning ``ending``.
 
-    Without outcome (None, ending DONE) the transition is taken whenever the step was performed.
+    Without outcome (None, ending DONE) the transition is taken whenever the step succeeded.
     """
 
     source: str
@@ -390,7 +389,7 @@ class Transition:
 class StateMachine:
     """States (IRIs of the recipe's steps) and transitions, in the order of the file.
 
-    The machine begins in ``start`` and is done when one of ``ends`` has been performed.
+    The machine begins in ``start`` and is done after the step of one of ``ends`` has been performed.
     """
 
     start: str
@@ -400,9 +399,9 @@ class StateMachine:
 
 @dataclass(frozen=True, slots=True)
 class Recipe(_Action):
-    """A task: its steps in the order of the file, and what the file states or implies about their order.
+    """A task: its steps in the order of the file, and the stated and implied relations among them.
 
-    ``iri`` is the task's class, or the individual if the task is one; then ``cls`` is its class.
+    ``iri`` is the class of the task, or an individual; then ``cls`` is its class.
     """
 
     iri: str
@@ -418,23 +417,23 @@ class Recipe(_Action):
     machine: StateMachine | None = None
     cls: str | None = None
     phases: tuple[str, ...] = ()
-    """Processes (IRIs) that go on meanwhile; nothing performs them, but steps stand in relations to them."""
+    """Processes (IRIs) to which steps are related in time, but which nothing performs."""
     within: str | None = None
-    """The recipe (IRI) that this is an alternative of a step in, if it is one: its only step is that alternative."""
+    """Recipe (IRI) with the choice that this recipe is one alternative of; then its only step is that alternative."""
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Results that were computed from the rest; see :mod:`planlang.recipe.order`."""
+    """Cache of results derived from the other fields; see :mod:`planlang.recipe.order`."""
 
     def step(self, iri: str) -> Step:
-        """Return the step of a class; KeyError if it is no step."""
+        """Step with this IRI. Raises KeyError if there is none."""
         if "steps" not in self.derived:
             self.derived["steps"] = {step.iri: step for step in reversed(self.steps)}
-        found: Step = self.derived["steps"][iri]
-        return found
+        step: Step = self.derived["steps"][iri]
+        return step
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """The file a recipe was read from: its name without folders, and the sha256 of its bytes."""
+    """File that a recipe was read from: its name without folders, and the SHA-256 of its bytes."""
 
     file: str
     sha256: str
@@ -442,7 +441,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class RecipeSet:
-    """A task and the recipes below it, the task first, then in the order in which they are first used."""
+    """A task and the recipes below it, the task first, then in order of first use."""
 
     task: str
     recipes: Mapping[str, Recipe]

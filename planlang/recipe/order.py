@@ -1,13 +1,13 @@
-"""The order of a recipe's steps: the partial order, its shortest cycle if it is none, and what overlaps imply.
+"""The order of a recipe's steps: its partial order or its shortest cycle, and the orders that overlaps imply.
 
 Overlaps are decided on the beginnings and ends of steps. Each step is two points, its beginning before its end. Every
 relation is a set of ``<`` and ``=`` between points (:meth:`planlang.recipe.model.Overlap.endpoints`), an order is
-"end < beginning", and no step begins before the recipe or ends after it. The statements hold together exactly if no
-cycle of the graph of these has a ``<`` in it (P. van Beek, 1992, for the relations that have no "or" in them).
+"end < beginning", and no step begins before the recipe or ends after it. The statements are consistent exactly if no
+cycle of this graph contains a ``<`` (P. van Beek, 1992, for relations without "or").
 
-Location scopes add orders. A step belongs to the last base motion before it. If it is unordered with the next one it is
-put before it when it has a location or an object, and stays outside otherwise. A scope is one unit: what is outside
-comes before or after all of it, which may add orders; they are returned so that nothing is added silently.
+Location scopes add orders. A step belongs to the last base motion before it. If it is unordered with the next one, it
+is put before that one if it has a location or an object, and stays outside otherwise. A scope is one unit: steps
+outside come before or after all of it, which may add orders; they are returned, so that a note can report them.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ Node = TypeVar("Node", bound=Hashable)
 
 
 class Precedence(Generic[Node]):
-    """The strict partial order of nodes in which the first of each pair comes before the second.
+    """A strict partial order of nodes, in which the first of each pair comes before the second.
 
     Pairs with other nodes are ignored. Raises ValueError if the pairs have a cycle.
 
-    Each node has its successors as one set of bits: bit i stands for the i-th node of a fixed linear extension. The
-    sets are filled from the last node to the first; an edge is kept in the reduction exactly when the edges kept before
-    it, to nodes nearer by in that extension, do not lead to its end: n + m unions and tests of n bits (A. Goralčíková,
-    V. Koubek, "A reduct-and-closure algorithm for graphs", 1979). 10,000 nodes take 13 MB, where a closure of as many
-    nodes may have 50 million edges.
+    The successors of each node are one set of bits: bit i stands for the i-th node of a fixed linear extension. The
+    sets are filled from the last node to the first. An edge belongs to the reduction exactly if the edges kept so far,
+    to nodes that come earlier in that extension, do not lead to its end: n + m unions and tests of n bits
+    (A. Goralčíková, V. Koubek, "A reduct-and-closure algorithm for graphs", 1979). 10,000 nodes take 13 MB, while an
+    explicit closure may have 50 million edges.
     """
 
     def __init__(self, nodes: Iterable[Node], pairs: Iterable[tuple[Node, Node]]) -> None:
@@ -50,13 +50,13 @@ class Precedence(Generic[Node]):
             if before is not None and after is not None:
                 following[before][after] = None
         self.number_of_edges = sum(map(len, following))
-        """The number of different pairs that the order was made from."""
+        """Number of distinct pairs that the order was built from."""
         successors = [list(after) for after in following]
         extension = _linear_extension(successors)
         if len(extension) != len(self.nodes):
-            raise ValueError("the graph has a cycle: it is no order")
+            raise ValueError("the pairs have a cycle, so they are not an order")
         self.extension: tuple[Node, ...] = tuple(self.nodes[index] for index in extension)
-        """The linear extension that keeps as close to the order of the graph's nodes as possible."""
+        """The linear extension that is closest to the given order of the nodes."""
         self._position = {node: position for position, node in enumerate(self.extension)}
         position_of = [0] * len(extension)
         for position, index in enumerate(extension):
@@ -64,43 +64,43 @@ class Precedence(Generic[Node]):
         self._later = [0] * len(extension)
         self._covers: list[list[int]] = [[] for _ in extension]
         for position in range(len(extension) - 1, -1, -1):
-            reached = 0
+            descendants = 0
             for after in sorted([position_of[other] for other in successors[extension[position]]]):
-                if not reached >> after & 1:
+                if not descendants >> after & 1:
                     self._covers[position].append(after)
-                    reached |= self._later[after] | 1 << after
-            self._later[position] = reached
+                    descendants |= self._later[after] | 1 << after
+            self._later[position] = descendants
 
     def extended(self, pairs: Iterable[tuple[Node, Node]], weak: Iterable[tuple[Node, Node]] = ()) -> Precedence[Node]:
-        """Return this order with further pairs; of the ``weak`` ones those that contradict none before them."""
-        found = [*self.reduction(), *pairs]
+        """Copy of this order with further pairs; ``weak`` ones are left out if they contradict those before them."""
+        pairs_so_far = [*self.reduction(), *pairs]
         follows: dict[Node, list[Node]] = {}
-        for before, after in found:
+        for before, after in pairs_so_far:
             follows.setdefault(before, []).append(after)
         for before, after in weak:
             if not leads_to(follows, after, before):
-                found.append((before, after))
+                pairs_so_far.append((before, after))
                 follows.setdefault(before, []).append(after)
-        return Precedence(self.nodes, found)
+        return Precedence(self.nodes, pairs_so_far)
 
     def before(self, first: Node, second: Node) -> bool:
-        """Return True if the first comes before the second in every linear extension."""
+        """True if the first node comes before the second in every linear extension."""
         return bool(self._later[self._position[first]] >> self._position[second] & 1)
 
     def ordered(self, first: Node, second: Node) -> bool:
-        """Return True if one of two nodes comes before the other."""
+        """True if one of two nodes comes before the other."""
         return self.before(first, second) or self.before(second, first)
 
     def later(self, node: Node) -> int:
-        """Return the bits of all nodes that come after a node."""
+        """Bits of all nodes that come after a node."""
         return self._later[self._position[node]]
 
     def earlier(self, node: Node) -> int:
-        """Return the bits of all nodes that come before a node."""
+        """Bits of all nodes that come before a node."""
         return self._earlier[self._position[node]]
 
     def bit(self, node: Node) -> int:
-        """Return the bit of a node."""
+        """Bit of a node."""
         return 1 << self._position[node]
 
     def members(self, bits: int) -> Iterator[Node]:
@@ -111,19 +111,19 @@ class Precedence(Generic[Node]):
             bits ^= lowest
 
     def number_of_pairs(self) -> int:
-        """Return the number of pairs (before, after): the edges of the transitive closure."""
+        """Number of pairs (before, after): the edges of the transitive closure."""
         return sum(bits.bit_count() for bits in self._later)
 
     def size_of_reduction(self) -> int:
-        """Return the number of pairs that follow from no others."""
+        """Number of edges of the transitive reduction."""
         return sum(map(len, self._covers))
 
     def covers(self, node: Node) -> Iterator[Node]:
-        """Yield the nodes that come after a node with none between, in the order of the linear extension."""
+        """Yield the nodes that come directly after a node, in the order of the linear extension."""
         return (self.extension[position] for position in self._covers[self._position[node]])
 
     def reduction(self) -> Iterator[tuple[Node, Node]]:
-        """Yield the pairs that follow from no others, sorted by the nodes of the graph."""
+        """Yield the pairs of the transitive reduction, in the given order of the nodes."""
         rank = {node: index for index, node in enumerate(self.nodes)}
         for node in self.nodes:
             yield from ((node, other) for other in sorted(self.covers(node), key=rank.__getitem__))
@@ -142,25 +142,25 @@ class Precedence(Generic[Node]):
 
 
 def _linear_extension(successors: list[list[int]]) -> list[int]:
-    """Return a linear extension, the least available number first; incomplete if there is a cycle."""
-    missing = [0] * len(successors)
+    """Compute a linear extension, the lowest available number first; incomplete if there is a cycle."""
+    unplaced_before = [0] * len(successors)
     for after in successors:
         for other in after:
-            missing[other] += 1
-    ready = [number for number, left in enumerate(missing) if not left]
+            unplaced_before[other] += 1
+    ready = [number for number, count in enumerate(unplaced_before) if not count]
     order: list[int] = []
     while ready:
         number = heapq.heappop(ready)
         order.append(number)
         for other in successors[number]:
-            missing[other] -= 1
-            if not missing[other]:
+            unplaced_before[other] -= 1
+            if not unplaced_before[other]:
                 heapq.heappush(ready, other)
     return order
 
 
 def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -> nx.DiGraph:
-    """Return a graph with the nodes in the given order and an edge before -> after for each ordering among them."""
+    """Build a graph of the nodes in the given order, with an edge before -> after for each ordering among them."""
     graph = nx.DiGraph()
     graph.add_nodes_from(nodes)
     graph.add_edges_from((before, after) for before, after in orderings if before in graph and after in graph)
@@ -168,12 +168,12 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
 
 
 def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) -> bool:
-    """Return True if a path leads from one step to another."""
+    """True if a path leads from one step to another."""
     return goal in reached((start,), lambda step: follows.get(step, ()))
 
 
 def recipe_order(recipe: Recipe) -> Precedence[str]:
-    """Return the order of the graph of a recipe, computed once. Raises ValueError if it has a cycle."""
+    """Partial order of a recipe, computed once. Raises ValueError if it has a cycle."""
     if "order" not in recipe.derived:
         pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
         recipe.derived["order"] = Precedence((step.iri for step in recipe.steps), pairs)
@@ -182,7 +182,7 @@ def recipe_order(recipe: Recipe) -> Precedence[str]:
 
 
 def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
-    """Return a shortest cycle of the graph of a recipe, computed once; None if it is acyclic."""
+    """A shortest cycle among the orderings of a recipe, computed once; None if there is none."""
     if "cycle" not in recipe.derived:
         try:
             recipe_order(recipe)
@@ -195,10 +195,10 @@ def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
 
 
 def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
-    """Return a shortest cycle, without its repeated end; among equals the one through the earliest node.
+    """Find a shortest cycle, without repeating its first node; among equals the one through the earliest node.
 
-    Breadth first from each node that is on a cycle, no farther than the shortest cycle known; a node is taken out when
-    all cycles through it are known, and with it what then leads nowhere. O(n * m) at worst, O(m) for one long cycle.
+    Breadth-first search from each node on a cycle, limited to the length of the best cycle so far. A searched node is
+    removed, and so are the nodes that are then on no cycle. O(n * m) at worst, O(m) for one long cycle.
     """
     for node in graph.nodes:
         if graph.has_edge(node, node):
@@ -209,8 +209,8 @@ def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
     best: tuple[Node, ...] | None = None
     for node in graph.nodes:
         if node in after:
-            found = _cycle_through(node, after, len(best) - 1 if best else len(after))
-            best = found or best
+            cycle = _cycle_through(node, after, len(best) - 1 if best else len(after))
+            best = cycle or best
             _take_out(node, after, before)
     return best
 
@@ -219,11 +219,11 @@ Links = dict[Node, dict[Node, None]]
 
 
 def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node, ...] | None:
-    """Return a shortest path from a node back to it, of at most ``longest`` nodes."""
+    """Shortest path of at most ``longest`` nodes from a node back to itself."""
     came_from: dict[Node, Node] = {}
     front = [start]
     for _ in range(longest):
-        reached: list[Node] = []
+        next_front: list[Node] = []
         for node in front:
             for other in after[node]:
                 if other == start:
@@ -233,13 +233,13 @@ def _cycle_through(start: Node, after: Links[Node], longest: int) -> tuple[Node,
                     return tuple(reversed(path))
                 if other not in came_from:
                     came_from[other] = node
-                    reached.append(other)
-        front = reached
+                    next_front.append(other)
+        front = next_front
     return None
 
 
 def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
-    """Remove a node, and all that is then on no cycle because nothing leads to it or away from it."""
+    """Remove a node, and repeatedly all nodes left without a predecessor or a successor."""
     waiting = [node]
     while waiting:
         one = waiting.pop()
@@ -254,28 +254,28 @@ def _take_out(node: Node, after: Links[Node], before: Links[Node]) -> None:
 
 
 class Intervals:
-    """The points of the steps of a recipe and of the recipe itself, in one graph."""
+    """Graph of the beginnings and ends of a recipe's steps and of the recipe itself."""
 
     def __init__(self, recipe: Recipe) -> None:
         self._steps = [step.iri for step in recipe.steps]
         self._graph = nx.DiGraph()
-        known = {recipe.iri, *self._steps, *recipe.phases}
+        names = {recipe.iri, *self._steps, *recipe.phases}
         for name in (*self._steps, *recipe.phases, recipe.iri):
             self._add(Point(name, False), Point(name, True), None, is_strict=True)
         for name in self._steps:
             self._add(Point(recipe.iri, False), Point(name, False), None)
             self._add(Point(name, True), Point(recipe.iri, True), None)
         for ordering in recipe.orderings:
-            if {ordering.before, ordering.after} <= known - {recipe.iri}:
+            if {ordering.before, ordering.after} <= names - {recipe.iri}:
                 self._add(Point(ordering.before, True), Point(ordering.after, False), ordering, is_strict=True)
         for overlap in recipe.overlaps:
-            for one, is_strict, other in overlap.endpoints() if {overlap.first, overlap.second} <= known else ():
+            for one, is_strict, other in overlap.endpoints() if {overlap.first, overlap.second} <= names else ():
                 self._add(one, other, overlap, is_strict=is_strict)
                 if not is_strict:
                     self._add(other, one, overlap)
 
     def contradiction(self) -> tuple[Ordering | Overlap, ...]:
-        """Return statements that cannot hold together, each once; none if all can."""
+        """Find statements that contradict each other, each once; none if all are consistent."""
         for component in nx.strongly_connected_components(self._graph):
             inside = self._graph.subgraph(component)
             strict = sorted((a, b) for a, b, is_strict in inside.edges(data="strict") if is_strict)
@@ -288,9 +288,9 @@ class Intervals:
         return ()
 
     def implied(self) -> Iterator[tuple[str, str]]:
-        """Yield pairs (before, after) of steps of which one ends before the other begins, stated or not.
+        """Yield all pairs (before, after) of steps, stated or implied, of which one ends before the other begins.
 
-        Means nothing if there is a contradiction.
+        Meaningless if there is a contradiction.
         """
         for first in self._steps:
             later = nx.descendants(self._graph, Point(first, True))
@@ -299,13 +299,13 @@ class Intervals:
     def _add(
         self, earlier: Point, later: Point, because: Ordering | Overlap | None, *, is_strict: bool = False
     ) -> None:
-        known = self._graph.get_edge_data(earlier, later)
-        if known is None or (is_strict and not known["strict"]):
+        edge = self._graph.get_edge_data(earlier, later)
+        if edge is None or (is_strict and not edge["strict"]):
             self._graph.add_edge(earlier, later, strict=is_strict, because=because)
 
 
 def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
-    """Return the orders of steps that only overlaps and orders together imply; none if they contradict each other."""
+    """Orders of steps that only overlaps together with orderings imply; none if they contradict each other."""
     if not recipe.overlaps and not recipe.phases:
         return ()
     intervals = Intervals(recipe)
@@ -319,21 +319,21 @@ def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """One step, or a base motion (``base``) with the steps of its scope; ``steps`` leaves out the base motion."""
+    """One step, or a base motion (``base``) with the other steps of its location scope (``steps``)."""
 
     base: str | None
     steps: tuple[str, ...]
 
     def members(self) -> tuple[str, ...]:
-        """Return all steps of the unit, the base motion first."""
+        """All steps of the unit, the base motion first."""
         return (self.base, *self.steps) if self.base else self.steps
 
 
 @dataclass(frozen=True, slots=True)
 class Scoping:
-    """Units, an order of as many nodes in which these stand, and the orders that were added among steps.
+    """Units, the partial order of their indices, and the orders that scopes add among steps.
 
-    From ``added`` and the stated orders all orders of the scoped plan follow.
+    The stated orders and ``added`` together imply all orders of the scoped plan.
     """
 
     units: tuple[Unit, ...]
@@ -342,19 +342,19 @@ class Scoping:
 
 
 def single_steps(stated: Precedence[str]) -> Scoping:
-    """Return a scoping in which each step is a unit of its own."""
+    """Scoping in which each step is a unit of its own."""
     return Scoping(tuple(Unit(None, (step,)) for step in stated.nodes), stated, ())
 
 
 def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Precedence[str]) -> Scoping:
-    """Return the units of a recipe: single steps, without scopes, if a step has to run beside a base motion."""
+    """Group the steps of a recipe into units; no scopes if a step has to run in parallel to a base motion."""
     movers = actions.movers(recipe, recipes)
     overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
-    return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, placed(recipe))
+    return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, steps_with_target(recipe))
 
 
 def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tuple[tuple[str, str], ...]:
-    """Return the step orders (IRIs) that scopes add; none if base motions are unordered. Stated orders are acyclic."""
+    """Orders of steps (IRIs) that scopes add; none if base motions are unordered. Stated orders must be acyclic."""
     movers = actions.movers(recipe, recipes)
     if not movers.opening:
         return ()
@@ -365,8 +365,8 @@ def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tup
     return scopes_of(actions, recipe, recipes, order).added
 
 
-def placed(recipe: Recipe) -> frozenset[str]:
-    """Return the steps that have a location or an object."""
+def steps_with_target(recipe: Recipe) -> frozenset[str]:
+    """Steps that have a location or an object."""
     return frozenset(
         step.iri
         for step in recipe.steps
@@ -408,7 +408,7 @@ def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> 
 def _added(
     stated: Precedence[str], order: Precedence[str], units: Sequence[Unit], between: Precedence[int]
 ) -> tuple[tuple[str, str], ...]:
-    """Return the unstated orders between units: from each last step of one to the first step of the next."""
+    """Orders between units that are not stated: from each last step of a unit to the first step of the next one."""
     rank = {step: number for number, step in enumerate(stated.nodes)}
     added = []
     lasts: dict[int, list[str]] = {}
@@ -423,7 +423,7 @@ def _added(
 
 
 def _moves_before(order: Precedence[str], moving: Sequence[str], step: str) -> int:
-    """Return how many of the totally ordered base motions come before a step."""
+    """Number of the totally ordered base motions that come before a step."""
     return bisect_left(moving, True, key=lambda base: not order.before(base, step))
 
 
@@ -436,7 +436,7 @@ def _put_before_next_motion(
         if step not in placed or step in is_moving:
             continue
         number = _moves_before(stated, moving, step)
-        if 0 < number < len(moving) and moving[number - 1] in movers.opening:  # between two motions, in a scope
+        if 0 < number < len(moving) and moving[number - 1] in movers.opening:  # in a scope that another motion ends
             following = moving[number]
             if not stated.before(step, following):
                 added.append((step, following))
@@ -453,7 +453,7 @@ def _scope(order: Precedence[str], moving: Sequence[str], movers: Movers, step: 
 
 
 def callees_first(recipes: RecipeSet) -> list[Recipe]:
-    """Return all recipes, called ones before their callers, the task last; nothing recurses."""
+    """List all recipes, callees before their callers, the task last; recipes must not be recursive."""
     done: dict[str, Recipe] = {}
     waiting = [recipes.task]
     while waiting:

@@ -1,4 +1,4 @@
-"""Reading a recipe and judging it: the choice of its task, the recipes below it, everything wrong in one run."""
+"""Reading and checking a recipe: choose its task, read the recipes below it, report all problems in one run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
-from planlang.recipe.actions import Actions, meant, recipes_for, recipes_of_task, statements_for
+from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.checks import (
     Check,
     CheckedFile,
@@ -25,14 +25,14 @@ from planlang.recipe.checks import (
     slots,
     steps,
 )
-from planlang.recipe.checks.misspellings import corrected, misspellings
-from planlang.recipe.checks.parameters import repaired
+from planlang.recipe.checks.misspellings import misspellings, with_corrections
+from planlang.recipe.checks.parameters import with_repairs
 from planlang.recipe.constraints import read_constraints
 from planlang.recipe.fillers import action_class, nearest_in_vocabulary, read_filler, read_parameters
-from planlang.recipe.inheritance import supplied
+from planlang.recipe.inheritance import with_filled_slots
 from planlang.recipe.model import Description, Ordering, Parameter, Reason, Recipe, RecipeSet, Source, Step
 from planlang.recipe.order import implied_by_overlaps
-from planlang.recipe.readers import loose_parts, made, tasks_of
+from planlang.recipe.readers import created_individuals, loose_parts, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.records import dataclass
 from planlang.spelling import guess
@@ -41,7 +41,7 @@ _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
 
 def stated_tasks(actions: Actions) -> tuple[str, ...]:
-    """Return the classes and individuals of the main document that state a recipe, in the order of the file."""
+    """Classes and individuals of the main document that state a recipe, in the order of the file."""
     ontology = actions.ontology
     tasks = [task for task in tasks_of(ontology) if actions.statements(task) is not None]
     spans = {task: ontology.span(task) or Span("") for task in tasks}
@@ -49,7 +49,7 @@ def stated_tasks(actions: Actions) -> tuple[str, ...]:
 
 
 def top_tasks(actions: Actions) -> tuple[str, ...]:
-    """Return the stated tasks that no other one uses, by a sub-action or by a name in its constraints."""
+    """Stated tasks that no other task uses, in a sub-action or a constraint."""
     tasks = stated_tasks(actions)
     used: set[str] = set()
     for task in tasks:
@@ -59,9 +59,9 @@ def top_tasks(actions: Actions) -> tuple[str, ...]:
 
 @check("R001", "R002", "R003", "R004", unless=("R022",))
 def choose_task(actions: Actions, wanted: str | None = None) -> str:
-    """Return the IRI of the task to compile: ``wanted`` by IRI or local name, else the only top task of the file.
+    """Choose the task to compile: ``wanted`` by IRI or local name, else the only top task of the file. Gives its IRI.
 
-    Raises BadInput when there is none or several.
+    Raises BadInput if there is none, or several.
     """
     ontology = actions.ontology
     span = Span(str(ontology.documents[0].path))
@@ -72,21 +72,21 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         return tops[0]
     stated = stated_tasks(actions)
     if not stated:
-        found = loose_parts(ontology)
-        if found:
-            raise BadInput(found)
+        problems = loose_parts(ontology)
+        if problems:
+            raise BadInput(problems)
         advice = "a recipe is an action class with restrictions such as `subAction some Reaching`"
         raise BadInput([error("R001", "no class or individual of this file states sub-actions", span, advice)])
     names = ", ".join(local_name(task) for task in tops or stated)
     advice = f"choose one with --task: {names}"
     if tops:
         raise BadInput([error("R002", f"this file has {len(tops)} tasks", span, advice)])
-    message = "each task of this file is a sub-action of another: there is no first one"
+    message = "every task of this file is a sub-action of another one, so there is no top task"
     raise BadInput([error("R002", message, span, advice)])
 
 
 def circular_task(actions: Actions) -> str | None:
-    """Return the first stated task that is a sub-action of itself, directly or not; None if there is none."""
+    """First stated task that is a sub-action of itself, directly or not; None if there is none."""
     tasks = stated_tasks(actions)
     below = {task: sorted(_below(actions, task)) for task in tasks}
     try:
@@ -98,7 +98,7 @@ def circular_task(actions: Actions) -> str | None:
 
 
 def _below(actions: Actions, task: str) -> set[str]:
-    """Return the tasks that one uses, by a sub-action or by a name in its constraints."""
+    """Tasks that a task uses, in a sub-action or a constraint."""
     statements = actions.statements(task)
     assert statements is not None
     below = set(statements.mentioned())
@@ -116,10 +116,10 @@ def _named(actions: Actions, wanted: str, span: Span) -> str:
 
 
 def named_action(actions: Actions, wanted: str, span: Span) -> str:
-    """Return the IRI of a class or individual, by IRI or local name.
+    """Find the class or individual with an IRI or local name.
 
-    One with a recipe in the file comes before the file's others, these before the vocabulary's, and that before any.
-    Raises BadInput when there is none or several.
+    Recipes of the file come first, then other names of the file, then the vocabulary, then other documents. Raises
+    BadInput if there is none, or several.
     """
     ontology = actions.ontology
     stated = stated_tasks(actions)
@@ -135,38 +135,38 @@ def named_action(actions: Actions, wanted: str, span: Span) -> str:
         raise BadInput([error("R002", f"{wanted} names several tasks", span, "use one of " + ", ".join(matches))])
     if not ontology.defined(task):
         known = [local_name(name) for name in stated]
-        alike = guess(wanted, known) or guess(wanted, map(local_name, ontology.subclasses(expand("Action"))))
-        advice = f"{alike}this file states {', '.join(known) or 'none'}"
+        suggestion = guess(wanted, known) or guess(wanted, map(local_name, ontology.subclasses(expand("Action"))))
+        advice = f"{suggestion}this file states {', '.join(known) or 'none'}"
         raise BadInput([error("R001", f"there is no task {wanted}", span, advice)])
     return task
 
 
 def read_recipes(actions: Actions, task: str) -> RecipeSet:
-    """Return the recipe of a task and all recipes below it, the task first, then in the order of use.
+    """Read the recipe of a task and all recipes below it, the task first, then in order of use.
 
-    A task without sub-actions of its own takes those of its nearest ancestor that has any.
+    A task without sub-actions inherits the recipe of its nearest ancestor that has one.
     """
-    found: dict[str, Recipe] = {}
+    recipes: dict[str, Recipe] = {}
     waiting: list[tuple[str, str, Recipe | None]] = [(task, recipes_of_task(actions, task)[0], None)]
     while waiting:
         cls, stating, within = waiting.pop()
-        if cls in found:
+        if cls in recipes:
             continue
         recipe = read_recipe_of(actions, stating, cls)
         if within is not None:
             inherited = (replace(one, is_inherited=True) for one in within.parameters)
             recipe = replace(recipe, parameters=tuple(inherited), within=within.within or within.iri)
-        found[cls] = recipe
+        recipes[cls] = recipe
         below = [(callee, recipe if step.is_choice else None) for step in recipe.steps for callee in step.recipes]
-        waiting += [(callee, callee, around) for callee, around in reversed(below) if callee not in found]
+        waiting += [(callee, callee, enclosing) for callee, enclosing in reversed(below) if callee not in recipes]
     document = actions.ontology.documents[0]
-    return RecipeSet(task, found, Source(printable(document.path.name), document.sha256))
+    return RecipeSet(task, recipes, Source(printable(document.path.name), document.sha256))
 
 
-def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = frozenset()) -> Step | None:
-    """Return a sub-action as a step; None if it names nothing that is defined.
+def read_step(actions: Actions, sub_action: SubAction, created: frozenset[str] = frozenset()) -> Step | None:
+    """Read a sub-action as a step; None if it names nothing that is defined.
 
-    ``known`` are individuals that need not be defined, as another step creates them.
+    ``known`` are individuals that another step creates, which may be undefined.
     """
     ontology, iri = actions.ontology, sub_action.iri
     if sub_action.alternatives:
@@ -175,12 +175,12 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
         return None
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
     recipes, primitive = recipes_for(actions, iri)
-    parameters = read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, known))
+    parameters = read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, created))
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
         parameters,
-        meant(actions, recipes, parameters),
+        best_recipes(actions, recipes, parameters),
         primitive,
         _label(ontology, iri) if shorten(iri) == iri else None,
         sub_action.span,
@@ -190,15 +190,15 @@ def read_step(actions: Actions, sub_action: SubAction, known: frozenset[str] = f
 
 
 def _read_choice(ontology: Ontology, sub_action: SubAction) -> Step:
-    """Return a sub-action that is a union as a step; the class of a nameless union is the nearest one above all."""
+    """Read a union of classes as a step; the class of an anonymous union is the nearest common ancestor."""
     assert sub_action.iri is not None
-    iri, ways = sub_action.iri, [way.iri for _, way in sub_action.alternatives if way.iri is not None]
+    iri, members = sub_action.iri, [member.iri for _, member in sub_action.alternatives if member.iri is not None]
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
     if not ontology.defined(iri):
-        above = [ontology.ancestors(way) for way in ways]
+        above = [ontology.ancestors(member) for member in members]
         cls = next((one for one in above[0] if all(one in others for others in above)), None) if above else None
     label = _label(ontology, iri)
-    labels = [(_label(ontology, way), local_name(way)) for way in ways]
+    labels = [(_label(ontology, member), local_name(member)) for member in members]
     if label is None and any(own for own, _ in labels):
         label = ", else ".join(own or name for own, name in labels)
     names = tuple(name for name, _ in sub_action.alternatives)
@@ -207,19 +207,19 @@ def _read_choice(ontology: Ontology, sub_action: SubAction) -> Step:
 
 
 def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> Recipe:
-    """Return the recipe that a class or an individual states, without repeated and undefined sub-actions.
+    """Read the recipe that a class or an individual states, without repeated and undefined sub-actions.
 
-    ``task`` is the task that inherits the recipe, if any. Raises KeyError if none is stated.
+    ``task`` is the task that inherits the recipe, if any. Raises KeyError if ``stating`` states no recipe.
     """
     ontology, statements = actions.ontology, actions.statements(stating)
     if statements is None:
         raise KeyError(stating)
     task = task or statements.iri
-    known = made(ontology, statements)
+    created = created_individuals(ontology, statements)
     steps: dict[str, Step] = {}
     for sub_action in (*statements.sub_actions, *_states(actions, statements)):
         if sub_action.iri is None or sub_action.iri not in steps:
-            step = read_step(actions, sub_action, known)
+            step = read_step(actions, sub_action, created)
             if step is not None:
                 steps[step.iri] = step
     cls = None if ontology.is_class(task) else action_class(ontology, task)
@@ -228,7 +228,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         nearest_in_vocabulary(ontology, cls or task),
         tuple(steps.values()),
         statements.orderings if statements.states is None else (),
-        read_parameters(ontology, task, statements.fillings, known),
+        read_parameters(ontology, task, statements.fillings, created),
         _label(ontology, task),
         ontology.span(task),
         statements.dialect,
@@ -243,7 +243,7 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
 
 
 def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
-    """Yield the defined states that transitions name though they are no sub-actions."""
+    """Yield the defined states that transitions name but that are not listed as sub-actions."""
     if statements.states is not None:
         span = actions.ontology.span(statements.iri)
         for name in statements.mentioned():
@@ -253,7 +253,7 @@ def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
 
 
 def _label(ontology: Ontology, iri: str) -> str | None:
-    """Return the description of an action in words: its label, else the text of its action data table."""
+    """Description of an action: its label, else the text of its action data table."""
     label = ontology.label(iri)
     for filling in () if label is not None else facts(ontology, iri, "instruction", "taskContext"):
         if isinstance(filling.term, Literal):
@@ -262,13 +262,13 @@ def _label(ontology: Ontology, iri: str) -> str | None:
 
 
 def _condition(ontology: Ontology, cls: str) -> Description | None:
-    """Return what a class of actions checks: the class expression, class or individual of ``conditionEvaluated``."""
-    known: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
+    """Condition that a class of actions checks: the nearest filler of ``conditionEvaluated``."""
+    cache: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
     for ancestor in ontology.ancestors(cls):
-        if ancestor not in known:
-            known[ancestor] = _stated_condition(ontology, ancestor)
-        if known[ancestor] is not None:
-            return known[ancestor]
+        if ancestor not in cache:
+            cache[ancestor] = _stated_condition(ontology, ancestor)
+        if cache[ancestor] is not None:
+            return cache[ancestor]
     return None
 
 
@@ -280,7 +280,7 @@ def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
 
 
 def read_description(ontology: Ontology, term: object) -> Description | None:
-    """Return a class with restrictions as a description; None if it names no class."""
+    """Read a class with restrictions as a description; None if it names no class."""
     if isinstance(term, str):
         return Description(term)
     if not isinstance(term, BNode):
@@ -301,7 +301,7 @@ FILE_CHECKS: tuple[Check[[CheckedFile], Iterable[Diagnostic]], ...] = (
     steps.requirements,
     slots.declarations,
 )
-"""Checks of a whole file; each after those that suppress it, as in the other lists."""
+"""Checks of a whole file. Here as in the other lists, a check follows those that suppress it."""
 
 ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     steps.undefined_sub_actions,
@@ -332,7 +332,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     resources.shared_resources,
     orderings.free_steps,
 )
-"""Checks of recipes whose steps stand in a partial order."""
+"""Checks of recipes with a partial order of steps."""
 
 FINITE_STATE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     steps.undefined_states,
@@ -351,10 +351,10 @@ _Subject = TypeVar("_Subject")
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The result of reading a file: its recipes, or None if not even a task was found, and all diagnostics.
+    """Result of reading a file: its recipes, or None if no task was found, and all diagnostics.
 
-    ``actions`` are those of what was read: with right names in the place of ``misspelt`` ones. ``diagnostics`` are
-    those of the ontology, too, misspellings first, then in the order of lines.
+    ``actions`` belong to the ontology as it was read, with ``misspelt`` names corrected. ``diagnostics`` include those
+    of the ontology; misspellings come first, then the order is that of the lines.
     """
 
     recipes: RecipeSet | None
@@ -364,69 +364,69 @@ class Reading:
 
 
 def read_recipe(actions: Actions, task: str | None = None, *, scopes: bool = True) -> Reading:
-    """Read the task of the main document, with all recipes below it, repair what is safe to repair, and judge it.
+    """Read the task of the main document and all recipes below it, repair what is unambiguous, and check the result.
 
-    Never raises for what the user wrote; errors are among the diagnostics.
+    User errors never raise; they are among the diagnostics.
     """
     misspelt = misspellings(actions.ontology)
-    right = corrected(actions.ontology, misspelt)
+    right = with_corrections(actions.ontology, misspelt)
     if right is not actions.ontology:
         actions = Actions(right, actions.performed)
-    recipes, found = _read(actions, task, scopes=scopes)
-    found = (*actions.ontology.diagnostics, *found)
-    guessed = corrected(actions.ontology, misspelt, guessing=True)
-    if guessed is not actions.ontology:  # whichever name is meant: what the guess would mend is a consequence
-        left = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
-        found = tuple(one for one in found if one in {*guessed.diagnostics, *left})
-    return Reading(recipes, (*misspelt, *found), actions, misspelt)
+    recipes, diagnostics = _read(actions, task, scopes=scopes)
+    diagnostics = (*actions.ontology.diagnostics, *diagnostics)
+    guessed = with_corrections(actions.ontology, misspelt, guessing=True)
+    if guessed is not actions.ontology:  # problems that disappear with the guessed names only follow from the typo
+        remaining = _read(Actions(guessed, actions.performed), task, scopes=scopes)[1]
+        diagnostics = tuple(one for one in diagnostics if one in {*guessed.diagnostics, *remaining})
+    return Reading(recipes, (*misspelt, *diagnostics), actions, misspelt)
 
 
 def _read(actions: Actions, task: str | None, *, scopes: bool) -> tuple[RecipeSet | None, tuple[Diagnostic, ...]]:
-    """Return the recipes, or None without a task, and their diagnostics."""
+    """Recipes, or None without a task, and their diagnostics."""
     try:
         chosen = choose_task(actions, task)
     except BadInput as problem:
-        # tasks that perform each other have no first one: what is wrong with them is judged from any of them
+        # tasks that use each other have no top task: start from any of them to report the cycle and its other problems
         circular = None if task is not None or top_tasks(actions) else circular_task(actions)
         if circular is None:
             return None, problem.diagnostics
         within = _read(actions, circular, scopes=scopes)[1]
-        is_told = choose_task.applies({one.code for one in within})
-        return None, (*(problem.diagnostics if is_told else ()), *within)
+        is_reported = choose_task.applies({one.code for one in within})
+        return None, (*(problem.diagnostics if is_reported else ()), *within)
     recipes = read_recipes(actions, chosen)
     file = CheckedFile(actions, recipes, scopes)
-    diagnostics = _judged(FILE_CHECKS, file, ())
+    diagnostics = _checked(FILE_CHECKS, file, ())
     wrong = {one.code for one in diagnostics}
-    if repaired.applies(wrong):
-        recipes, notes = repaired(actions.ontology, recipes)
+    if with_repairs.applies(wrong):
+        recipes, notes = with_repairs(actions.ontology, recipes)
         diagnostics += notes
-    if supplied.applies(wrong):
-        recipes, missing = supplied(actions, recipes)
+    if with_filled_slots.applies(wrong):
+        recipes, missing = with_filled_slots(actions, recipes)
         diagnostics += missing
     file = replace(file, recipes=recipes)
     for recipe in recipes.recipes.values():
         statements = statements_for(actions, recipe.iri)
         checks = (*ANY_RECIPE, *(ORDERED_STEPS if statements.states is None else FINITE_STATE))
-        diagnostics += _judged(checks, CheckedRecipe(file, recipe, statements), wrong)
+        diagnostics += _checked(checks, CheckedRecipe(file, recipe, statements), wrong)
     return recipes, _sorted(diagnostics)
 
 
-def _judged(
+def _checked(
     checks: Iterable[Check[[_Subject], Iterable[Diagnostic]]], subject: _Subject, before: Iterable[str]
 ) -> list[Diagnostic]:
-    """Return the unsuppressed findings of all checks; ``before`` are codes that were reported already."""
+    """Diagnostics of all checks that are not suppressed; ``before`` are codes that were reported earlier."""
     reported = set(before)
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     for one in checks:
         if one.applies(reported):
             new = list(one(subject))
             reported.update(diagnostic.code for diagnostic in new)
-            found += new
-    return found
+            diagnostics += new
+    return diagnostics
 
 
 def _sorted(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Return each diagnostic once: errors, warnings, then notes, each by file and line."""
+    """Each diagnostic once: errors, warnings, then notes, each by file and line."""
     rank = {severity: index for index, severity in enumerate(Severity)}
     nowhere = Span("")
     return tuple(sorted(dict.fromkeys(diagnostics), key=lambda found: (rank[found.severity], found.span or nowhere)))

@@ -1,7 +1,7 @@
-"""Slots: the properties that actions of a class must or may have, and the kinds of what may fill them.
+"""Slots: the properties that actions of a class must or may have, and the kinds of their fillers.
 
-Ontologies declare them (``ontologies/primitives.omn``); what holds for a class holds for all below it, unless a nearer
-class declares the same property.
+Ontologies declare them (``ontologies/primitives.omn``). A class inherits the slots of its ancestors; for each property
+the nearest class that declares it wins.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from planlang.recipe.model import (
 
 
 def parameter_for(slot: Slot, owner: str) -> Thing:
-    """Return the parameter of a plan that fills the slot of an action (name)."""
+    """Parameter of a plan that fills the slot of an action (name)."""
     kind = next(kind for kind in (Kind.PLACE, Kind.OBJECT, Kind.PERSON, Kind.DEVICE, Kind.NUMBER) if kind in slot.kinds)
     cls = "Person" if kind is Kind.PERSON else "SpatialThing-Localized"
     return Thing(kind, cls, None, expand(cls), owner, slot)
 
 
 def in_words(slot: Slot) -> str:
-    """Return the kinds of what fills a slot: ``a place or an object``."""
+    """Spell out the kinds that a slot accepts: ``a place or an object``."""
     words = [f"{'an' if kind is Kind.OBJECT else 'a'} {kind.value}" for kind in slot.kinds]
     return " or ".join([", ".join(words[:-1]), words[-1]] if words[:-1] else words)
 
 
-def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
-    """Return False for a filler that is known to be of another kind than the slot's."""
+def accepts(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
+    """Check whether a filler may fit a slot: False only if its kind is known to be another."""
     match filler:
         case Thing():
-            is_anything = filler.slot is not None or is_of_unknown_kind(ontology, filler.stated)
-            return is_anything or filler.kind in slot.kinds
+            has_any_kind = filler.slot is not None or is_of_unknown_kind(ontology, filler.stated)
+            return has_any_kind or filler.kind in slot.kinds
         case Part():
             return Kind.OBJECT in slot.kinds or filler.of.kind in slot.kinds
         case Place():
@@ -59,8 +59,8 @@ def takes(ontology: Ontology, slot: Slot, filler: Filler) -> bool:
             return False
 
 
-def needed(step: Step, slot: Slot) -> bool:
-    """Return True if a step does not do without a filler of a slot."""
+def requires_filler(step: Step, slot: Slot) -> bool:
+    """Check whether a step needs a filler for a slot."""
     if slot.absence is not Absence.CONSTRAINED:
         return slot.absence in (Absence.ERROR, Absence.PARAMETER)
     constraints = (one for one in step.fillers(CONSTRAINED_BY) if isinstance(one, Constraint))
@@ -68,23 +68,23 @@ def needed(step: Step, slot: Slot) -> bool:
     return any(STANDING_FOR.get(cls) == slot.property for cls in wholes)
 
 
-def offered(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:
-    """Return the different parameters of an action that may fill a slot of one below it."""
-    found = {one.filler: one for one in reversed(owner.parameters) if one.property == slot.property}
-    fitting = [one for one in found.values() if isinstance(one.filler, (Thing, Place, int, float))]
-    return [one for one in reversed(fitting) if takes(ontology, slot, one.filler)]
+def fitting_parameters(ontology: Ontology, owner: Step | Recipe, slot: Slot) -> list[Parameter]:
+    """List the distinct parameters of an action that fit a slot of one of its steps."""
+    distinct = {one.filler: one for one in reversed(owner.parameters) if one.property == slot.property}
+    fitting = [one for one in distinct.values() if isinstance(one.filler, (Thing, Place, int, float))]
+    return [one for one in reversed(fitting) if accepts(ontology, slot, one.filler)]
 
 
 def read_slots(ontology: Ontology) -> tuple[dict[str, dict[str, Slot]], tuple[Diagnostic, ...]]:
-    """Return the slots that are declared for classes (IRIs), and an error (R063) for each that cannot be read."""
-    found: dict[str, dict[str, Slot]] = {}
+    """Read the slots declared for classes (IRIs), with an error (R063) for each malformed declaration."""
+    slots_of: dict[str, dict[str, Slot]] = {}
     problems: list[Diagnostic] = []
     for declarer, subject in (("Primitive", "performsAction"), ("Signature", "ofAction")):
         for individual in ontology.individuals(expand(declarer)):
             slots = {slot.property: slot for slot in _declared(ontology, individual, problems)}
             for action in ontology.iris(individual, subject) if slots else ():
-                found.setdefault(action, {}).update(slots)
-    return found, tuple(problems)
+                slots_of.setdefault(action, {}).update(slots)
+    return slots_of, tuple(problems)
 
 
 def _declared(ontology: Ontology, individual: str, problems: list[Diagnostic]) -> Iterator[Slot]:
@@ -95,13 +95,13 @@ def _declared(ontology: Ontology, individual: str, problems: list[Diagnostic]) -
                 yield slot
             else:
                 kinds = ", ".join(kind.value for kind in Kind)
-                message = f"{absence.value} does not name a property and the kinds of its fillers"
+                message = f"{absence.value} needs a property and the kinds of its fillers"
                 advice = f'write for example {absence.value} "toLocation: place, object"; kinds: {kinds}'
                 problems.append(error("R063", message, triple.span, advice))
 
 
 def _slot(ontology: Ontology, triple: Triple, absence: Absence) -> Slot | None:
-    """Return what is written ``property: kind, kind``, in the plural if shared; None if it is not written like this."""
+    """Parse ``property: kind, kind``, with plural kinds for a shared slot; None if malformed."""
     text = triple.object.value if isinstance(triple.object, Literal) else ""
     name, _, rest = text.partition(":")
     words = [word.strip() for word in rest.split(",")]

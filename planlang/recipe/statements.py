@@ -1,4 +1,4 @@
-"""Statements of a recipe's file about one task, the same for every dialect, and the words of the recipe vocabulary."""
+"""What a file states about one task, in a form common to all dialects, and the words of the recipe vocabulary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planlang.recipe.model import Dialect, Ending, Flow, Ordering, Overlap, Stat
 from planlang.records import dataclass
 
 KINDS = ("some", "value", "min", "exactly")
-"""Kinds of restrictions that say that there is something."""
+"""Kinds of restrictions that state a filler."""
 
 
 class Filling(NamedTuple):
@@ -28,11 +28,10 @@ class Filling(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SubAction:
-    """A sub-action as the file states it: a class or an individual, and what is filled in where it is mentioned.
+    """A sub-action as the file states it: a class or an individual, with the properties filled where it is mentioned.
 
-    ``iri`` is None for an expression that names nothing. ``times`` is how often it is to be performed. If it is a union
-    of classes, ``alternatives`` are the members in their order, each with the name (IRI) of the recipe that it alone is
-    the step of.
+    ``iri`` is None for an anonymous expression. ``times`` is the number of repetitions. For a union of classes,
+    ``alternatives`` are its members in order, each with the name (IRI) of a recipe whose only step it is.
     """
 
     iri: str | None
@@ -44,7 +43,7 @@ class SubAction:
 
 @dataclass(frozen=True, slots=True)
 class LooseEnd:
-    """A statement that lacks something: ``what`` names it, ``missing`` are the properties that nothing fills."""
+    """An incomplete statement: ``what`` names it, ``missing`` are the properties without a filler."""
 
     what: str
     missing: tuple[str, ...]
@@ -53,23 +52,23 @@ class LooseEnd:
 
 @dataclass(frozen=True, slots=True)
 class States:
-    """The states (IRIs) in which a finite-state recipe begins and is done, and its transitions; each may be missing."""
+    """Start states, end states (IRIs) and transitions of a finite-state recipe; each may be missing."""
 
     starts: tuple[str, ...]
     ends: tuple[str, ...]
     transitions: tuple[Transition, ...]
 
     def machine(self) -> StateMachine | None:
-        """Return the machine that begins in the first of the starts; None without a start."""
+        """State machine that begins in the first start state; None if there is no start state."""
         return StateMachine(self.starts[0], self.ends, self.transitions) if self.starts else None
 
 
 @dataclass(frozen=True, slots=True)
 class Statements:
-    """A recipe as the file states it for the task ``iri``, right or wrong, in the order of the file.
+    """A recipe as the file states it for the task ``iri``, valid or not, in the order of the file.
 
-    ``states`` is None unless it is a finite-state recipe. ``foreign`` are words (IRIs) that were taken for those
-    of the vocabulary with the same name, ``phases`` processes (IRIs) that go on while steps are performed.
+    ``states`` is None unless it is a finite-state recipe. ``foreign`` are properties of other namespaces that were read
+    as those of the vocabulary with the same local name, ``phases`` processes (IRIs) that go on while steps run.
     """
 
     iri: str
@@ -90,7 +89,7 @@ class Statements:
         return tuple(dict.fromkeys(sub.iri for sub in self.sub_actions if sub.iri is not None))
 
     def mentioned(self) -> tuple[str, ...]:
-        """Return the sub-actions, and everything else that is ordered, receives data, or is a state."""
+        """List the sub-actions, and everything else that is ordered, receives data, or is a state."""
         states = self.states or States((), (), ())
         pairs = (
             *((one.before, one.after) for one in self.orderings),
@@ -98,36 +97,36 @@ class Statements:
             *((one.producer, one.consumer) for one in self.flows),
             *((one.source, one.target) for one in states.transitions),
         )
-        found = dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends))
-        return tuple(name for name in found if name not in self.phases)
+        names_in_order = dict.fromkeys((*self.names, *chain.from_iterable(pairs), *states.starts, *states.ends))
+        return tuple(name for name in names_in_order if name not in self.phases)
 
 
 def is_word(iri: str, *names: str) -> bool:
-    """Return True for these properties of the recipe vocabulary.
+    """Check whether a property is one of these of the recipe vocabulary.
 
-    Only their local names count, as some recipes have them in a namespace of their own.
+    Only local names are compared, because some recipes have the vocabulary in a namespace of their own.
     """
     return _local(iri) in names
 
 
-_local = lru_cache(maxsize=10_000)(local_name)  # of properties: few, and asked of all that is stated
+_local = lru_cache(maxsize=10_000)(local_name)  # recipes use few properties, and each statement asks for one
 
 
 def is_foreign(iri: str) -> bool:
-    """Return True for a property that the bundled vocabulary does not have under this IRI."""
+    """True for a property that the bundled vocabulary does not have under this IRI."""
     return shorten(iri) == iri
 
 
 def facts(ontology: Ontology, subject: str | BNode, *names: str) -> list[Filling]:
-    """Return the facts of an individual whose property has one of these local names, in document order."""
-    found = [Filling(triple.predicate, triple.object, triple.span) for triple in ontology.said(subject, *names)]
-    if len(found) < 2:
-        return found
-    return list({(filling.property, filling.term): filling for filling in reversed(found)}.values())[::-1]
+    """List the distinct facts of an individual whose property has one of these local names, in document order."""
+    fillings = [Filling(triple.predicate, triple.object, triple.span) for triple in ontology.said(subject, *names)]
+    if len(fillings) < 2:
+        return fillings
+    return list({(filling.property, filling.term): filling for filling in reversed(fillings)}.values())[::-1]
 
 
-def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
-    """Return the IRIs among the fillers, with their positions."""
+def named_iris(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
+    """IRIs among the fillers, with their positions."""
     return [
         (filling.term, filling.span)
         for filling in fillings
@@ -135,22 +134,22 @@ def named(fillings: Iterable[Filling]) -> list[tuple[str, Span]]:
     ]
 
 
-def described(
+def read_ends(
     ontology: Ontology, term: str | BNode, span: Span, *words: str
 ) -> tuple[list[list[str]], Span, tuple[LooseEnd, ...]]:
-    """Return the description of a constraint, which is named at ``span``, by the words for its ends and for others.
+    """Read a constraint that is mentioned at ``span``: the fillers (IRIs) of each of ``words``, and where they stand.
 
-    The IRIs that fill each word, where the constraint is described, and a loose end if one of the first two is missing.
+    The first two words are required: a loose end reports those without a filler.
     """
-    fillers = [[name for name, _ in named(facts(ontology, term, word))] for word in words]
+    fillers = [[name for name, _ in named_iris(facts(ontology, term, word))] for word in words]
     where = (ontology.span(term) if isinstance(term, str) else None) or span
-    absent = tuple(word for word, found in zip(words[:2], fillers, strict=False) if not found)
-    loose = LooseEnd(str(term), absent, span if len(absent) == 2 else where)
-    return fillers, where, (loose,) if absent else ()
+    missing = tuple(word for word, iris in zip(words[:2], fillers, strict=False) if not iris)
+    loose = LooseEnd(str(term), missing, span if len(missing) == 2 else where)
+    return fillers, where, (loose,) if missing else ()
 
 
-def filled(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
-    """Return the fillings that restrictions state."""
+def fillings_of(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
+    """Fillings that restrictions state."""
     return tuple(
         Filling(restriction.property, restriction.filler, restriction.span)
         for restriction in restrictions
@@ -162,7 +161,7 @@ ON_ACTIONS = (
     "subAction", "subEvents", "orderingConstraints", "inputOutputConstraints", "stateTransition", "taskStartState",
     "taskEndState", "nextAction", "previousAction", "conditionEvaluated", "isTaskOf", "hasStep", "definesTask",
 )  # fmt: skip
-"""Properties (local names, whatever their namespace) that say of what actions consist, and in what order."""
+"""Properties (local names, in any namespace) that state the steps of actions and their order."""
 
 ON_INDIVIDUALS = (
     "occursBeforeInOrdering", "occursAfterInOrdering", "isStepOf", "stepOf", "isPlanFor", "isTaskDefinedIn",
@@ -176,20 +175,20 @@ WORDS = (
     "createsOutput", "requiresInput", "resourceType", "outputsCreated", "fromState", "toState", "causedBy",
     "hasTask", "classifies", "isClassifiedBy", "isRoleOf", "hasRole", "hasBindingRole", "hasBindingFiller",
 )  # fmt: skip
-"""All that readers of dialects take up."""
+"""All properties that the readers of dialects read."""
 
 CONSTRAINT_CLASSES = ("PartialOrdering-Strict", "PartialOrdering", "InputOutputMapping")
-"""Classes of constraints. Readers go by the properties of a constraint, so that these are read in any namespace."""
+"""Classes of constraints. Readers look at the properties of a constraint, so its class may be in any namespace."""
 
 NAMING = (
     "subAction", "subEvents", "orderingConstraints", "occursBeforeInOrdering", "occursAfterInOrdering",
     "inputOutputConstraints", "createsOutput", "requiresInput", "stateTransition", "fromState", "toState", "causedBy",
     "taskStartState", "taskEndState", "nextAction", "previousAction", "hasStep", "definesTask",
 )  # fmt: skip
-"""Properties whose values are names of actions, constraints, states or outcomes, never texts."""
+"""Properties whose values are IRIs of actions, constraints, states or outcomes, never literals."""
 
 REGISTERED_WORDS: list[str] = []
-"""Properties that readers of further dialects take up; see :func:`planlang.recipe.readers.register`."""
+"""Properties that readers of added dialects read; see :func:`planlang.recipe.readers.register`."""
 
 MEANINGS: dict[Ending, tuple[str, ...]] = {
     Ending.FAILED: (
@@ -203,18 +202,18 @@ MEANINGS: dict[Ending, tuple[str, ...]] = {
     Ending.TRUE: ("true", "yes", "obtain", "obtains", "hold", "holds"),
     Ending.FALSE: ("false", "no", "not"),
 }  # fmt: skip
-"""Words in the names of outcomes, by their meaning; of similar ones the usual one first."""
+"""Words in the names of outcomes, by their meaning; the usual one of similar words comes first."""
 
 _IN_NAMES = re.compile(r"[A-Z]?[a-z]+|[A-Z]+|\d+")
 
 
 def words_of(outcome: str) -> tuple[str, ...]:
-    """Return the words in the local name of an outcome, as written."""
+    """Split the local name of an outcome into words, as written."""
     return tuple(_IN_NAMES.findall(local_name(outcome)))
 
 
 def ending_of(outcome: str) -> Ending:
-    """Return the meaning of an outcome by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
+    """Classify an outcome by the words in its local name, such as COMPLETED_OK or CONDITION_FALSE."""
     words = {word.lower() for word in words_of(outcome)}
     endings = {ending for ending, meaning in MEANINGS.items() if not words.isdisjoint(meaning)}
     if Ending.FAILED in endings:

@@ -1,4 +1,4 @@
-"""Why something failed: the failures of a run once each, and a card for each place where one arose."""
+"""Failures of a run: a table without duplicates, and a card for each node in which a failure arose."""
 
 from __future__ import annotations
 
@@ -18,71 +18,71 @@ _LINE = re.compile(r"\(([^():]+):(\d+)\)$")
 
 
 class Failures:
-    """The table of the failures that nodes ended with; several nodes through which one passes share an entry."""
+    """Table of the failures of nodes; nodes through which a failure propagated share an entry."""
 
     def __init__(
         self, tree: RunTree, reasons: Mapping[str, Mapping[str, Any]], remedies: Mapping[str, str] | None = None
     ) -> None:
-        """``reasons`` has what records say beside messages, as :func:`reason_in` reads it.
+        """``reasons`` maps messages to further data from the trace, as :func:`reason_in` reads it.
 
-        ``remedies`` has a sentence that says what to change for each part (local name) that the robot lacks.
+        ``remedies`` maps a part (local name) that the robot lacks to a sentence with advice.
         """
         self.table: list[dict[str, Any]] = []
         self.index: dict[int, int] = {}
         self._reasons, self._remedies = reasons, remedies or {}
-        known: dict[str, int] = {}
+        index_of: dict[str, int] = {}
         for number, node in tree.numbered.items():
             if node.failure is not None:
                 key = json.dumps(node.failure, sort_keys=True)
-                if key not in known:
-                    known[key] = len(self.table)
+                if key not in index_of:
+                    index_of[key] = len(self.table)
                     self.table.append(self._entry(node.failure))
-                self.index[number] = known[key]
+                self.index[number] = index_of[key]
 
     def lowered(self, node: TaskNode) -> str:
-        """Return the headline of a node's failure, to stand within a sentence."""
+        """Headline of a node's failure, to be used within a sentence."""
         message = str(self.table[self.index[node.number]]["headline"])
         return message[:1].lower() + message[1:] if message[1:2].islower() else message
 
     def _entry(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         chain = [self._link(link) for link in _chain(failure)]
         advice = [link["advice"] for link in chain if "advice" in link]
-        # counts of candidates say less than what they were counted for
+        # a search for a base pose only counts candidates: the failure that started the search says more
         plain = [link for link in chain if link["type"] != LocationUnresolvable.__name__] or chain
         return {"headline": advice[0] if advice else plain[-1]["message"] or plain[-1]["type"], "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         message, where = str(failure["message"]), str(failure.get("where", ""))
-        found: dict[str, Any] = {"type": str(failure["type"]), "message": shown(message, 1000)}
-        found |= {"where": shown(_LINE.sub("", where).strip())} if where else {}
+        entry: dict[str, Any] = {"type": str(failure["type"]), "message": shown(message, 1000)}
+        entry |= {"where": shown(_LINE.sub("", where).strip())} if where else {}
         line = _LINE.search(where)
-        found |= {"file": shown(line[1]), "line": int(line[2])} if line else {}
+        entry |= {"file": shown(line[1]), "line": int(line[2])} if line else {}
         if (reason := self._reasons.get(message)) is not None:
-            # advice and counts have lines of their own
-            found |= {
+            # the page shows advice and counts on separate lines
+            entry |= {
                 "message": shown(message.partition(f": {reason['advice']}" if "advice" in reason else " (")[0]),
                 **{key: value for key, value in reason.items() if key != "missing"},
             }
             remedies = [self._remedies[part] for part in reason.get("missing", ()) if part in self._remedies]
-            found |= {"advice": remedies[0]} if remedies else {}
+            entry |= {"advice": remedies[0]} if remedies else {}
         beside = {"at the same time": "siblings", "branch": "members", "during cleanup": "cleanup"}
         others = [
             [relation, shown(name), shown(text)]
             for relation, key in beside.items()
             for name, text in _named(failure.get(key))
         ]
-        return found | ({"others": others} if others else {})
+        return entry | ({"others": others} if others else {})
 
 
 def _chain(failure: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Yield a failure and what it was raised from; what was raised again with the same words is left out."""
+    """Yield a failure and its causes, without those that repeat type and message."""
     link: object = failure
-    stated: set[tuple[str, str]] = set()
+    seen: set[tuple[str, str]] = set()
     while isinstance(link, Mapping):
         key = str(link["type"]), str(link["message"])
-        if key not in stated:
+        if key not in seen:
             yield link
-        stated.add(key)
+        seen.add(key)
         link = link.get("cause")
 
 
@@ -93,10 +93,10 @@ def _named(others: object) -> list[tuple[str, str]]:
 
 
 def reason_in(record: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
-    """Return a failure's message and what else is known, if a record answers a search for a place that has failed.
+    """Read the message and further data of a failed search, if the record has one.
 
-    That is a sentence that says what would do (``advice``), and the numbers of candidates by ``counts`` of reasons and
-    of bodies in the way (``blocking``); or the parts that the robot lacks (``missing``).
+    The data are ``advice`` (a sentence), the numbers of candidates by ``counts`` of reasons and by ``blocking`` bodies,
+    or the parts that the robot lacks (``missing``).
     """
     try:
         failure = load_failure(record["failure"])
@@ -106,21 +106,21 @@ def reason_in(record: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
         return str(failure), {"missing": failure.missing}
     if not isinstance(failure, LocationUnresolvable):
         return None
-    said = {"advice": shown(failure.because()), "counts": dict(failure.counts), "blocking": dict(failure.blocking)}
-    return str(failure), {key: value for key, value in said.items() if value}
+    data = {"advice": shown(failure.because()), "counts": dict(failure.counts), "blocking": dict(failure.blocking)}
+    return str(failure), {key: value for key, value in data.items() if value}
 
 
 _Tried = dict[tuple[int, int], list[Any]]
-"""What was tried, [time s, node, words], by the place in the trace of its record and the node."""
+"""(Position in the trace, node) -> attempt, as [time s, node, text]."""
 
 
 def cards_of(tree: RunTree, failures: Failures, wording: Wording) -> list[dict[str, Any]]:
-    """Return a card for each failure where it arose, those that ended the run first, then in order of time.
+    """Build a card for each failure where it arose: those that ended the run first, then in order of time.
 
-    A card has the node and its moment, the place of the failure in the table, whether something around it went on
-    (``recovered``), and what was tried, in the order of the trace: [time s, node, words]. That are attempts and
-    recoveries around it, and the actions in the outermost construct that made them. Failures that ended the run
-    together share a card, that of the innermost cause.
+    A card has the node and its time, the index of the failure in the table, whether a surrounding node succeeded
+    (``recovered``), and what was tried, in the order of the trace: [time s, node, text]. These are attempts and
+    recoveries around the node, and the actions in the outermost construct that made attempts. Failures that together
+    ended the run share the card of the innermost cause.
     """
     origins = sorted((node for node in tree.numbered.values() if is_origin(node)), key=lambda node: node.last)
     cards = [_card(node, failures, wording, tree.rate) for node in origins]
@@ -128,20 +128,20 @@ def cards_of(tree: RunTree, failures: Failures, wording: Wording) -> list[dict[s
     for card in cards:
         if not card["recovered"]:
             ends.setdefault(card["failure"], []).append(card)
-    fatal = [_together(tree, failures, together) for together in ends.values()]
+    fatal = [_merged(tree, failures, group) for group in ends.values()]
     every = [*fatal, *(card for card in cards if card["recovered"])]
     return [card | {"tried": _latest(card["tried"])} for card in every]
 
 
-def _together(tree: RunTree, failures: Failures, cards: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return one card for those of failures that ended the run together; the others are among what was tried."""
+def _merged(tree: RunTree, failures: Failures, cards: list[dict[str, Any]]) -> dict[str, Any]:
+    """Merge the cards of failures that together ended the run; the others become entries of what was tried."""
 
     def cause(entry: int) -> tuple[str, str]:
         link = failures.table[entry]["chain"][-1]
         return link["type"], link["message"]
 
-    wanted = cause(cards[0]["failure"])
-    first = next((one for one in reversed(cards) if cause(failures.index[one["node"]]) == wanted), cards[-1])
+    main_cause = cause(cards[0]["failure"])
+    first = next((one for one in reversed(cards) if cause(failures.index[one["node"]]) == main_cause), cards[-1])
     tried: _Tried = {key: row for one in cards for key, row in one["tried"].items()}
     for one in cards:
         if one is not first:
@@ -152,8 +152,10 @@ def _together(tree: RunTree, failures: Failures, cards: list[dict[str, Any]]) ->
 
 def _latest(tried: _Tried) -> list[list[Any]]:
     rows = [tried[key] for key in sorted(tried)]
-    left = len(rows) - MOST_TRIED
-    return rows if left <= 0 else [[*rows[left - 1][:2], f"{left} earlier ones are in the plan"], *rows[left:]]
+    omitted = len(rows) - MOST_TRIED
+    return (
+        rows if omitted <= 0 else [[*rows[omitted - 1][:2], f"{omitted} earlier ones: see the plan"], *rows[omitted:]]
+    )
 
 
 def _card(node: TaskNode, failures: Failures, wording: Wording, rate: float) -> dict[str, Any]:
@@ -173,9 +175,9 @@ def _card(node: TaskNode, failures: Failures, wording: Wording, rate: float) -> 
         trying = step if events or (trying is None and (step.kind == "plan" or step.parent is None)) else trying
         step = step.parent
     failure = failures.index[ended_by.number]
-    for made in _actions(trying or node, node.last):
-        text = _ended(made, failures, wording, failure)
-        tried[made.first, made.number] = [round(made.start or 0.0, 4), made.number, text]
+    for action in _actions(trying or node, node.last):
+        text = _ended(action, failures, wording, failure)
+        tried[action.first, action.number] = [round(action.start or 0.0, 4), action.number, text]
     return {
         "node": node.number,
         "time": None if node.end is None else round(node.end, 4),
@@ -186,7 +188,7 @@ def _card(node: TaskNode, failures: Failures, wording: Wording, rate: float) -> 
 
 
 def _without_known(one: Happened, node: TaskNode) -> Happened:
-    """Return an event without its failure if the card of a node's failure has that already."""
+    """Drop the failure of an event if the card already shows it."""
     known = [str(link["message"]) for link in _chain(node.failure or {})] if node.failure else []
     failure = one.details.get("failure")
     if not isinstance(failure, Mapping) or failure.get("message") not in known:
@@ -194,20 +196,20 @@ def _without_known(one: Happened, node: TaskNode) -> Happened:
     return replace(one, details={key: value for key, value in one.details.items() if key != "failure"})
 
 
-def _actions(around: TaskNode, last: int) -> Iterator[TaskNode]:
-    """Yield the actions in a step that began before a place in the trace, of nested ones the innermost of the plan."""
-    inside = [child for child in around.children if child.first < last] if not around.is_request else []
-    found = False
+def _actions(construct: TaskNode, last: int) -> Iterator[TaskNode]:
+    """Yield the actions in a construct that began before a position in the trace, the innermost of nested ones."""
+    inside = [child for child in construct.children if child.first < last] if not construct.is_request else []
+    has_inner = False
     for child in inside:
         for one in _actions(child, last):
-            found = True
+            has_inner = True
             yield one
-    if not found and around.kind == "perform" and around.start is not None:
-        yield around
+    if not has_inner and construct.kind == "perform" and construct.start is not None:
+        yield construct
 
 
 def _ended(node: TaskNode, failures: Failures, wording: Wording, known: int) -> str:
-    """Return an action in words with what ended it; the failure that is that of the card is not repeated."""
+    """Describe an action and how it ended, without repeating the failure of the card."""
     match node.status:
         case "succeeded":
             how = f"done in {duration(node)}"
@@ -217,10 +219,10 @@ def _ended(node: TaskNode, failures: Failures, wording: Wording, known: int) -> 
         case "evaporated":
             how = f"stopped after {duration(node)}"
         case _:
-            how = "not ended then"
+            how = "still running then"
     return shown(f"{wording.of(node)}: {how}")
 
 
 MOST_TRIED = 40
-"""Attempts, recoveries and actions that a card lists, the latest ones."""
+"""Maximum number of attempts, recoveries and actions on a card; the latest ones are kept."""
 _TRIES = frozenset({"attempt", "recovery", "solution", "pose failed", "no more poses", "transition"})

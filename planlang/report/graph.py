@@ -1,4 +1,4 @@
-"""The recipe's graph as the page draws it: boxes, frames and curves of the one layout that there is."""
+"""The recipe's graph for the page: boxes, frames and curves of the compiler's layout."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from planlang.compiler.drawing.task_graph import TaskGraph
 
 
 def graph_of(graph: TaskGraph) -> dict[str, Any]:
-    """Return sizes and corners [px], what boxes say, and the paths of arrows in the syntax of SVG."""
-    found = arranged(graph.group)
+    """Sizes and corners [px], texts of boxes, and the paths of arrows in SVG syntax."""
+    arrangement = arranged(graph.group)
     boxes = [
         {
             "name": placed.box.name,
@@ -22,11 +22,11 @@ def graph_of(graph: TaskGraph) -> dict[str, Any]:
             "abstract": placed.box.is_abstract,
             "inner": bool(placed.inside),
         }
-        for placed in found.boxes
+        for placed in arrangement.boxes
     ]
     frames = [
         {"name": one.name, "corner": [_n(one.x), _n(one.y)], "size": [_n(one.width), _n(one.height)]}
-        for one in found.frames
+        for one in arrangement.frames
     ]
     arrows = [
         {
@@ -36,9 +36,9 @@ def graph_of(graph: TaskGraph) -> dict[str, Any]:
             "label": route.arrow.label,
             "at": [_n(one) for one in middle_of(route.points)],
         }
-        for route in found.routes
+        for route in arrangement.routes
     ]
-    size = [_n(found.width), _n(found.height)]
+    size = [_n(arrangement.width), _n(arrangement.height)]
     return {"title": graph.title, "size": size, "boxes": boxes, "frames": frames, "arrows": arrows}
 
 

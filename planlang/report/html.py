@@ -1,8 +1,8 @@
-"""The HTML file: template, style and scripts of ``page/``, and what is told by a model, in one text.
+"""The HTML file: template, style and scripts of ``page/`` with the data of a model.
 
-What strangers wrote enters as JSON in an element that no browser executes, with ``<`` escaped, and the scripts put it
-into the page as text. The content security policy forbids all requests, and all scripts but the two whose hashes it
-states: the page's own, and three.js, which is compressed in the file.
+Untrusted text is embedded as JSON in an element that no browser executes, with ``<`` escaped, and the scripts insert it
+as text. The content security policy forbids all requests, and all scripts except two that it lists by hash: the page's
+own, and three.js, which is compressed in the file.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ SCRIPTS = (
     *("model", "clock", "list", "tree", "details", "failures", "story", "search", "lanes"),
     *("tracks", "scene", "aim", "legend", "map", "graph", "keys", "live", "main"),
 )
-"""Files of the page's script, in their order: each uses what those before it define."""
+"""Files of the page's script in order of dependence."""
 SERVED = "; connect-src 'self'"
-"""Added to the content security policy of a page that is served while its run goes on: it asks its server for news."""
+"""Addition to the content security policy for a page of a running plan, which polls its server for updates."""
 THREE = PAGE / "three.js.gz"
 
 
 def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> str:
-    """Return the page of a model; ``blobs`` are compressed (zlib) and binary, by the names that the model has for them.
+    """Write the page of a model; ``blobs`` are binary data compressed with zlib, by the names that the model uses.
 
-    three.js is in it only if the model has a scene. Equal models give equal texts.
+    It contains three.js only if the model has a scene. Equal models give equal texts.
     """
     style, script = _style(), _script()
     hashes, data = [_hash(script)], ""
@@ -60,7 +60,7 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
 
 
 def escaped(text: str) -> str:
-    """Return JSON that ends no element, whatever is in its texts, and that is UTF-8."""
+    """Escape JSON so that its texts cannot end an element, and encode it as UTF-8."""
     for sign, code in (("<", "\\u003c"), ("\u2028", "\\u2028"), ("\u2029", "\\u2029")):
         text = text.replace(sign, code)
     return text.encode("utf-8", "backslashreplace").decode("utf-8")
@@ -93,6 +93,6 @@ def _script() -> str:
 
 @cache
 def _three() -> tuple[bytes, str]:
-    """Return three.js, compressed, and the hash of the script that it is."""
+    """Compressed three.js, and the hash of the uncompressed script."""
     packed = THREE.read_bytes()
     return packed, _hash(gzip.decompress(packed).decode("utf-8"))

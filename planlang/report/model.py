@@ -1,4 +1,4 @@
-"""All that a page shows of a run, as one JSON object: docs/guides/report.md says what its keys mean."""
+"""All data of a page as one JSON object, whose keys docs/guides/report.md documents."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from planlang.compiler.drawing.task_graph import TaskGraph
 
 NEAR = 5
-"""Lines of a plan, from the one that names ``at_location`` on, in which its location stands."""
+"""Maximum number of lines of a plan between ``at_location`` and the relations of its location."""
 _RELATION = re.compile(r"([a-z_]+)\(")
 SCHEMA = 1
 """Version of the model."""
@@ -29,14 +29,14 @@ SCHEMA = 1
 
 @dataclass(slots=True)
 class Told:
-    """The records of a run, added one by one as they are written, and what they belong to."""
+    """The state of a run as far as its records, added one by one, describe it."""
 
     header: Mapping[str, Any] = field(default_factory=dict)
     tree: RunTree = field(default_factory=RunTree)
     last: int = 0
     """Step of the last record."""
     reasons: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Message of a failure -> why a search for a place has failed."""
+    """Message of a failure -> data about the failed search, see :func:`planlang.report.failures.reason_in`."""
     is_interrupted: bool = False
 
     def add(self, record: Mapping[str, Any]) -> None:
@@ -55,20 +55,20 @@ class Told:
     @staticmethod
     def of(records: Iterable[Mapping[str, Any]]) -> Told:
         """Read all records of a trace."""
-        told = Told()
+        run = Told()
         for record in records:
-            told.add(record)
-        return told
+            run.add(record)
+        return run
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a page shows beside a trace: texts of plan and recipe, and the recipe's words and graph.
+    """Data of a page besides the trace: sources of plan and recipe, labels and graph of the recipe.
 
-    ``labels`` has the recipe's words for classes of actions (local names), ``vocabulary`` those of the ontologies
-    that it imports, ``missing`` says in sentences what the page
-    lacks and why, ``facts`` are shown beside those of the header. ``notes`` were given before the run, ``remedies`` say
-    what to change for a part (local name) that the robot lacks.
+    ``labels`` maps classes of actions (local names) to the labels of the recipe, ``vocabulary`` to those of imported
+    ontologies. ``missing`` are sentences about parts that the page lacks, ``facts`` are shown beside those of the
+    header. ``notes`` are diagnostics from before the run, ``remedies`` map a part (local name) that the robot lacks to
+    advice.
     """
 
     plan: Source | None = None
@@ -82,12 +82,12 @@ class Context:
     remedies: Mapping[str, str] = field(default_factory=dict)
 
 
-def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[str, Any]:
-    """Return the model of a run; ``parts`` are further ones, such as scene, map and questions."""
+def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[str, Any]:
+    """Build the model of a run; ``parts`` are further entries, such as scene, map and questions."""
     context = context or Context()
-    tree, rate = told.tree, told.tree.rate
-    end = round(told.last / rate, 4)
-    failures = Failures(tree, told.reasons, context.remedies)
+    tree, rate = run.tree, run.tree.rate
+    end = round(run.last / rate, 4)
+    failures = Failures(tree, run.reasons, context.remedies)
     wording = Wording(context.labels, context.vocabulary)
     nodes = nodes_of(tree, context.labels, failures.index)
     sources = [source for source in (context.plan, context.recipe) if source is not None]
@@ -100,12 +100,12 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
             drive = None if context.recipe is None else context.recipe.extent(context.plan.drives.get(line, ""))
             lines += [] if drive is None else [[1, *drive]]
         node |= {"lines": lines} if lines else {}
-    name = str(told.header.get("plan", tree.roots[0].name if tree.roots else "run"))
+    name = str(run.header.get("plan", tree.roots[0].name if tree.roots else "run"))
     return {
         "schema": SCHEMA,
         "title": shown(name, 120),
-        "outcome": _outcome(told, failures),
-        "facts": {key: shown(value, 200) for key, value in {**_facts(told, end), **context.facts}.items()},
+        "outcome": _outcome(run, failures),
+        "facts": {key: shown(value, 200) for key, value in {**_facts(run, end), **context.facts}.items()},
         "rate": rate,
         "end": end,
         "nodes": nodes,
@@ -123,31 +123,31 @@ def model_of(told: Told, context: Context | None = None, **parts: Any) -> dict[s
 
 
 def _note(one: Diagnostic) -> dict[str, str]:
-    found = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
-    return found | ({"help": shown(one.help)} if one.help else {})
+    entry = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
+    return entry | ({"help": shown(one.help)} if one.help else {})
 
 
 def _graph(graph: TaskGraph) -> dict[str, Any]:
-    from planlang.report.graph import graph_of  # a page without a recipe needs no layout, which takes long to import
+    from planlang.report.graph import graph_of  # slow to import, and not needed for a page without a recipe
 
     return graph_of(graph)
 
 
 def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
-    """Return the line of the plan for constructs at a location: a function comes to its places in their order.
+    """Map ``at_location`` constructs to lines of the plan, assuming that a function visits its places in order.
 
-    Recoveries and process modules come to places, too, of which the plan says nothing: a line has to name a relation
-    of the location close behind it.
+    Recoveries and process modules also use ``at_location``, but have no line: a line counts only if a relation of the
+    location follows it closely.
     """
-    found: dict[int, int] = {}
-    known: dict[int, list[object]] = {}
+    line_of: dict[int, int] = {}
+    visited: dict[int, list[object]] = {}
     rows = [] if plan is None else plan.text.splitlines()
     for number, node in tree.numbered.items():
-        around = node.parent
-        while around is not None and not any(one.event == "plan" for one in around.happened) and around.kind != "plan":
-            around = around.parent
-        lines = plan.places.get(around.name.partition("#")[0], ()) if plan is not None and around is not None else ()
-        if node.kind != "at_location" or around is None or not lines:
+        caller = node.parent
+        while caller is not None and not any(one.event == "plan" for one in caller.happened) and caller.kind != "plan":
+            caller = caller.parent
+        lines = plan.places.get(caller.name.partition("#")[0], ()) if plan is not None and caller is not None else ()
+        if node.kind != "at_location" or caller is None or not lines:
             continue
         text = str(node.parameters.get("location"))
         relations = _RELATION.findall(text)
@@ -159,37 +159,37 @@ def _places(tree: RunTree, plan: Source | None) -> dict[int, int]:
         ]
         if not fitting:
             continue
-        seen = known.setdefault(around.number, [])
+        seen = visited.setdefault(caller.number, [])
         if text not in seen:
             seen.append(text)
-        found[number] = fitting[min(seen.index(text), len(fitting) - 1)]
-    return found
+        line_of[number] = fitting[min(seen.index(text), len(fitting) - 1)]
+    return line_of
 
 
 def _extent(source: Source, node: Mapping[str, Any]) -> tuple[int, int] | None:
-    if (found := source.extent(node.get("class", ""))) is not None:
-        return found
+    if (extent := source.extent(node.get("class", ""))) is not None:
+        return extent
     return source.extent(node["name"].partition("#")[0]) if node["kind"] in ("plan", "branch") else None
 
 
-def _outcome(told: Told, failures: Failures) -> dict[str, Any]:
-    root = told.tree.roots[0] if told.tree.roots else None
-    status = "interrupted" if told.is_interrupted else "running" if root is None else root.status
-    found = failures.index.get(root.number) if root is not None else None
+def _outcome(run: Told, failures: Failures) -> dict[str, Any]:
+    root = run.tree.roots[0] if run.tree.roots else None
+    status = "interrupted" if run.is_interrupted else "running" if root is None else root.status
+    failure = failures.index.get(root.number) if root is not None else None
     text = {"succeeded": "done", "failed": "failed", "evaporated": "ended", "running": "not ended"}.get(status, status)
-    return {"status": status, "text": text, "failure": found}
+    return {"status": status, "text": text, "failure": failure}
 
 
-def _facts(told: Told, end: float) -> dict[str, object]:
-    header = told.header
-    known: dict[str, object] = {"plan time": f"{end:.1f} s"}
+def _facts(run: Told, end: float) -> dict[str, object]:
+    header = run.header
+    facts: dict[str, object] = {"plan time": f"{end:.1f} s"}
     if isinstance(start := header.get("start"), list):
-        known["start"] = pose_text(start)
-    for key, called in (("robot", "robot"), ("map", "environment"), ("seed", "seed"), ("schedule", "schedule")):
+        facts["start"] = pose_text(start)
+    for key, label in (("robot", "robot"), ("map", "environment"), ("seed", "seed"), ("schedule", "schedule")):
         value = header.get(key)
         if value is not None:
-            known[called] = local_name(str(value)).partition(".")[0] if key == "map" else value
+            facts[label] = local_name(str(value)).partition(".")[0] if key == "map" else value
     versions = header.get("versions")
     if isinstance(versions, dict) and versions.get("planlang"):
-        known["planlang"] = versions["planlang"]
-    return known
+        facts["planlang"] = versions["planlang"]
+    return facts

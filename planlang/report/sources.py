@@ -1,4 +1,4 @@
-"""The texts of plan and recipe, and the lines in them that a step comes from."""
+"""Sources of plan and recipe, and the lines that steps come from."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from planlang.records import dataclass
 from planlang.report.tree import names
 
 LONGEST = 200_000
-"""Characters of a text that a page has; a longer one is cut at a line."""
+"""Maximum length of a source in the page; a longer one is cut at the end of a line."""
 _CLOSING = re.compile(r"\s*(</(?!\w*:RDF)[^>]*>|[])}.;,][])}.;,\s]*)\s*$")
-"""A line that ends a definition in RDF/XML or Turtle, and states nothing."""
+"""A line that only closes a definition in RDF/XML or Turtle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A file of the run: its name without folders, its text, and the line of each class of actions (local name)."""
+    """A file of the run: name without folders, text, and the line of each class of actions (local name)."""
 
     name: str
     text: str
     lines: Mapping[str, int]
     places: Mapping[str, Sequence[int]] = field(default_factory=dict)
-    """Of a plan: the lines at which each of its functions names ``at_location``, in their order."""
+    """For a plan: function -> lines that name ``at_location``, in order."""
     drives: Mapping[int, str] = field(default_factory=dict)
-    """Of a plan: the class (local name) of the drives to a location, by the line that names ``at_location``."""
+    """For a plan: line that names ``at_location`` -> class (local name) of the base motion."""
     ends: Mapping[str, int] = field(default_factory=dict)
-    """Of a recipe: the last line of a class' definition, which begins at its line."""
+    """For a recipe: class -> last line of its definition, which begins at its line."""
 
     def extent(self, cls: str) -> tuple[int, int] | None:
-        """Find the first and the last line about a class."""
+        """Find the first and the last line of a class."""
         line = self.lines.get(cls)
         return None if line is None else (line, self.ends.get(cls, line))
 
 
 def plan_source(name: str, text: str) -> Source:
-    """Return a plan with the lines of its actions, ``action(RECIPE + "GraspBottle", ...)``, and of its functions.
+    """Read a plan with the lines of its actions, ``action(RECIPE + "GraspBottle", ...)``, and of its functions.
 
-    A class that is performed at several lines has the first, as a trace does not say at which it was.
+    If a class is performed at several lines the first is used, because a trace does not contain the line.
     """
     try:
         tree = ast.parse(text)
@@ -66,18 +66,18 @@ def plan_source(name: str, text: str) -> Source:
 
 
 def _drives(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Yield the lines where calls name ``at_location``, and the last part of what their argument ``by`` names."""
+    """Yield the lines of calls that name ``at_location``, with the class in their argument ``by``."""
     for node in ast.walk(tree):
         if not isinstance(node, ast.Call):
             continue
-        called = [one for one in (node.func, *node.args[:1]) if isinstance(one, ast.Name) and one.id == "at_location"]
+        named = [one for one in (node.func, *node.args[:1]) if isinstance(one, ast.Name) and one.id == "at_location"]
         by = [one.value for one in node.keywords if one.arg == "by"]
         names = [cls for _, _, cls in _named(ast.Module([ast.Expr(one) for one in by], []))]
-        yield from ((one.lineno, cls) for one in called for cls in names)
+        yield from ((one.lineno, cls) for one in named for cls in names)
 
 
 def source_of(function: object) -> Source | None:
-    """Return the file that a plan function comes from, which need not be on a disk; None if there is no text of it."""
+    """Read the source of a plan function, which need not be in a file; None if it has no source."""
     while isinstance(function, functools.partial):
         function = function.func
     code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
@@ -86,12 +86,12 @@ def source_of(function: object) -> Source | None:
 
 
 def cut(text: str) -> str:
-    """Return a text up to the last line that fits."""
+    """Cut a text at the end of the last line that fits."""
     return text if len(text) <= LONGEST else text[: text.rfind("\n", 0, LONGEST) + 1] + "...\n"
 
 
 def _named(tree: ast.Module) -> Iterator[tuple[bool, int, str]]:
-    """Yield the lines where classes of actions are named, and whether that only declares them.
+    """Yield (whether it is only declared, line, class) for each class of actions that is named.
 
     A constant of the module stands for its value.
     """
@@ -114,9 +114,9 @@ def _named(tree: ast.Module) -> Iterator[tuple[bool, int, str]]:
 
 
 def recipe_source(recipes: RecipeSet, ontology: Ontology, name: str, text: str) -> Source:
-    """Return a recipe with the lines of its tasks and steps: their definitions, else where a task names them.
+    """Read a recipe with the lines of its tasks and steps: of their definitions, else of their mention in a task.
 
-    ``ontology`` has the file of the recipe as its main document; what other files define has no line.
+    ``ontology`` has the file of the recipe as its main document; definitions in other files have no line.
     """
     lines: dict[str, int] = {}
     ends: dict[str, int] = {}
@@ -133,12 +133,12 @@ def recipe_source(recipes: RecipeSet, ontology: Ontology, name: str, text: str) 
 
 
 def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
-    """Return the first and last line of the definition of each name (IRI) of a document."""
+    """Map each name (IRI) of a document to the first and last line of its definition."""
     about: dict[Term, list[tuple[int, Term]]] = {}
     for triple in document.triples():
         about.setdefault(triple.subject, []).append((triple.span.line, triple.object))
-    found = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
-    begins = {iri: span.line for iri, span in found if span is not None}
+    spans = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
+    begins = {iri: span.line for iri, span in spans if span is not None}
     starts, rows = sorted(set(begins.values())), text.splitlines()
     following = dict(zip(starts, [*starts[1:], len(rows) + 1], strict=True))
     extents = {}
@@ -151,19 +151,19 @@ def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
 
 
 def _lines_about(iri: str, about: Mapping[Term, Sequence[tuple[int, Term]]]) -> Iterator[int]:
-    """Yield the lines of what is stated about a name, and about the nodes without a name that it refers to."""
+    """Yield the lines of statements about a name, and about the anonymous nodes that it refers to."""
     pending: list[Term] = [iri]
-    known = set(pending)
+    visited = set(pending)
     while pending:
         for line, value in about.get(pending.pop(), ()):
             yield line
-            if isinstance(value, BNode) and value not in known:
-                known.add(value)
+            if isinstance(value, BNode) and value not in visited:
+                visited.add(value)
                 pending.append(value)
 
 
 def labels_of(recipes: RecipeSet) -> dict[str, str]:
-    """Return the recipe's words for its tasks and steps, by the local names of their classes."""
+    """Labels of the recipe's tasks and steps, by the local names of their classes."""
     labels: dict[str, str] = {}
     for one in _described(recipes):
         if one.label:
@@ -172,7 +172,7 @@ def labels_of(recipes: RecipeSet) -> dict[str, str]:
 
 
 def vocabulary_of(ontology: Ontology) -> dict[str, str]:
-    """Return the labels of all classes, by their local names; of several with one name that of the first."""
+    """Labels of all classes, by their local names; the first wins if several share a name."""
     labels: dict[str, str] = {}
     for iri in ontology.class_names():
         if (label := ontology.label(iri)) is not None:

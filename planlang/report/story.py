@@ -1,4 +1,4 @@
-"""A run as a short story: one sentence for each step that a reader of the plan cares about, each with its moment."""
+"""A run as a short story: one sentence for each step of interest, with its time."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
 
 def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) -> list[list[Any]]:
-    """Return the sentences in the order of the trace: [time s, node or None, words, kind].
+    """Write the sentences in the order of the trace: [time s, node or None, text, kind].
 
-    What process modules do inside of an action is left out. A step that fails has a sentence where it begins, and one
-    with its cause where it ends.
+    Activities of process modules inside an action are left out. A failed step has a sentence at its start, and one with
+    the cause at its end.
     """
-    found = [one for root in tree.roots for one in _ends(root, failures, end)]
+    sentences = [one for root in tree.roots for one in _ends(root, failures, end)]
     for node in tree.numbered.values():
-        found += _happened(node, tree.rate)
+        sentences += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
-            found += _steps(node, wording, failures)
+            sentences += _steps(node, wording, failures)
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
-            found.append((one.place, [time, None, f"Belief: {belief_text(one.details)}.", "belief"]))
-    return [sentence for _, sentence in sorted(found, key=lambda one: one[0])]
+            sentences.append((one.place, [time, None, f"Belief: {belief_text(one.details)}.", "belief"]))
+    return [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
 
 
 _Placed = tuple[float, list[Any]]
-"""A sentence, and the place in the trace of the record that it is about."""
+"""Position of a record in the trace, and the sentence about it."""
 
 _LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
 
@@ -47,7 +47,7 @@ def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
         case "running":
             text = "The trace ends here, before the plan does."
         case _:
-            text = f"The plan is ended from outside after {time:.1f} s."
+            text = f"The plan is stopped from outside after {time:.1f} s."
     yield root.last, [time, root.number, text, "closing"]
 
 
@@ -55,7 +55,7 @@ def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Pl
     if node.kind == "perform":
         how = {
             "succeeded": f"done in {duration(node)}",
-            "running": "not ended when the trace does",
+            "running": "still running at the end of the trace",
             "evaporated": f"stopped after {duration(node)}",
             "failed": f"begins, and fails after {duration(node)}",
         }.get(node.status, node.status)
@@ -70,11 +70,11 @@ def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Pl
 
 
 def _is_bare(node: TaskNode) -> bool:
-    """Return whether a failure arose in a node of which no step has a sentence."""
-    around = node.parent
-    while around is not None and around.kind != "perform" and around.ended == node.ended:
-        around = around.parent
-    return is_origin(node) and not (around is not None and around.kind == "perform" and around.ended == node.ended)
+    """True if a failure arose in a node that no sentence about a step covers."""
+    above = node.parent
+    while above is not None and above.kind != "perform" and above.ended == node.ended:
+        above = above.parent
+    return is_origin(node) and not (above is not None and above.kind == "perform" and above.ended == node.ended)
 
 
 def _happened(node: TaskNode, rate: float) -> Iterator[_Placed]:

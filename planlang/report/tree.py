@@ -1,4 +1,4 @@
-"""The nodes of a run and its lanes, one for each resource, as the page draws them."""
+"""Nodes of a run, and its lanes, one per resource, for the page."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from planlang.designators import local_name
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
 PLUMBING = frozenset({"branch", "budget", "with_failure_handling", "using", "at_location", "achieve", "with_policies"})
-"""Kinds of constructs that a reader rarely asks about: shown with all nodes only, unless a failure arose in them."""
+"""Kinds of constructs that are rarely of interest: hidden unless all nodes are shown, or a failure arose in them."""
 MOST_TEXT = 400
-"""Characters of a text about a node; the middle of a longer one is left out."""
+"""Maximum length of a text about a node; the middle of a longer one is left out."""
 _KEYS = re.compile(r"(?<![^ ])([a-z_]+)=")
 _FOLDERS = re.compile(r"(?<![\w:/.<])(?:[A-Za-z]:)?(?:[/\\][^\s/\\:'\"<>|]+)+[/\\](?=[^\s/\\:'\"<>|])")
 
 
 def shown(text: object, longest: int = MOST_TEXT) -> str:
-    """Return a text without folders of this machine, cut in its middle to ``longest`` characters."""
+    """Remove folders of this machine from a text, and cut its middle to ``longest`` characters."""
     plain = _FOLDERS.sub("", str(text))
     return plain if len(plain) <= longest else f"{plain[: longest // 2]} ... {plain[-longest // 2 :]}"
 
 
 def nodes_of(tree: RunTree, labels: Mapping[str, str], index: Mapping[int, int]) -> list[dict[str, Any]]:
-    """Return the nodes in the order of their numbers; ``index`` has the place of a node's failure in the table.
+    """Build the nodes in the order of their numbers; ``index`` maps them to the entries of their failures in the table.
 
-    ``labels`` has the words of a recipe for a class of actions, by its local name.
+    ``labels`` maps classes of actions (local names) to the labels of the recipe.
     """
-    within: dict[int, bool] = {}  # parents come before children, and asking each for all above it would take long
-    found = []
+    within: dict[int, bool] = {}  # filled in one pass, because parents come before children
+    nodes = []
     for number, node in sorted(tree.numbered.items()):
         parent = node.parent
         inside = parent is not None and (within[parent.number] or parent.is_request)
         within[number] = inside
-        found.append(_node(node, labels, inside, index.get(number), tree.rate))
-    return found
+        nodes.append(_node(node, labels, inside, index.get(number), tree.rate))
+    return nodes
 
 
 def class_of(node: TaskNode) -> str | None:
-    """Return the local name of the class that a node performs or follows, None for a construct."""
+    """Local name of the class that a node performs or follows; None for a construct."""
     iri = node.parameters.get("iri")
     return node.action or (local_name(iri) if isinstance(iri, str) else None)
 
@@ -48,7 +48,7 @@ def _node(
     node: TaskNode, labels: Mapping[str, str], is_inner: bool, failure: int | None, rate: float
 ) -> dict[str, Any]:
     cls = class_of(node)
-    found: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "id": node.number,
         "parent": None if node.parent is None else node.parent.number,
         "kind": node.kind,
@@ -69,16 +69,16 @@ def _node(
             if (text := event_text(one)) is not None
         ],
     }
-    return found | {key: value for key, value in optional.items() if value or (value == 0 and value is not False)}
+    return entry | {key: value for key, value in optional.items() if value or (value == 0 and value is not False)}
 
 
 def is_minor(node: TaskNode) -> bool:
-    """Return whether a node is shown with all nodes only: a construct, or what a process module does by itself."""
+    """True if a node is hidden by default: a construct, or an internal node of a process module."""
     return node.inner or _is_plumbing(node)
 
 
 def _is_plumbing(node: TaskNode) -> bool:
-    """Return whether a construct is shown with all nodes only: also a root whose only plan is called like it."""
+    """True if a construct is hidden by default; also a root whose only plan has the same name."""
     if node.parent is None:
         inner = node.children
         while len(inner) == 1 and inner[0].kind in PLUMBING and inner[0].name != node.name:
@@ -88,7 +88,7 @@ def _is_plumbing(node: TaskNode) -> bool:
 
 
 def _is_named(node: TaskNode) -> bool:
-    """Return whether a branch is one of the plan's own: side by side with others, or a plan function itself."""
+    """True if a branch belongs to the plan: it is parallel to others, or is a plan function itself."""
     if node.kind != "branch" or node.is_request or node.parent is None:
         return False
     is_beside = node.parent.kind not in PLUMBING and node.parent.kind not in ("perform", "plan")
@@ -96,7 +96,7 @@ def _is_named(node: TaskNode) -> bool:
 
 
 def text_of(node: TaskNode) -> str:
-    """Return what a node does: the action, the goal, the location, or the parameters of a plan."""
+    """Describe a node: its action, goal or location, or the parameters of a plan."""
     match node.parameters:
         case {"action": str(text)}:
             return shown(_parameters(node.name, text))
@@ -108,7 +108,7 @@ def text_of(node: TaskNode) -> str:
 
 
 def _parameters(name: str, action: str) -> str:
-    """Return an action without its class where the node is called like that, its parameters in words."""
+    """Action without its class if the node has the same name, with parameters in words."""
     cls, opened, inside = action.partition("(")
     if cls != name.partition("#")[0] or not opened or not inside.endswith(")"):
         return action
@@ -116,7 +116,7 @@ def _parameters(name: str, action: str) -> str:
 
 
 def event_text(one: Happened) -> str | None:
-    """Return what happened in a node, in words; None for what its span or its lane shows already."""
+    """Describe an event of a node; None if its span or its lane shows it already."""
     failure = one.details.get("failure")
     because = f": {failure['message']}" if isinstance(failure, Mapping) else ""
     match one.event, one.details:
@@ -139,7 +139,7 @@ def event_text(one: Happened) -> str | None:
 
 
 def pose_text(base: list[Any]) -> str:
-    """Return a pose of the base in words: metres and radians in the map."""
+    """Format a pose of the base: metres and radians in the map."""
     return " ".join(f"{name} {number:.2f}" for name, number in zip(("x", "y", "yaw"), base, strict=False))
 
 
@@ -153,9 +153,9 @@ def _arm(detail: object) -> str:
 
 
 def lanes_of(tree: RunTree) -> list[dict[str, Any]]:
-    """Return a lane for each resource: its name, and spans [start s, end s, node, how many hold it around that].
+    """Build a lane for each resource: its name, and spans [start s, end s, node, depth of nesting].
 
-    A span without an end lasts to the end of the trace (None). Process modules come behind the robot's own resources.
+    A span without an end (None) lasts to the end of the trace. Process modules come after the robot's own resources.
     """
     lanes: dict[str, list[list[Any]]] = {}
     for number, node in tree.numbered.items():
@@ -164,17 +164,17 @@ def lanes_of(tree: RunTree) -> list[dict[str, Any]]:
             lanes.setdefault(resource, []).append([_seconds(begun / tree.rate), end, number, 0])
     for spans in lanes.values():
         spans.sort(key=lambda span: (span[0], span[2]))
-        around: list[list[Any]] = []
+        enclosing: list[list[Any]] = []
         for span in spans:
-            around = [other for other in around if other[1] is None or other[1] > span[0]]
-            span[3] = len(around)
-            around.append(span)
+            enclosing = [other for other in enclosing if other[1] is None or other[1] > span[0]]
+            span[3] = len(enclosing)
+            enclosing.append(span)
     names = sorted(lanes, key=lambda name: (name.startswith("module "), name))
     return [{"name": shown(name, 60), "spans": lanes[name]} for name in names]
 
 
 def _held(node: TaskNode) -> Iterator[tuple[str, int, int | None]]:
-    """Yield the resources that a node has held, from which step to which."""
+    """Yield the resources that a node has held, with first and last step."""
     begun: dict[str, int] = {}
     for one in node.happened:
         for resource in one.details.get("resources", ()) if one.event in ("acquired", "released") else ():
@@ -186,30 +186,30 @@ def _held(node: TaskNode) -> Iterator[tuple[str, int, int | None]]:
 
 
 def marks_of(tree: RunTree) -> list[list[Any]]:
-    """Return what happened at a moment: [time s, node or None, "attempt", "recovery", "failure" or "belief", words]."""
-    found: list[list[Any]] = []
+    """List events in time: [time s, node or None, "attempt", "recovery", "failure" or "belief", text]."""
+    marks: list[list[Any]] = []
     for number, node in tree.numbered.items():
         for one in node.happened:
             text = event_text(one)
             kind = {"attempt": "attempt", "recovery": "recovery", "pose failed": "failure"}.get(one.event)
             if kind is not None and text is not None:
-                found.append([_seconds(one.step / tree.rate), number, kind, text])
+                marks.append([_seconds(one.step / tree.rate), number, kind, text])
         if is_origin(node):
-            found.append([_seconds(node.end), number, "failure", shown(node.reason)])
+            marks.append([_seconds(node.end), number, "failure", shown(node.reason)])
     for one in tree.belief:
-        found.append([_seconds(one.step / tree.rate), None, "belief", belief_text(one.details)])
-    return sorted(found, key=lambda mark: mark[0])
+        marks.append([_seconds(one.step / tree.rate), None, "belief", belief_text(one.details)])
+    return sorted(marks, key=lambda mark: mark[0])
 
 
 def is_origin(node: TaskNode) -> bool:
-    """Return whether a failure arose in a node, and did not pass through it from one inside of it."""
+    """True if a failure arose in a node, instead of propagating to it from a child."""
     return node.failure is not None and not any(
         child.failure is not None and child.ended == node.ended for child in node.children
     )
 
 
 def belief_text(details: Mapping[str, Any]) -> str:
-    """Return a change of the belief in words, without an end: ``bottle1 seen``."""
+    """Describe a change of the belief, without punctuation: ``bottle1 seen``."""
     word = str(details.get("change", "changed")).replace("_", " ")
     return shown(f"{details.get('name', 'something')} {_CHANGES.get(word, word)}")
 
@@ -228,5 +228,5 @@ def _seconds(time: float | None) -> float | None:
 
 
 def names(paths: Iterable[str]) -> list[str]:
-    """Return names of files without folders."""
+    """Names of files without folders."""
     return [path.replace("\\", "/").rsplit("/", 1)[-1] for path in paths]

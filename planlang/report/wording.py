@@ -1,4 +1,4 @@
-"""Actions in the words of readers: those of the recipe, else those of the vocabulary, else those of the name."""
+"""Describe actions by labels of the recipe, else by those of the vocabulary, else by their names."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
 _KEY = re.compile(r"(?<![^ ])([a-z_]+)=")
 _SHORT = {"object_acted_on": "", "to_location": "to ", "device_used": "with "}
 LONGEST = 160
-"""Characters of an action in words."""
+"""Maximum length of the description of an action."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """The words that a recipe, and the vocabulary, have for classes of actions (local names)."""
+    """Labels of the recipe and of the vocabulary for classes of actions (local names)."""
 
     labels: Mapping[str, str] = field(default_factory=dict)
     vocabulary: Mapping[str, str] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class Wording:
     def of(self, node: TaskNode) -> str:
         """Describe the action of a node, with its goal if that is a pose of the base.
 
-        The words of the vocabulary fit many actions, so what such an action is about follows them.
+        A label of the vocabulary fits many actions, so the parameters of the action follow it.
         """
         cls, action = class_of(node) or "", str(node.parameters.get("action", ""))
         pose = _POSE.fullmatch(action)
@@ -41,11 +41,11 @@ class Wording:
 
 
 def duration(node: TaskNode) -> str:
-    """Return how long a node has run."""
+    """Format the duration of a node."""
     return f"{(node.end or 0.0) - (node.start or 0.0):.1f} s"
 
 
 def words(name: str) -> str:
-    """Return a name of a class or function in words: ``MoveBaseToGraspPose#2`` as ``move base to grasp pose``."""
+    """Split a name of a class or function into words: ``MoveBaseToGraspPose#2`` becomes ``move base to grasp pose``."""
     parts = _WORDS.findall(name.partition("#")[0])
     return " ".join(part if part.isupper() and len(part) > 1 else part.lower() for part in parts) or name

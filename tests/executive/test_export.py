@@ -95,7 +95,7 @@ def test_the_log_of_poses_follows_the_bottle_and_belongs_to_its_run_only(run: Pa
     other = run / "other.jsonl"
     for text, said in (
         (lines[0].replace('"seed": 3', '"seed": 4') + lines[1], "another run: seed"),
-        (lines[0] + lines[1].replace('"step": 0', '"step": 9007199254740992'), "too late"),
+        (lines[0] + lines[1].replace('"step": 0', '"step": 9007199254740992'), "impossible time"),
         ("{}\n[]\n", "line 2"),
     ):
         other.write_text(text)

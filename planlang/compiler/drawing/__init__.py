@@ -1,8 +1,7 @@
-"""Drawings of a task: its steps, what fills their properties, and what has to come before what.
+"""Drawings of a task: its steps with their properties, and the order of the steps.
 
-General layout: ``task_graph`` turns checked recipes into groups of boxes and arrows, with names made safe to show;
-``markup`` and ``svg`` write those in one format each; ``layers`` arranges what an SVG shows; ``graph_file`` writes
-the file.
+General layout: ``task_graph`` turns checked recipes into groups of boxes and arrows, with names made safe to display;
+``markup`` and ``svg`` write them as text; ``layers`` computes the layout of an SVG; ``graph_file`` writes the file.
 """
 
 from planlang.compiler.drawing.graph_file import FORMATS, GraphDrawing, unknown_format

@@ -15,12 +15,12 @@ from planlang.outputs import PNG, check_outputs, replace, write_text
 from planlang.records import dataclass
 
 FORMATS = {".svg": svg, ".dot": dot, ".mmd": mermaid}
-"""Suffix of a file -> the function that writes this format; equal graphs give equal text."""
+"""Suffix of a file -> function that writes this format; equal graphs give equal text."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraphDrawing:
-    """The order of the steps of a task, which shows itself in a notebook as SVG."""
+    """The order of the steps of a task, displayed in a notebook as SVG."""
 
     graph: TaskGraph
 
@@ -40,7 +40,7 @@ class GraphDrawing:
         return mermaid(self.graph)
 
     def save(self, path: str | PathLike[str], *, force: bool = False) -> Path:
-        """Write it in the format of the path's suffix, .svg, .dot, .mmd or .png, and return the path.
+        """Write the drawing in the format of the path's suffix: .svg, .dot, .mmd or .png. Gives the path.
 
         ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
         """
@@ -49,18 +49,18 @@ class GraphDrawing:
         if problems:
             raise BadInput(problems)
         if target.suffix.lower() in PNG:
-            # by its name: the compiler does without the executive, which has what draws pictures and is slow to import
+            # imported by name: the compiler must not depend on the executive, whose drawing library is slow to import
             replace(target, partial(import_module("executive.pictures.graph_picture").save_graph, self.graph))
         else:
             write_text(target, FORMATS[target.suffix.lower()](self.graph))
         return target
 
     def _repr_svg_(self) -> str:
-        return self.svg.partition("?>\n")[2]  # in a page there is no XML declaration
+        return self.svg.partition("?>\n")[2]  # an HTML page must not contain the XML declaration
 
 
 def unknown_format(path: Path) -> list[Diagnostic]:
-    """Return an error if the suffix of a file is that of no format of graphs."""
+    """Report an error if the suffix of a file is not a graph format."""
     known = (*FORMATS, *PNG)
     if path.suffix.lower() in known:
         return []

@@ -1,4 +1,4 @@
-"""A layered layout of an acyclic graph: ranks by longest path, order within a rank by barycentre.
+"""Layered layout of an acyclic graph: ranks by longest path, order within a rank by barycentre.
 
 After K. Sugiyama, S. Tagawa, M. Toda, "Methods for visual understanding of hierarchical system structures" (1981).
 Boxes are rectangles of any size; all lengths are in pixels, x to the right, y down.
@@ -15,10 +15,11 @@ from itertools import pairwise
 from planlang.records import dataclass
 
 SWEEPS = 12
-"""Sweeps down and up; Sugiyama and others find that few drawings become better after that many."""
+"""Number of sweeps down and up; Sugiyama et al. find that further sweeps rarely improve a drawing."""
 
 MOST_BENDS = 5000
-"""Bends of arrows that pass by ranks; beyond it long arrows go straight, as sweeps would take seconds."""
+"""Maximum number of bends of arrows that cross ranks; with more, long arrows are straight, because sweeps would take
+seconds."""
 
 Point = tuple[float, float]
 
@@ -28,7 +29,7 @@ class Layers:
     """A layout: the top left corner of each box, the points of each edge, and the size of the whole.
 
     An edge starts at the bottom of its first box and ends at the top of its second. Between its points 1 and 2, 3 and
-    4, ... it changes ranks, and is best drawn as a curve; the other parts are upright.
+    4, ... it changes ranks, and is best drawn as a curve; the other parts are vertical.
     """
 
     corners: tuple[Point, ...]
@@ -39,7 +40,7 @@ class Layers:
 
 @dataclass(slots=True)
 class _Item:
-    """A box, or a bend of an edge that passes by a rank."""
+    """A box, or a bend of an edge that crosses a rank."""
 
     width: float
     height: float
@@ -59,7 +60,7 @@ def layered(
 ) -> Layers:
     """Lay out boxes of the given sizes (width, height); edges are pairs of indices.
 
-    Boxes without any edge stand to the right, in columns. Raises graphlib.CycleError if the edges have a cycle.
+    Boxes without edges are put to the right, in columns. Raises graphlib.CycleError if the edges have a cycle.
     """
     linked = {index for edge in edges for index in edge}
     above: dict[int, list[int]] = {index: [] for index in range(len(sizes))}
@@ -89,8 +90,8 @@ def layered(
     height = bottoms[-1] if bottoms else 0.0
     width = max((item.x + item.width / 2 for layer in layers for item in (items[i] for i in layer)), default=0.0)
     corners = {index: (items[index].x - items[index].width / 2, tops[ranks[index]]) for index in linked}
-    free = [index for index in range(len(sizes)) if index not in linked]
-    corners |= _columns(sizes, free, width + (2 * gap if linked else 0.0), height, gap)
+    isolated = [index for index in range(len(sizes)) if index not in linked]
+    corners |= _columns(sizes, isolated, width + (2 * gap if linked else 0.0), height, gap)
     right = max((x + sizes[index][0] for index, (x, _) in corners.items()), default=0.0)
     low = max((y + sizes[index][1] for index, (_, y) in corners.items()), default=0.0)
     routes = _routes(items, chains, tops, bottoms)
@@ -98,7 +99,7 @@ def layered(
 
 
 def _chains(items: list[_Item], edges: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Return for each edge the items that it goes through; bends are appended to ``items``."""
+    """List for each edge the items on its way; bends are appended to ``items``."""
     has_bends = sum(items[after].rank - items[before].rank - 1 for before, after in edges) <= MOST_BENDS
     chains = []
     for before, after in edges:
@@ -111,7 +112,7 @@ def _chains(items: list[_Item], edges: Sequence[tuple[int, int]]) -> list[list[i
 
 
 def _ordered(items: list[_Item], layers: list[list[int]]) -> list[list[int]]:
-    """Sort the layers by barycentres, down and up in turn, and return the arrangement with the fewest crossings."""
+    """Sort the layers by barycentres, alternating down and up, and keep the arrangement with the fewest crossings."""
     best, fewest = layers, _crossings(items, layers)
     current = layers
     for sweep in range(SWEEPS):
@@ -137,7 +138,7 @@ def _ordered(items: list[_Item], layers: list[list[int]]) -> list[list[int]]:
 
 
 def _crossings(items: list[_Item], layers: list[list[int]]) -> int:
-    """Return how many edges between neighbouring layers cross: inversions of the positions of their lower ends."""
+    """Count the crossing edges between neighbouring layers: inversions of the positions of their lower ends."""
     total = 0
     for upper, lower in pairwise(layers):
         position = {index: place for place, index in enumerate(lower)}
@@ -151,7 +152,7 @@ def _crossings(items: list[_Item], layers: list[list[int]]) -> int:
 
 
 def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
-    """Put each item below or above its neighbours as well as its layer's order allows; the leftmost edge is x = 0."""
+    """Move each item towards its neighbours' centres, keeping the order of its layer; the left edge is x = 0."""
     for layer in layers:
         x = 0.0
         for index in layer:
@@ -160,13 +161,13 @@ def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
     for sweep in range(SWEEPS):
         down = sweep % 2 == 0
         for layer in layers if down else layers[::-1]:
-            wanted = []
+            targets = []
             for index in layer:
                 neighbours = items[index].above if down else items[index].below
                 xs = [items[other].x for other in neighbours]
-                wanted.append(sum(xs) / len(xs) if xs else items[index].x)
+                targets.append(sum(xs) / len(xs) if xs else items[index].x)
             steps = [(items[a].width + items[b].width) / 2 + gap for a, b in pairwise(layer)]
-            for index, x in zip(layer, _separated(wanted, steps), strict=True):
+            for index, x in zip(layer, _separated(targets, steps), strict=True):
                 items[index].x = x
     left = min((items[index].x - items[index].width / 2 for layer in layers for index in layer), default=0.0)
     for layer in layers:
@@ -175,9 +176,9 @@ def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
 
 
 def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
-    """Return the positions nearest to the wanted ones (least squares), each at least a step after the one before.
+    """Find the positions nearest to the ``wanted`` ones (least squares), each at least a step after the previous one.
 
-    Without the steps this is isotonic regression, solved by pooling adjacent violators.
+    After subtracting the steps this is isotonic regression, solved by pooling adjacent violators.
     """
     offsets = [0.0]
     for step in steps:
@@ -194,20 +195,20 @@ def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
 
 
 def _columns(
-    sizes: Sequence[tuple[float, float]], free: Sequence[int], x: float, height: float, gap: float
+    sizes: Sequence[tuple[float, float]], boxes: Sequence[int], x: float, height: float, gap: float
 ) -> dict[int, Point]:
-    """Put unordered boxes in columns from ``x`` on, as high as the rest or about as high as they are wide."""
-    area = sum((sizes[index][0] + gap) * (sizes[index][1] + gap) for index in free)
+    """Put isolated boxes in columns from ``x`` on, as high as the rest, or about as high as wide."""
+    area = sum((sizes[index][0] + gap) * (sizes[index][1] + gap) for index in boxes)
     limit = max(height, area**0.5)
-    found: dict[int, Point] = {}
+    corners: dict[int, Point] = {}
     y = column = 0.0
-    for index in free:
+    for index in boxes:
         if y > 0 and y + sizes[index][1] > limit:
             x, y, column = x + column + gap, 0.0, 0.0
-        found[index] = (x, y)
+        corners[index] = (x, y)
         y += sizes[index][1] + gap
         column = max(column, sizes[index][0])
-    return found
+    return corners
 
 
 def _routes(
@@ -227,14 +228,14 @@ def _routes(
 
 
 def _ports(items: list[_Item], chains: list[list[int]], *, out: bool) -> dict[int, float]:
-    """Return where each edge leaves its first box, or enters its last: side by side, ordered by their other ends."""
+    """Positions where edges leave their first box, or enter their last: side by side, sorted by their other ends."""
     at: dict[int, list[int]] = {}
     for number, chain in enumerate(chains):
         at.setdefault(chain[0 if out else -1], []).append(number)
     ports: dict[int, float] = {}
     for index, numbers in at.items():
         numbers.sort(key=lambda number: items[chains[number][1 if out else -2]].x)
-        between = min(22.0, items[index].width * 0.7 / len(numbers))
-        for place, number in enumerate(numbers):
-            ports[number] = items[index].x + (place - (len(numbers) - 1) / 2) * between
+        spacing = min(22.0, items[index].width * 0.7 / len(numbers))
+        for position, number in enumerate(numbers):
+            ports[number] = items[index].x + (position - (len(numbers) - 1) / 2) * spacing
     return ports

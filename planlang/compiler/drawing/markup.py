@@ -1,4 +1,4 @@
-"""The graph as text that other programs lay out: DOT for Graphviz, a flowchart for Mermaid."""
+"""Write the graph for other layout programs: DOT for Graphviz, a flowchart for Mermaid."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ATTRIBUTES = """\
 
 
 def dot(graph: TaskGraph) -> str:
-    """Return the graph in DOT: steps are nodes, nested recipes are clusters, implied orders are left out."""
+    """Write the graph in DOT: steps are nodes, nested recipes are clusters, implied orders are left out."""
     lines = [f'digraph "{for_dot(graph.title)}" {{', _ATTRIBUTES.rstrip("\n")]
     lines.append(f'    label="{for_dot(graph.title)}\\l{for_dot(graph.subtitle)}\\l"; labelloc=t;')
     lines += _group(graph.group, "    ")
@@ -76,32 +76,32 @@ def _arrow(arrow: Arrow, boxes: dict[str, Box], indent: str) -> str:
 
 
 def _end(box: Box, *, last: bool) -> str:
-    """Return the node where an arrow from or to a box ends: in a cluster a last or a first step."""
+    """Node where an arrow from or to a box ends: in a cluster, a last or a first step."""
     while box.groups:
         group = box.groups[-1 if last else 0]
         if not group.boxes:
             return group.key
-        taken = {arrow.before if last else arrow.after for arrow in group.of(Order.STATED, Order.ADDED)}
-        free = [inner for inner in group.boxes if inner.key not in taken] or list(group.boxes)
+        linked = {arrow.before if last else arrow.after for arrow in group.of(Order.STATED, Order.ADDED)}
+        free = [inner for inner in group.boxes if inner.key not in linked] or list(group.boxes)
         box = free[-1 if last else 0]
     return box.key
 
 
 def for_dot(text: str) -> str:
-    """Return the text inside of a quoted string of Graphviz, which reads escapes and HTML entities in labels."""
+    """Escape text for a quoted string of Graphviz, which interprets escapes and HTML entities in labels."""
     return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
 
 
 _PLAIN = frozenset(" _-.,/=+")
-"""Characters that mean nothing to Mermaid."""
+"""Characters without a meaning in Mermaid."""
 
 _LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Order.OVERLAP: "-.-"}
 
 
 def mermaid(graph: TaskGraph) -> str:
-    """Return the graph as a flowchart: nested recipes are subgraphs, implied orders are left out, labels hold lines.
+    """Write the graph as a flowchart: nested recipes are subgraphs, implied orders are left out, labels give lines.
 
-    Tooltips need a script in Mermaid, so that there are none.
+    There are no tooltips, because Mermaid needs a script for them.
     """
     title = f"{for_mermaid(graph.title)}<br/>{for_mermaid(graph.subtitle)}"
     lines = ["flowchart TD", f'    subgraph {graph.group.key}["{title}"]']
@@ -139,5 +139,5 @@ def _flowchart_box(box: Box, indent: str) -> Iterator[str]:
 
 
 def for_mermaid(text: str) -> str:
-    """Return the text as a quoted label of Mermaid; possible syntax or HTML is written as character numbers."""
+    """Quote text for a label of Mermaid; characters of its syntax or of HTML become character codes."""
     return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)

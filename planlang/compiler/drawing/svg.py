@@ -1,4 +1,4 @@
-"""The graph as an SVG of its own layout."""
+"""Write the graph as SVG, with planlang's own layout."""
 
 from __future__ import annotations
 
@@ -49,19 +49,19 @@ _STYLED = f"<style>\n{STYLE}</style>"
 
 
 def svg(graph: TaskGraph) -> str:
-    """Return the graph as an SVG document: stated orders solid, added ones dashed, implied ones left out."""
+    """Draw the graph as an SVG document: stated orders solid, added ones dashed, implied ones left out."""
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{figure(graph, _STYLED)}'
 
 
 def figure(graph: TaskGraph, *inside: str) -> str:
-    """Return the graph as an SVG element for a page that has a style for it; ``inside`` are elements of a document."""
-    found = arranged(graph.group)
-    has_added = any(route.arrow.order is Order.ADDED for route in found.routes)
+    """Draw the graph as an SVG element for a page that provides the style; ``inside`` are further elements."""
+    layout = arranged(graph.group)
+    has_added = any(route.arrow.order is Order.ADDED for route in layout.routes)
     legend = "dashed: added by the compiler, as steps at one place are performed together" if has_added else ""
     title, subtitle = shown(graph.title, 80), shown(graph.subtitle, 120)
-    wide = max(found.width, width(title, 18) * BOLD, width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
-    high = found.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
-    left, top = (wide - found.width) / 2, MARGIN + HEAD
+    wide = max(layout.width, width(title, 18) * BOLD, width(subtitle, LINE_SIZE), width(legend, LINE_SIZE)) + 2 * MARGIN
+    high = layout.height + HEAD + 2 * MARGIN + (LINE_HEIGHT * 1.5 if legend else 0.0)
+    left, top = (wide - layout.width) / 2, MARGIN + HEAD
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{_n(wide)}" height="{_n(high)}"'
         f' viewBox="0 0 {_n(wide)} {_n(high)}" role="img">',
@@ -72,8 +72,8 @@ def figure(graph: TaskGraph, *inside: str) -> str:
         f'<text class="title" x="{_n(MARGIN)}" y="{_n(MARGIN + 18)}">{escape(title)}</text>',
         f'<text class="small" x="{_n(MARGIN)}" y="{_n(MARGIN + 36)}">{escape(subtitle)}</text>',
         f'<g transform="translate({_n(left)} {_n(top)})">',
-        *_drawing(found),
-        *_beside(graph, found),
+        *_drawing(layout),
+        *_beside(graph, layout),
         "</g>",
     ]
     if legend:
@@ -92,17 +92,17 @@ def _heads() -> Iterator[str]:
     yield "</defs>"
 
 
-def _drawing(found: Arrangement) -> Iterator[str]:
-    for placed in found.boxes:
+def _drawing(arrangement: Arrangement) -> Iterator[str]:
+    for placed in arrangement.boxes:
         yield from _box(placed)
-    for frame in found.frames:
+    for frame in arrangement.frames:
         yield from _frame(frame)
     beside: dict[frozenset[str], list[Point]] = {}
-    for route in found.routes:
+    for route in arrangement.routes:
         yield _path(route.arrow, curve_of(route))
         if route.arrow.label:
             beside.setdefault(frozenset((route.arrow.before, route.arrow.after)), []).append(middle_of(route.points))
-    for route in found.routes:
+    for route in arrangement.routes:
         if route.arrow.label:
             x, y = middle_of(route.points)
             others = beside[frozenset((route.arrow.before, route.arrow.after))]
@@ -137,9 +137,9 @@ def _frame(frame: Frame) -> Iterator[str]:
     yield f'<text class="line" x="{_n(frame.x + PADDING)}" y="{_n(frame.y + LINE_HEIGHT)}">{name}</text>'
 
 
-def _beside(graph: TaskGraph, found: Arrangement) -> Iterator[str]:
-    """Draw overlaps between the sides of two boxes, and states that follow themselves."""
-    where = {placed.box.key: placed for placed in found.boxes}
+def _beside(graph: TaskGraph, arrangement: Arrangement) -> Iterator[str]:
+    """Draw overlaps between two boxes, and transitions from a state to itself."""
+    where = {placed.box.key: placed for placed in arrangement.boxes}
     for group in graph.groups():
         for arrow in group.of(Order.OVERLAP):
             first, second = where[arrow.before], where[arrow.after]
@@ -177,7 +177,7 @@ def _label(arrow: Arrow, at: Point, anchor: str = "middle") -> str:
 
 
 def middle_of(points: Sequence[Point]) -> Point:
-    """Return where the label of a route stands: in the middle of its first change of ranks."""
+    """Position of the label of a route: the middle of its first change of ranks."""
     (x, y), (other, below) = points[1:3] if len(points) > 2 else points[:2]
     return (x + other) / 2, (y + below) / 2 + 3
 
@@ -191,13 +191,13 @@ def _path(arrow: Arrow, curve: str) -> str:
 
 
 def curve_of(route: Route) -> str:
-    """Return the path of an arrow in the syntax of SVG, from its beginning to its end."""
+    """Path of an arrow in SVG syntax, from its beginning to its end."""
     points = route.points[::-1] if route.is_upward else route.points
     return _curve(points, starts_curved=route.is_upward)
 
 
 def _curve(points: Sequence[Point], *, starts_curved: bool = False) -> str:
-    """Return a path through the points; vertical and curved parts alternate."""
+    """Path through the points; vertical and curved parts alternate."""
     parts = [f"M {_p(points[0])}"]
     for number, (before, point) in enumerate(pairwise(points)):
         if point == before:
@@ -215,7 +215,7 @@ def _p(point: Point) -> str:
 
 
 def _n(value: float) -> str:
-    """Return a length with one digit, so that rounding noise of other machines does not show."""
+    """Format a length with one decimal, which hides the rounding differences between machines."""
     return f"{value:.1f}".removesuffix(".0")
 
 
@@ -225,7 +225,7 @@ PADDING, GROUP_PADDING = 10.0, 16.0
 
 @dataclass(slots=True)
 class Placed:
-    """A box in the drawing: its lines, its size and top left corner [px], and what is laid out inside of it."""
+    """A box in the drawing: its lines, size and top left corner [px], and the recipes laid out inside it."""
 
     box: Box
     lines: tuple[str, ...]
@@ -238,7 +238,7 @@ class Placed:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame around one of several recipes that a step may be performed by; its top left corner and size [px]."""
+    """A frame around one of the alternative recipes of a step; its top left corner and size [px]."""
 
     name: str
     x: float
@@ -251,7 +251,7 @@ class Frame:
 class Route:
     """An arrow in the drawing; its points are those of :class:`planlang.compiler.drawing.layers.Layers`.
 
-    With ``is_upward`` they lead from its end to its beginning: it goes back to where others come from.
+    With ``is_upward`` they lead from its end to its beginning, because it goes back to an earlier rank.
     """
 
     arrow: Arrow
@@ -261,7 +261,7 @@ class Route:
 
 @dataclass(slots=True)
 class Arrangement:
-    """Everything that is drawn, an outer box before what is inside of it."""
+    """All elements of a drawing; an outer box precedes those inside it."""
 
     width: float
     height: float
@@ -273,9 +273,9 @@ class Arrangement:
 def arranged(group: Group) -> Arrangement:
     """Lay out a recipe and everything below it; the top left corner is (0, 0)."""
     recipe = _laid_out(group)
-    found = Arrangement(recipe.layers.width, recipe.layers.height)
-    _put(recipe, 0.0, 0.0, found)
-    return found
+    arrangement = Arrangement(recipe.layers.width, recipe.layers.height)
+    _put(recipe, 0.0, 0.0, arrangement)
+    return arrangement
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +295,7 @@ def _laid_out(group: Group) -> _Recipe:
         arrow for arrow in group.of(Order.STATED, Order.ADDED, Order.TRANSITION) if arrow.before != arrow.after
     )
     edges = [(index[arrow.before], index[arrow.after]) for arrow in arrows]
-    if group.of(Order.TRANSITION):  # which may lead in circles: boxes stand in the order in which they are reached
+    if group.of(Order.TRANSITION):  # transitions may form cycles: keep the boxes in the order in which they are reached
         edges = [(min(edge), max(edge)) for edge in edges]
     return _Recipe(group.name, boxes, arrows, layered([(box.width, box.height) for box in boxes], edges))
 
@@ -320,11 +320,11 @@ def _frame_margin(inside: tuple[_Recipe, ...]) -> float:
     return GROUP_PADDING if len(inside) > 1 else 0.0
 
 
-def _put(recipe: _Recipe, x: float, y: float, found: Arrangement) -> None:
-    """Place the boxes and arrows of a recipe, and all inside of them, with its top left corner at (x, y)."""
+def _put(recipe: _Recipe, x: float, y: float, arrangement: Arrangement) -> None:
+    """Place the boxes and arrows of a recipe, and everything inside, with its top left corner at (x, y)."""
     for placed, (left, top) in zip(recipe.boxes, recipe.layers.corners, strict=True):
         placed.x, placed.y = x + left, y + top
-        found.boxes.append(placed)
+        arrangement.boxes.append(placed)
         frame = _frame_margin(placed.inside)
         widths = [one.layers.width + 2 * frame for one in placed.inside]
         at = placed.x + (placed.width - sum(widths) - GROUP_PADDING * (len(widths) - 1)) / 2
@@ -332,10 +332,10 @@ def _put(recipe: _Recipe, x: float, y: float, found: Arrangement) -> None:
         for one, wide in zip(placed.inside, widths, strict=True):
             if frame:
                 high = one.layers.height + 2 * frame + LINE_HEIGHT
-                found.frames.append(Frame(f"one way: {shown(one.name, LONGEST_LINE)}", at, below, wide, high))
-            _put(one, at + frame, below + frame + (LINE_HEIGHT if frame else 0.0), found)
+                arrangement.frames.append(Frame(f"one way: {shown(one.name, LONGEST_LINE)}", at, below, wide, high))
+            _put(one, at + frame, below + frame + (LINE_HEIGHT if frame else 0.0), arrangement)
             at += wide + GROUP_PADDING
     index = {placed.box.key: number for number, placed in enumerate(recipe.boxes)}
     for arrow, route in zip(recipe.arrows, recipe.layers.routes, strict=True):
         is_upward = arrow.order is Order.TRANSITION and index[arrow.before] > index[arrow.after]
-        found.routes.append(Route(arrow, tuple((x + a, y + b) for a, b in route), is_upward))
+        arrangement.routes.append(Route(arrow, tuple((x + a, y + b) for a, b in route), is_upward))

@@ -1,4 +1,4 @@
-"""A task as groups of boxes and arrows, whatever they are drawn with; what strangers wrote is made safe to show."""
+"""A task as groups of boxes and arrows, independent of the format; untrusted text is made safe to display."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ class Order(Enum):
     """The origin of an arrow."""
 
     STATED = "stated"
-    """The recipe states it, and it follows from no other."""
+    """Stated by the recipe, and not implied by other orders."""
     ADDED = "added"
-    """The compiler adds it: steps at one place are performed together."""
+    """Added by the compiler: steps at the same base pose are performed together."""
     TRANSITION = "transition"
-    """A transition, which is no order: one state is left for the other."""
+    """Not an order: a transition from one state to another."""
     OVERLAP = "overlap"
-    """An overlap, which is no order: two steps run side by side, and one begins or ends in relation to the other."""
+    """Not an order: two steps overlap in time, and one begins or ends relative to the other."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arrow:
     """One box comes before another; both are given by their keys. ``hover`` is the reason.
 
-    ``label`` is written beside it: the outcomes of a transition, the relation of an overlap.
+    ``label`` is the text beside it: the outcomes of a transition, the relation of an overlap.
     """
 
     before: str
@@ -62,7 +62,7 @@ class Arrow:
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A step: ``lines`` say what fills its properties. ``groups`` are its recipes, more than one if alternatives."""
+    """A step; ``lines`` are its properties, ``groups`` its recipes: more than one if they are alternatives."""
 
     key: str
     name: str
@@ -70,12 +70,12 @@ class Box:
     lines: tuple[str, ...]
     hover: tuple[str, ...]
     line: int | None
-    """The line of the file that states the step."""
+    """Line of the file that states the step."""
     is_abstract: bool = False
     groups: tuple[Group, ...] = ()
 
     def text(self) -> tuple[str, ...]:
-        """Return the lines to show in the box: the name, then what the step is and what fills its properties."""
+        """Lines of text in the box: the name, the class of the action, and its properties."""
         return (shown(self.name, LONGEST_LINE), *(part for line in (self.action, *self.lines) for part in broken(line)))
 
 
@@ -89,20 +89,20 @@ class Group:
     arrows: tuple[Arrow, ...]
 
     def of(self, *orders: Order) -> tuple[Arrow, ...]:
-        """Return the arrows of these kinds."""
+        """Arrows of these kinds."""
         return tuple(arrow for arrow in self.arrows if arrow.order in orders)
 
 
 @dataclass(frozen=True, slots=True)
 class TaskGraph:
-    """A task with everything below it. Keys are unique and made of letters and digits alone."""
+    """A task with everything below it. Keys are unique and consist of letters and digits only."""
 
     title: str
     subtitle: str
     group: Group
 
     def groups(self) -> Iterator[Group]:
-        """Yield all groups, an outer one before those inside of it."""
+        """Yield all groups, an outer one before those inside it."""
         waiting = [self.group]
         while waiting:
             group = waiting.pop(0)
@@ -115,9 +115,9 @@ def task_graph(
     added: Mapping[str, Iterable[tuple[str, str]]] | None = None,
     recoveries: Mapping[tuple[str, str], Sequence[str]] | None = None,
 ) -> TaskGraph:
-    """Return the graph of a task and all recipes below it; nothing recurses.
+    """Build the graph of a task and all recipes below it, which must not be recursive.
 
-    ``added`` maps a recipe (IRI) to the step orders (IRIs) that the compiler adds, ``recoveries`` a step of a
+    ``added`` maps a recipe (IRI) to the orders of steps (IRIs) that the compiler adds, ``recoveries`` a step of a
     recipe (both IRIs) to its recoveries. A recipe that several steps call is drawn in the first of them.
     """
     main = recipes.main
@@ -151,7 +151,7 @@ class _Builder:
         return Group(key, shown(self._name(recipe.iri)), tuple(boxes), (*arrows, *_overlaps(recipe, keys)))
 
     def _name(self, iri: str) -> str:
-        """Return the name of a recipe; an alternative is called like its only step."""
+        """Name of a recipe; an alternative has the name of its only step."""
         recipe = self._recipes.recipes[iri]
         return recipe.name if recipe.within is None or not recipe.steps else recipe.steps[0].name
 
@@ -192,7 +192,7 @@ class _Builder:
         )
 
     def _arrows(self, recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
-        """Return the orders that follow from no others, both the stated and the added ones."""
+        """Yield the orders of the transitive reduction, both stated and added ones."""
         stated: dict[tuple[str, str], list[Ordering]] = {}
         for ordering in recipe.orderings:
             stated.setdefault((ordering.before, ordering.after), []).append(ordering)
@@ -204,21 +204,21 @@ class _Builder:
 
 
 def _role(machine: StateMachine, step: Step) -> str:
-    """Return the role of a state, such as start or end."""
+    """Role of a state, such as start or end."""
     roles = [*(["start"] if step.iri == machine.start else []), *(["end"] if step.iri in machine.ends else [])]
     return f"{' and '.join(roles)} state" if roles else ""
 
 
 def _transitions(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
-    """Yield one arrow for each two states, with all outcomes that lead from one to the other."""
+    """Yield one arrow for each pair of states, with all outcomes of the transitions between them."""
     assert recipe.machine is not None
     between: dict[tuple[str, str], list[Transition]] = {}
     for transition in recipe.machine.transitions:
         if transition.source in keys and transition.target in keys:
             between.setdefault((transition.source, transition.target), []).append(transition)
-    for (source, target), found in between.items():
-        outcomes = dict.fromkeys(local_name(one.outcome) if one.outcome else one.ending.value for one in found)
-        places = dict.fromkeys(where for one in found for where in _where(one.span))
+    for (source, target), transitions in between.items():
+        outcomes = dict.fromkeys(local_name(one.outcome) if one.outcome else one.ending.value for one in transitions)
+        places = dict.fromkeys(where for one in transitions for where in _where(one.span))
         hover = (
             f"{local_name(source)} to {local_name(target)}: {', '.join(outcomes)} {' '.join(f'({w})' for w in places)}"
         )
@@ -250,7 +250,7 @@ def _why(orderings: Iterable[Ordering]) -> str:
 
 
 def _where(span: Span | None) -> list[str]:
-    """Return file name and line, without folders, as the same file should look the same everywhere."""
+    """File name and line, without folders, so that the drawing does not depend on them."""
     return [f"{span.file.replace(chr(92), '/').rsplit('/', 1)[-1]} line {span.line}"] if span is not None else []
 
 
@@ -285,7 +285,7 @@ def _filler(filler: Filler) -> str:
 
 
 def _constraint(constraint: Constraint) -> str:
-    """Return a constraint with its features and limits, such as ``Height (Tip of knife to board, 0.1 to 0.2 m)``."""
+    """Describe a constraint by its features and limits, such as ``Height (Tip of knife to board, 0.1 to 0.2 m)``."""
     kind = constraint.kind.value
     low, high = (None if limit is None else f"{limit:g}" for limit in (constraint.lower, constraint.upper))
     limits = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}" if high else ""
@@ -300,31 +300,31 @@ def _reference(reference: Thing | Place) -> str:
 
 
 LONGEST_LINE = 56
-"""Characters of a line inside a box; what is longer is broken. Three such boxes beside each other fit on a screen."""
+"""Maximum length of a line inside a box; longer ones are broken. Three such boxes fit side by side on a screen."""
 
 MOST_LINES = 3
-"""Lines that a text is broken into; the rest is in the tooltip, so that one text does not hide the others."""
+"""Maximum number of lines of a broken text; the tooltip has the rest, so that one text does not crowd out others."""
 
 INDENT = "\N{NO-BREAK SPACE}" * 4
-"""Before the lines that continue one."""
+"""Indentation of continuation lines."""
 
 LONGEST_TEXT = 2000
-"""Characters of a tooltip: a label of any length may come from a stranger's file."""
+"""Maximum length of a tooltip: labels in an untrusted file may have any length."""
 
 _SPACE = re.compile(r"\s+")
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
-"""Categories of what is not shown as itself: controls, marks that turn the writing direction, surrogates, ..."""
+"""Unicode categories that are not displayed: controls, bidirectional marks, surrogates, ..."""
 
 
 def shown(text: str, longest: int = LONGEST_TEXT) -> str:
-    """Return the text on one line, with ``\N{REPLACEMENT CHARACTER}`` for characters that have no glyph."""
+    """Put text on one line, with ``\N{REPLACEMENT CHARACTER}`` for characters that cannot be displayed."""
     line = _SPACE.sub(" ", text).strip()
     line = "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _HIDDEN else c for c in line)
     return line if len(line) <= longest else line[: longest - 1].rstrip() + "…"
 
 
 def broken(text: str) -> list[str]:
-    """Return the lines of a text in a box, indented after the first; a bracket begins a line if one has to."""
+    """Break text into the lines of a box, indented after the first; a bracket starts a line if necessary."""
     if len(text) <= LONGEST_LINE:
         return [text]
     head, bracket, tail = text.partition(" (")
@@ -345,16 +345,16 @@ _WIDTHS = (
     ("mW%@\N{HORIZONTAL ELLIPSIS}", 1.02),
     ("EKPSYAVBXZ", 0.69),
 )
-"""Widths in DejaVu Sans, the widest of the usual sans-serif fonts: Helvetica is not there on most Linux machines."""
+"""Widths in DejaVu Sans, the widest of the usual sans-serif fonts: most Linux machines lack Helvetica."""
 
 BOLD = 1.14
-"""Width of bold letters, by that of others."""
+"""Width of bold letters relative to regular ones."""
 
 _WIDTH_OF = {character: width for characters, width in _WIDTHS for character in characters}
 
 
 def width(text: str, size: float) -> float:
-    """Estimate the width of a line of a sans-serif font of this size, rather too much than too little [same unit]."""
+    """Estimate the width of a line of sans-serif text of this size, rather too wide than too narrow [same unit]."""
     total = 0.0
     for character in text:
         if unicodedata.east_asian_width(character) in "WF":

@@ -1,10 +1,9 @@
 """Checks of recipes: each is one function, declared with the codes that it may report and those that suppress it.
 
-General layout: one file for each subject. ``misspellings`` judges names, ``steps`` also states, ``orderings``
-what is ordered and what is not, ``parameters`` what fills properties, and mends what is safe to mend, ``slots`` whether
-that is of the right kind, ``losses`` statements that reach no recipe. A check of a whole file takes a
-:class:`CheckedFile`, one of a single recipe a :class:`CheckedRecipe`; :mod:`planlang.recipe.reading` lists and runs
-them.
+General layout: one file per subject. ``misspellings`` checks names, ``steps`` sub-actions and states, ``orderings`` the
+order of steps, ``parameters`` the fillers of properties, with repairs that are unambiguous, ``slots`` the kinds of
+fillers, ``losses`` statements that belong to no recipe. A check of a whole file takes a :class:`CheckedFile`, one of a
+single recipe a :class:`CheckedRecipe`; :mod:`planlang.recipe.reading` lists and runs them.
 """
 
 from __future__ import annotations
@@ -23,46 +22,46 @@ from planlang.recipe.statements import Statements
 from planlang.records import dataclass
 
 MOST_NAMES = 5
-"""Names that one message lists: as many fit on two lines of a terminal."""
+"""Maximum number of names in one message: they fit on two lines of a terminal."""
 
-_Asked = ParamSpec("_Asked")
+_Args = ParamSpec("_Args")
 _T_co = TypeVar("_T_co", covariant=True)
 
 
 @dataclass(frozen=True, slots=True)
-class Check(Generic[_Asked, _T_co]):
-    """A function that judges something: it may report ``codes``, and is left out where one of ``unless`` was reported.
+class Check(Generic[_Args, _T_co]):
+    """A function that may report ``codes``, and is skipped if any code of ``unless`` was reported.
 
-    ``unless`` are the codes of mistakes of which whatever the check would report is, or may be, a mere consequence.
+    ``unless`` are codes of mistakes that would make this check report mere consequences of them.
     """
 
-    function: Callable[_Asked, _T_co]
+    function: Callable[_Args, _T_co]
     codes: tuple[str, ...]
     unless: frozenset[str]
 
-    def __call__(self, *args: _Asked.args, **kwargs: _Asked.kwargs) -> _T_co:
-        """Judge."""
+    def __call__(self, *args: _Args.args, **kwargs: _Args.kwargs) -> _T_co:
+        """Run the check."""
         return self.function(*args, **kwargs)
 
     def applies(self, reported: Collection[str]) -> bool:
-        """Return True if none of the codes that were reported before suppresses the check."""
+        """True if none of the codes reported so far suppresses the check."""
         return self.unless.isdisjoint(reported)
 
 
-def check(*codes: str, unless: Collection[str] = ()) -> Callable[[Callable[_Asked, _T_co]], Check[_Asked, _T_co]]:
-    """Declare a function as a check. Each code is reported by one check only."""
+def check(*codes: str, unless: Collection[str] = ()) -> Callable[[Callable[_Args, _T_co]], Check[_Args, _T_co]]:
+    """Declare a function as a check. Each code belongs to exactly one check."""
     return lambda function: Check(function, codes, frozenset(unless))
 
 
 def listing(names: Sequence[str]) -> str:
-    """Return the local names of IRIs as a list in a message; of many the first, and the number of the others."""
+    """Format the local names of IRIs for a message; beyond :data:`MOST_NAMES` only their number is given."""
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     return ", ".join(f"`{local_name(name)}`" for name in names[:MOST_NAMES]) + more
 
 
 @dataclass(frozen=True)
 class CheckedFile:
-    """A file to judge: its action classes, the chosen task with the recipes below it, and options of the reading."""
+    """A file to check: its action classes, the chosen task with the recipes below it, and reading options."""
 
     actions: Actions
     recipes: RecipeSet
@@ -70,13 +69,13 @@ class CheckedFile:
 
     @property
     def ontology(self) -> Ontology:
-        """The ontology that the file is the main document of."""
+        """Ontology whose main document is the file."""
         return self.actions.ontology
 
 
 @dataclass(frozen=True)
 class CheckedRecipe:
-    """A recipe to judge: ``statements`` as the file states it, ``recipe`` as it was read from these."""
+    """A recipe to check: ``statements`` as the file states it, ``recipe`` as read from them."""
 
     file: CheckedFile
     recipe: Recipe
@@ -84,22 +83,22 @@ class CheckedRecipe:
 
     @property
     def actions(self) -> Actions:
-        """The action classes of the file."""
+        """Action classes of the file."""
         return self.file.actions
 
     @property
     def ontology(self) -> Ontology:
-        """The ontology that the file is the main document of."""
+        """Ontology whose main document is the file."""
         return self.file.ontology
 
     @property
     def owners(self) -> tuple[Recipe | Step, ...]:
-        """All that has parameters, the task itself and its steps, with those that they state themselves."""
+        """The task and its steps, each with the parameters that it states itself."""
         return (_stating(self.recipe), *map(_stating, self.recipe.steps))
 
     @cached_property
     def added(self) -> tuple[tuple[str, str], ...]:
-        """The orders of steps (IRIs) that location scopes add; the stated orders must have no cycle."""
+        """Orders of steps (IRIs) that location scopes add; the stated orders must be acyclic."""
         if not self.file.scopes:
             return ()
         return added_by_scopes(self.actions, self.recipe, self.file.recipes)
@@ -109,7 +108,7 @@ _Owner = TypeVar("_Owner", Recipe, Step)
 
 
 def _stating(owner: _Owner) -> _Owner:
-    """Return a task or step without what it inherits."""
+    """Copy of a task or step without inherited parameters."""
     if not any(one.is_inherited for one in owner.parameters):
         return owner
     return replace(owner, parameters=tuple(one for one in owner.parameters if not one.is_inherited))

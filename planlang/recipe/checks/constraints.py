@@ -1,4 +1,4 @@
-"""Checks of constraints of motions: each has a kind, two features, and limits that something can be within."""
+"""Checks of motion constraints: each needs a kind, two features, and limits that can be satisfied."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planlang.recipe.model import Name
 
 @check("R065")
 def incomplete_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report constraints of motions that bound nothing, as they lack a kind, a feature, or have no valid limits."""
+    """Report motion constraints without effect: without a kind, a feature, or valid limits."""
     reported: set[str] = set()
     for step in checked.recipe.steps:
         for parameter in step.parameters:
@@ -33,7 +33,7 @@ def _lacks(ontology: Ontology, name: Name, span: Span | None) -> Iterator[Diagno
         return
     if kind_of_constraint(ontology, name.iri) is None:
         kinds = ", ".join(kind.value.owl for kind in ConstraintKind)
-        message = f"`{name.name}` is no constraint of a known kind"
+        message = f"`{name.name}` is not a constraint of a known kind"
         yield error("R065", message, span, f"make it a subclass of one of {kinds}")
     for word in FEATURES:
         if stated_feature(ontology, name.iri, word) is None:
@@ -46,7 +46,7 @@ def _lacks(ontology: Ontology, name: Name, span: Span | None) -> Iterator[Diagno
             yield error("R065", message, span, "write a number, such as 0.1")
     if isinstance(lower, float) and isinstance(upper, float) and lower > upper:
         message = f"the constraint `{name.name}` has the lower limit {lower:g} above its upper limit {upper:g}"
-        yield error("R065", message, span, "exchange them")
+        yield error("R065", message, span, "swap the two limits")
     if isinstance(weight, float) and weight < 0:
         message = f"the constraint `{name.name}` has the weight {weight:g}"
         yield error("R065", message, span, "write a weight of 0 (inactive) or more")

@@ -1,4 +1,4 @@
-"""Checks of what a file states about steps and their order without any recipe taking it up."""
+"""Checks for statements about steps and their order that become part of no recipe."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DESCRIBED_BY = {
     "inputOutputConstraints": ("createsOutput", "requiresInput"),
     "stateTransition": ("fromState", "toState"),
 }
-"""Word by which a task has something -> the words that describe it."""
+"""Property of a task -> properties that describe its filler."""
 
 _STEPS = ("subAction", "subEvents")
 _NEGATIVE = frozenset({OWL.complementOf, OWL.disjointWith})
@@ -30,7 +30,7 @@ _FILLERS = (OWL.someValuesFrom, OWL.hasValue, OWL.onClass)
 
 @check("R059")
 def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
-    """Report statements about steps and orders in the main document that reach no recipe."""
+    """Report statements of the main document about steps and orders that become part of no recipe."""
     actions, ontology = checked.actions, checked.ontology
     every: list[Restriction] = []
     for cls in _own_classes(ontology):
@@ -53,7 +53,7 @@ def lost_statements(checked: CheckedFile) -> Iterator[Diagnostic]:
 
 
 def _own_classes(ontology: Ontology) -> Iterator[str]:
-    """Yield the named classes of the main document that have a superclass or an equivalent class, each once."""
+    """Yield the named classes of the main document with a superclass or an equivalent class, each once."""
     store = ontology.store
     rows = (row for word in (RDFS.subClassOf, OWL.equivalentClass) for row in _here(ontology, store.by(word)))
     for number in dict.fromkeys(map(store.subjects.__getitem__, rows)):
@@ -63,18 +63,18 @@ def _own_classes(ontology: Ontology) -> Iterator[str]:
 
 
 def _here(ontology: Ontology, rows: Sequence[int]) -> list[int]:
-    """Return the rows of the main document, which are the first ones, among the given rows."""
+    """Those of the given rows that belong to the main document, whose rows come first."""
     main = ontology.store.ranges[0]
     return list(rows[: bisect_left(rows, main.stop)])
 
 
 def _using(ontology: Ontology, *words: str) -> Sequence[int]:
-    """Return the rows whose property has one of these local names."""
+    """Rows whose property has one of these local names."""
     return ontology.store.by(*ontology.properties_named(*words))
 
 
 def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """Report orders stated by a class without recipe: without sub-actions of its own, whatever it inherits."""
+    """Report orders stated by a class that states no sub-actions itself, whatever it inherits."""
     order = next(
         (one for one in stated if is_word(one.property, "orderingConstraints", "inputOutputConstraints")), None
     )
@@ -86,42 +86,42 @@ def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -
 
 
 def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """Yield diagnostics for restrictions (only, max) that permit but do not require a step, constraint or parameter."""
+    """Report restrictions (only, max) that permit but do not require a step, constraint or parameter."""
     if all(one.kind in KINDS for one in stated):
         return
-    there = {(one.property, one.filler) for one in stated if one.kind in KINDS}
+    required = {(one.property, one.filler) for one in stated if one.kind in KINDS}
     filled = {one.property for one in stated if one.kind in KINDS}
     parameters = frozenset(action_properties(ontology))
     for one in stated:
         if one.kind in KINDS or one.cardinality == 0 or not isinstance(one.filler, str) or one.filler == OWL.Thing:
             continue
-        is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in there
+        is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in required
         if is_held or (one.property in parameters - filled and ontology.defined(one.filler)):
             word, name = local_name(one.property), local_name(one.filler)
             message = (
-                f"`{word} {one.kind} {name}` of `{local_name(cls)}` states what may be, not what is; it is ignored"
+                f"`{word} {one.kind} {name}` of `{local_name(cls)}` permits it but does not state it; it is ignored"
             )
             right = f"{word} {'some' if ontology.is_class(one.filler) else 'value'} {name}"
-            yield warning("R059", message, one.span, f"write `{right}` to state that it is there")
+            yield warning("R059", message, one.span, f"write `{right}` to require it")
 
 
 def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[Diagnostic]:
-    """Report sub-actions and constraints in alternatives, which state nothing certain.
+    """Report sub-actions and constraints inside unions, which state nothing definite.
 
-    In a complement they state what is absent, and in the definition of a class without a recipe its tasks: neither is
-    lost.
+    Complements state what is absent, and the definition of a class without a recipe describes other tasks; neither is
+    reported.
     """
     ontology = actions.ontology
     store = ontology.store
     subjects, objects, lines, columns = store.subjects, store.objects, store.lines, store.columns
     restricting = _here(ontology, store.by(OWL.onProperty))
     names = {number: store.name(number) or "" for number in {objects[row] for row in restricting}}
-    wanted = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
-    places = {
-        (line, column, filler if isinstance(filler, str) and number is None else _asked(filler, number))
+    words = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
+    asserted_at = {
+        (line, column, filler if isinstance(filler, str) and number is None else _quantity(filler, number))
         for _, _, filler, number, (_, line, column), _ in read
     }
-    certain = {
+    asserted = {
         subjects[row]
         for row in store.by(*RESTRICTING)
         if (
@@ -129,36 +129,36 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
             columns[row],
             what if isinstance(what := store.terms[objects[row]], str) else _word_of(store.term(objects[row])),
         )
-        in places
+        in asserted_at
     }
     fillers = {store.numbers.get(word) for word in _FILLERS}
     for row in restricting:
         node = subjects[row]
-        if objects[row] in wanted and node not in certain:
+        if objects[row] in words and node not in asserted:
             filled = [other for other in store.about(node) if store.predicates[other] in fillers]
             if filled and not _is_about_others(actions, node):
-                word = wanted[objects[row]]
-                message = f"{word} is in an expression that leaves open what is done"
+                word = words[objects[row]]
+                message = f"{word} is in an expression that does not determine which action is performed"
                 advice = "write each alternative as a recipe: a subclass of the sub-action"
                 yield error("R059", message, store.span(filled[0]), advice)
 
 
-def _asked(filler: Term, cardinality: int | None) -> str:
-    """Return the word of a restriction that asks for a filler, or for a number of things."""
+def _quantity(filler: Term, cardinality: int | None) -> str:
+    """Text of a restriction's filler, or of its cardinality if it has one."""
     return _word_of(filler) if cardinality is None else str(cardinality)
 
 
 def _word_of(term: Term) -> str:
-    """Return an IRI, the text of a value, or the label of a node, to distinguish terms on one line of Turtle."""
+    """Text that distinguishes terms on one line of Turtle: an IRI, the text of a literal, or the label of a node."""
     return term.value if isinstance(term, Literal) else str(term)
 
 
 def _is_about_others(actions: Actions, node: int) -> bool:
-    """Return True if an expression (number of its node) is a negation, or defines a class that no recipe belongs to."""
-    store, through = actions.ontology.store, set[int]()
+    """True if an expression (number of its node) is negated, or defines a class that states no recipe."""
+    store, visited = actions.ontology.store, set[int]()
     word: str | None = None
-    while store.name(node) is None and node not in through:
-        through.add(node)
+    while store.name(node) is None and node not in visited:
+        visited.add(node)
         holding = store.with_object(node)
         if not holding:
             return False
@@ -169,7 +169,7 @@ def _is_about_others(actions: Actions, node: int) -> bool:
 
 
 def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Report texts as values of properties that name something."""
+    """Report text literals as values of properties that take names."""
     store = ontology.store
     rows = _here(ontology, _using(ontology, *NAMING))
     texts = {number for number in set(map(store.objects.__getitem__, rows)) if isinstance(store.terms[number], Literal)}
@@ -180,7 +180,7 @@ def _texts_of_individuals(ontology: Ontology) -> Iterator[Diagnostic]:
 
 
 def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnostic]:
-    """Yield a diagnostic for a text where the name of an action, a constraint or a state is expected."""
+    """Report a text literal where the name of an action, a constraint or a state is expected."""
     if is_word(name, *NAMING):
         message = f"{local_name(name)} of `{owner}` is the text {value.value!r}, which is not a name"
         yield error("R059", message, span, f"write {value.value} without quotation marks (in XML: rdf:resource)")
@@ -189,29 +189,29 @@ def _text(owner: str, name: str, value: Literal, span: Span) -> Iterator[Diagnos
 def _held_by_nothing(
     ontology: Ontology, holder: str, words: tuple[str, str], stated: list[Restriction]
 ) -> Iterator[Diagnostic]:
-    """Report constraints, mappings and transitions that no task has by the restrictions, in files that have others.
+    """Report constraints, mappings and transitions that no task refers to, in files where tasks refer to others.
 
-    Where a task has one that is not described, that may be one of them under a wrong name, which R011 reports.
+    If a task refers to one that is not described, the name may just be wrong, which R011 reports.
     """
     store = ontology.store
-    held = {store.find(one.filler) for one in stated}
-    held |= set(map(store.objects.__getitem__, _using(ontology, holder)))
+    referenced = {store.find(one.filler) for one in stated}
+    referenced |= set(map(store.objects.__getitem__, _using(ontology, holder)))
     first, second = (set(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
-    if not held or any(number is not None and store.name(number) for number in held - first - second):
+    if not referenced or any(number is not None and store.name(number) for number in referenced - first - second):
         return
-    left = (first & second) - held
-    for row in _here(ontology, _using(ontology, words[0])) if left else ():
+    unused = (first & second) - referenced
+    for row in _here(ontology, _using(ontology, words[0])) if unused else ():
         name = store.name(store.subjects[row])
-        if name is not None and store.subjects[row] in left:
-            left.remove(store.subjects[row])
+        if name is not None and store.subjects[row] in unused:
+            unused.remove(store.subjects[row])
             short = local_name(name)
             advice = f"add `{holder} value {short}` to its task, or remove it"
             span = ontology.span(name) or store.span(row)
-            yield warning("R059", f"`{short}` is ignored: no task has it", span, advice)
+            yield warning("R059", f"`{short}` is ignored: no task refers to it", span, advice)
 
 
 def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Report constraints with several ends on either side, as two of one name have: each before each."""
+    """Report constraints with several befores and several afters, as two constraints under one name have."""
     store, words = ontology.store, _DESCRIBED_BY["orderingConstraints"]
     several = (Counter(map(store.subjects.__getitem__, _using(ontology, word))) for word in words)
     befores_of, afters_of = ({number for number, times in counted.items() if times > 1} for counted in several)
@@ -223,12 +223,12 @@ def _crossed(ontology: Ontology) -> Iterator[Diagnostic]:
         if len(befores) > 1 and len(afters) > 1:
             sides = (" and ".join(f"`{local_name(one)}`" for one in ends) for ends in (befores, afters))
             message = f"`{local_name(name)}` puts each of {' before each of '.join(sides)}"
-            advice = "if these are two constraints, give each a name of its own"
+            advice = "if these are two constraints, give them different names"
             yield warning("R059", message, ontology.span(name), advice)
 
 
 def _roles_of_no_task(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Report roles that a workflow defines, or that a thing has, and no task: nothing takes part by them."""
+    """Report roles of a workflow or a thing that belong to no task."""
     store = ontology.store
     of_tasks = {store.objects[row] for row in _using(ontology, "isTaskOf")}
     of_tasks |= {store.subjects[row] for row in _using(ontology, "hasTask")}

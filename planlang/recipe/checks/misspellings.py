@@ -1,9 +1,9 @@
-"""Misspelt names of a recipe's file: words of the recipe vocabulary, classes, individuals, outcomes.
+"""Misspelt names in a recipe's file: words of the recipe vocabulary, classes, individuals, outcomes.
 
-Each is reported once, as an error that names it. The recipe is then read as if the names were right, so that only
-other mistakes are reported besides. A name is misspelt if nothing defines it and one typo makes it a known name; names
-that are merely foreign are left alone. A name that the file itself declares outside of the vocabularies may well be one
-of its own: it is read as it is written, with a warning.
+Each is reported once, as an error. The recipe is then read with the corrected names, so that consequences of a typo
+are not reported. A name is misspelt if nothing defines it and one typo makes it a known name; names that are merely
+foreign are left alone. A name that the file itself declares outside the vocabularies may be intended: it is kept,
+with a warning.
 """
 
 from __future__ import annotations
@@ -40,39 +40,39 @@ _NAMING = (
     RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDF.first,
     *(OWL + name for name in ("someValuesFrom", "hasValue", "allValuesFrom", "onClass")),
 )  # fmt: skip
-"""Properties of OWL whose objects are names that something should define."""
+"""Properties of OWL whose objects are names that should be defined."""
 
 _OUTCOMES = {word: ending for ending, words in MEANINGS.items() for word in words}
 _WORDS_OF_THEIR_OWN = frozenset({"falling"})
-"""Words of outcomes that are one typo from words that state how a state ends, and mean something else."""
+"""Words of outcomes that mean something else than the ending word that is one typo away."""
 _SURE_OUTCOME = 0.9
-"""The similarity from which outcomes count as sure: higher than ``SURE``, since they are inflected (``obtained``)."""
+"""Minimum similarity for outcomes, higher than ``SURE`` because they are inflected (``obtained``)."""
 
 
 @check("R058")
 def misspellings(ontology: Ontology) -> tuple[Diagnostic, ...]:
-    """Return an error for each misspelt name of the main document, with its correction, in the order of the file.
+    """Report each misspelt name of the main document, with its correction, in the order of the file.
 
-    It is a warning for one that the document declares.
+    It is an error, or a warning if the document declares the name.
     """
     names = _Names(ontology)
-    found = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
-    return tuple(sorted(found, key=lambda one: one.span or Span("")))
+    diagnostics = [*_properties(ontology, names), *_things(ontology, names), *_outcomes(ontology)]
+    return tuple(sorted(diagnostics, key=lambda one: one.span or Span("")))
 
 
-def corrected(ontology: Ontology, found: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
-    """Return the ontology with misspelt names corrected where the correction is sure, or all if ``guessing``.
+def with_corrections(ontology: Ontology, diagnostics: Iterable[Diagnostic], *, guessing: bool = False) -> Ontology:
+    """Correct misspelt names in the ontology: those with one plausible correction, or all if ``guessing``.
 
-    It is the same ontology if nothing is changed.
+    Gives the same ontology if nothing changes.
     """
-    errors = (one for one in found if one.severity is Severity.ERROR)
+    errors = (one for one in diagnostics if one.severity is Severity.ERROR)
     renames = [one.suggestion for one in errors if isinstance(one.suggestion, Rename)]
     names = {one.written: one.meant for one in renames if one.is_sure or guessing}
     return ontology.renamed(names) if names else ontology
 
 
 class _Names:
-    """The names that a recipe may use, and which of those that it uses nothing defines."""
+    """Names that a recipe may use, and the undefined ones among those that it does use."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._ontology = ontology
@@ -81,7 +81,7 @@ class _Names:
 
     @cached_property
     def own(self) -> tuple[str, ...]:
-        """The namespaces in which the main document defines something, the one with the most names first."""
+        """Namespaces in which the main document defines something, the one with the most names first."""
         defined = dict.fromkeys(self._store.subjects[row] for row in self._defining if row in self._main)
         spaces = Counter(map(_space, filter(None, map(self._store.name, defined))))
         return tuple(space for space, _ in spaces.most_common() if space not in _W3C)
@@ -96,17 +96,17 @@ class _Names:
 
     @cached_property
     def properties(self) -> dict[int, int]:
-        """The properties that the main document uses, each with the row of its first use."""
+        """Properties that the main document uses, each with the row of its first use."""
         store, main = self._store, self._main
         restricted = {store.objects[row]: row for row in reversed(store.by(OWL.onProperty)) if row in main}
         stated = {number: rows[0] for number in store.used if (rows := store.by(store.name(number) or ""))}
-        found = restricted | {
+        first_uses = restricted | {
             number: min(row, restricted.get(number, row)) for number, row in stated.items() if row in main
         }
-        return dict(sorted(found.items(), key=lambda one: one[1]))
+        return dict(sorted(first_uses.items(), key=lambda one: one[1]))
 
     def is_known_property(self, number: int) -> bool:
-        """Return True for a property that any document states more about than that it is a property."""
+        """True for a property about which any document states more than that it is a property."""
         name = self._store.name(number)
         if name is None or name.startswith(_W3C) or is_vocabulary(shorten(name)) or _is_read(name):
             return True
@@ -115,31 +115,31 @@ class _Names:
 
     @cached_property
     def spaces_of_words(self) -> frozenset[str]:
-        """The namespaces in which words of the recipe vocabulary may stand in this file."""
+        """Namespaces in which this file may have words of the recipe vocabulary."""
         names = (self._store.name(number) or "" for number in self.properties)
         return frozenset((*VOCABULARIES.values(), *self.own, *(_space(name) for name in names if _is_read(name))))
 
     @cached_property
     def undefined(self) -> dict[str, int]:
-        """The names (IRIs) that the main document uses and nothing defines, each with the row of its first use."""
+        """Names (IRIs) that the main document uses but nothing defines, each with the row of its first use."""
         store = self._store
-        made = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
+        outputs = {store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS))}
         naming = {store.numbers[name] for name in _NAMING if name in store.numbers}
         naming |= {number for number in self.properties if self._links(number)}
         words = (store.name(number) or "" for number in naming)
         used = frozenset[int]().union(*(map(store.objects.__getitem__, store.by(word)) for word in words))
-        found: dict[str, int] = {}
-        for number in used - self._defined - made:
+        first_uses: dict[str, int] = {}
+        for number in used - self._defined - outputs:
             name = store.name(number)
             if name is not None and name != RDF.nil and not name.startswith(_W3C) and not self._ontology.defined(name):
                 rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
                 row = next(rows)
                 if row in self._main:
-                    found[name] = row
-        return dict(sorted(found.items(), key=lambda one: one[1]))
+                    first_uses[name] = row
+        return dict(sorted(first_uses.items(), key=lambda one: one[1]))
 
     def _links(self, number: int) -> bool:
-        """Return True for an object property of the recipe vocabulary; its objects are names."""
+        """True for an object property of the recipe vocabulary, whose objects are names."""
         name = self._store.name(number) or ""
         return not name.startswith(_W3C) and (_is_read(name) or is_vocabulary(shorten(name)))
 
@@ -148,24 +148,25 @@ class _Names:
 
     @cached_property
     def _known(self) -> dict[str, list[str]]:
-        """Local name -> the classes and individuals (IRIs) that are known by it."""
+        """Local name -> classes and individuals (IRIs) with this local name."""
         store = self._store
-        made = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
-        found: dict[str, list[str]] = {}
-        for number in dict.fromkeys((*sorted(self._defined), *made)):
+        outputs = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
+        by_name: dict[str, list[str]] = {}
+        for number in dict.fromkeys((*sorted(self._defined), *outputs)):
             name = store.name(number)
             if name is not None and not name.startswith(_W3C) and not self._ontology.is_property(name):
-                found.setdefault(local_name(name), []).append(name)
-        return found
+                by_name.setdefault(local_name(name), []).append(name)
+        return by_name
 
     @cached_property
     def _neighbours(self) -> Neighbours:
         return Neighbours(self._known)
 
-    def meant(self, written: str) -> list[str]:
-        """Return the names (IRIs) that an undefined name may stand for: the same elsewhere, or nearly the same.
+    def candidates(self, written: str) -> list[str]:
+        """Candidates (IRIs) for an undefined name: the same name in another namespace, or a similar one in the same.
 
-        A name of a thing (``cup``) is not meant for that of its class (``Cup``), nor the other way round.
+        Names that differ in the case of the first letter only, such as ``cup`` and its class ``Cup``, are not
+        candidates for each other.
         """
         kinds = {self._store.numbers.get(RDF.type), self._store.numbers.get(RDFS.subClassOf)}
         is_kind = self._store.predicates[self.undefined[written]] in kinds
@@ -180,7 +181,7 @@ class _Names:
         ]
 
     def _are_mixed(self, written: str, meant: str) -> bool:
-        """Return True for namespaces that are easily confused: the file's own and those of the vocabulary."""
+        """True for namespaces that are easily confused: the file's own and those of the vocabulary."""
         first, vocabulary = next(iter(self.own), None), VOCABULARIES.values()
         return (meant in vocabulary and (written == first or written in vocabulary)) or (
             written in vocabulary and meant == first
@@ -188,28 +189,28 @@ class _Names:
 
 
 def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
-    """Report properties that are nearly words of the recipe vocabulary, or properties of KnowRob's."""
+    """Report properties that are one typo from a word of the recipe vocabulary or a property of KnowRob."""
     unknown = {number: row for number, row in names.properties.items() if not names.is_known_property(number)}
     if not unknown:
         return
     listed = {local_name(name): name for name in _vocabulary(ontology)}
     neighbours = Neighbours((*listed, *WORDS, *REGISTERED_WORDS, *owl_properties()))
-    spoken = (*WORDS, *REGISTERED_WORDS, *owl_properties(), *map(local_name, action_properties(ontology)))
+    recipe_words = (*WORDS, *REGISTERED_WORDS, *owl_properties(), *map(local_name, action_properties(ontology)))
     for number, row in unknown.items():
         written = ontology.store.name(number) or ""
         space, short = _space(written), local_name(written)
         if space not in names.spaces_of_words:
             continue
-        near = neighbours.of(short) or get_close_matches(short, spoken, n=2, cutoff=SURE)
+        near = neighbours.of(short) or get_close_matches(short, recipe_words, n=2, cutoff=SURE)
         if not near and _relates_tasks(ontology, written):
-            near = [_like(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
+            near = [_with_prefix_of(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
         if near:
-            meant = [_stated(ontology, written, word, listed) for word in near]
+            candidates = [_in_namespace(ontology, written, word, listed) for word in near]
             if space not in VOCABULARIES.values() and _is_declared(ontology, written):
-                yield _unusual(written, meant, names.span(row))
+                yield _unusual(written, candidates, names.span(row))
                 continue
             message = f"unknown property `{short}`: its statements would be lost"
-            yield _misspelt(written, meant, names.span(row), message)
+            yield _misspelt(written, candidates, names.span(row), message)
 
 
 def _vocabulary(ontology: Ontology) -> Iterator[str]:
@@ -221,8 +222,8 @@ def _vocabulary(ontology: Ontology) -> Iterator[str]:
                 yield triple.subject
 
 
-def _stated(ontology: Ontology, written: str, word: str, listed: dict[str, str]) -> str:
-    """Return the word in its intended namespace: the one that is written if the word is used there, else KnowRob's."""
+def _in_namespace(ontology: Ontology, written: str, word: str, listed: dict[str, str]) -> str:
+    """Word in its intended namespace: the namespace of the written name if it uses the word, else KnowRob's."""
     space = _space(written)
     if space + word != written and space + word in ontology.properties_named(word):
         return space + word
@@ -230,7 +231,7 @@ def _stated(ontology: Ontology, written: str, word: str, listed: dict[str, str])
 
 
 def _relates_tasks(ontology: Ontology, name: str) -> bool:
-    """Return True for a property that links steps of workflows to each other."""
+    """True for a property that links steps of workflows to each other."""
     steps = {
         term for triple in ontology.using("hasStep", "isStepOf", "stepOf") for term in (triple.subject, triple.object)
     }
@@ -243,8 +244,8 @@ def _plain(short: str) -> str:
     return short.lower().removeprefix("interval").removeprefix("temporally")
 
 
-def _like(short: str, word: str) -> str:
-    """Return the word with the prefix of the name that is written."""
+def _with_prefix_of(short: str, word: str) -> str:
+    """Word with the prefix of the written name."""
     before = short[: len(short) - len(_plain(short))]
     return before + (word.capitalize() if before else word)
 
@@ -254,42 +255,42 @@ def _is_read(name: str) -> bool:
 
 
 def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
-    """Report names of classes and individuals that nothing defines while a similar name is defined."""
+    """Report undefined names of classes and individuals if a similar name is defined."""
     outcomes = {triple.object for triple in ontology.using("causedBy")}
     for written, row in names.undefined.items():
         if written not in outcomes and not is_word(written, *CONSTRAINT_CLASSES):
-            meant = names.meant(written)
-            if meant:
-                yield _misspelt(written, meant, names.span(row), f"`{_shown(written, meant)}` is not defined")
+            candidates = names.candidates(written)
+            if candidates:
+                yield _misspelt(written, candidates, names.span(row), f"`{_shown(written, candidates)}` is not defined")
 
 
-def _shown(written: str, meant: list[str]) -> str:
+def _shown(written: str, candidates: list[str]) -> str:
     short = local_name(written)
-    return written if any(local_name(name) == short for name in meant) else short
+    return written if any(local_name(name) == short for name in candidates) else short
 
 
-def _misspelt(written: str, meant: list[str], span: Span, message: str) -> Diagnostic:
-    renames = [Rename(written, name, is_sure=len(meant) == 1) for name in meant]
+def _misspelt(written: str, candidates: list[str], span: Span, message: str) -> Diagnostic:
+    renames = [Rename(written, name, is_sure=len(candidates) == 1) for name in candidates]
     advice = f"did you mean {' or '.join(map(str, renames))}?"
     return error("R058", message, span, advice, renames[0])
 
 
 def _is_declared(ontology: Ontology, name: str) -> bool:
-    """Return True if the main document states the kind of something, not only its name."""
+    """True if the main document states a type for a name, other than just a named individual."""
     return ontology.main(name) and any(kind != OWL.NamedIndividual for kind in ontology.values(name, RDF.type))
 
 
-def _unusual(written: str, meant: list[str], span: Span) -> Diagnostic:
-    """Return a diagnostic for a name that is nearly a word of the vocabulary but declared as another one."""
+def _unusual(written: str, candidates: list[str], span: Span) -> Diagnostic:
+    """Warn about a declared name that is one typo from a word of the vocabulary."""
     short = local_name(written)
-    message = f"`{short}` is declared, but nearly a word of the vocabulary; it is kept"
-    renames = [Rename(written, name) for name in meant]
+    message = f"`{short}` is declared, but is one typo from a word of the vocabulary; it is kept"
+    renames = [Rename(written, name) for name in candidates]
     advice = f"did you mean {' or '.join(map(str, renames))}? If not, give it a label"
     return warning("R058", message, span, advice, renames[0])
 
 
 def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Report outcomes with a word that is nearly one of the words for how a state ends."""
+    """Report outcomes with a word that is one typo from a word for how a state ends."""
     seen: set[object] = set()
     for triple in ontology.using("causedBy"):
         outcome = triple.object
@@ -315,12 +316,12 @@ def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnosti
             ] or readings
     if readings == [short]:
         return
-    meant = [_space(outcome) + reading for reading in readings]
+    candidates = [_space(outcome) + reading for reading in readings]
     if not _is_declared(ontology, outcome):
         message = f"unknown outcome `{short}`: it would be read as {ending_of(outcome).value}"
-        yield _misspelt(outcome, meant, span, message)
+        yield _misspelt(outcome, candidates, span, message)
     elif all(triple.predicate == RDF.type for triple in ontology.triples(s=outcome)):
-        yield _unusual(outcome, meant, span)
+        yield _unusual(outcome, candidates, span)
 
 
 def _cased(word: str, like: str) -> str:
@@ -332,14 +333,14 @@ def _space(iri: str) -> str:
 
 
 SURE = 0.85
-"""Least similarity (difflib) to take one name for another if no third one is as similar: one letter in seven."""
+"""Minimum similarity (difflib) to correct a name unasked, if no other name is as similar: one letter in seven."""
 
 SHORTEST = 4
-"""Letters that a name needs for one that differs in a single letter to be taken for it: of shorter ones, such as cup,
-cap and tap, each is a word of its own."""
+"""Minimum length of a name for a typo: short words that differ in one letter, such as cup, cap and tap, are different
+words."""
 
 SHORTEST_REPLACED = 6
-"""Letters that a part of a name needs for another letter in it to be a slip: a plate is no place, basil no basin."""
+"""Minimum length of a word for a replaced letter to be a typo: place and plate, or basil and basin, are different."""
 
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 
@@ -347,30 +348,29 @@ _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
 def guess(
     written: str, names: Iterable[str], *, least: float = 0.6, telling: Callable[[str], str] = local_name
 ) -> Rename | None:
-    """Return the name (IRI) most similar to a written one (IRI) by its local part; None if none reaches ``least``.
+    """Find the name (IRI) most similar to ``written`` (IRI) by its local part; None below the similarity ``least``.
 
-    ``telling`` returns the part of an IRI to compare, where names share an ending whatever they mean.
-    It is sure if it alone is nearly the same, and does not differ by a number only: of ``cup1`` and
-    ``cup2`` neither is a misspelling of the other.
+    ``telling`` extracts the part of an IRI to compare, for names that share an uninformative ending. The result is sure
+    if it is the only nearly equal name, and differs in more than a number: ``cup1`` is no misspelling of ``cup2``.
     """
-    known: dict[str, str] = {}
+    by_part: dict[str, str] = {}
     for name in names:
         if name != written:
-            known.setdefault(telling(name), name)
+            by_part.setdefault(telling(name), name)
     short = telling(written)
-    alike = similar(short, known, n=2, least=least)
-    if not alike:
+    similar_parts = similar(short, by_part, n=2, least=least)
+    if not similar_parts:
         return None
-    near = [name for name in alike if SequenceMatcher(None, name, short).ratio() >= SURE]
+    near = [name for name in similar_parts if SequenceMatcher(None, name, short).ratio() >= SURE]
     is_sure = len(near) == 1 and _digits(near[0]) == _digits(short)
-    return Rename(written, known[alike[0]], is_sure=is_sure)
+    return Rename(written, by_part[similar_parts[0]], is_sure=is_sure)
 
 
 class Neighbours:
-    """Names that differ from others in one letter: one left out, added, another one, or two exchanged.
+    """Index of names that are one typo apart: a letter missing, added or replaced, or two letters swapped.
 
     Names that differ in a digit, or in a part of one letter (``MoveToA``, ``MoveToB``), are names of different things,
-    as are those with another letter in a short part (``TakeCup``, ``TakeCap``), or with which they begin.
+    as are those with another letter in a short part (``TakeCup``, ``TakeCap``), or with a different first letter.
     """
 
     def __init__(self, names: Iterable[str]) -> None:
@@ -380,17 +380,17 @@ class Neighbours:
                 self._shortened.setdefault(variant, []).append(name)
 
     def of(self, written: str) -> list[str]:
-        """Return the names, sorted, that differ from ``written``, which is none of them, in one letter."""
+        """Names one typo away from ``written``, sorted."""
         near = {name for variant in _variants(written) for name in self._shortened.get(variant, ())}
-        return sorted(name for name in near if _is_slip(written, name))
+        return sorted(name for name in near if _is_typo(written, name))
 
 
 def _variants(name: str) -> set[str]:
     return {name, *(name[:place] + name[place + 1 :] for place in range(len(name)))}
 
 
-def _is_slip(written: str, name: str) -> bool:
-    """Return True if one typo makes one name of the other, and the difference is hardly intended."""
+def _is_typo(written: str, name: str) -> bool:
+    """True if one typo turns one name into the other, and the difference is hardly intended."""
     shorter, longer = sorted((written, name), key=len)
     if len(shorter) < SHORTEST or written == name or _digits(written) != _digits(name):
         return False

@@ -1,7 +1,7 @@
-"""Checks of orders: constraints that are complete, about sub-actions, acyclic and stated once; and orders left open.
+"""Checks of orders: constraints must be complete, refer to sub-actions, be acyclic and stated once.
 
-Orders that a recipe leaves open, and probably should not, are suggested, never added, such as picking up before
-delivering: an order comes from the recipe or not at all.
+Orders that are probably missing, such as picking up before delivering, are suggested but never added: all orders of a
+plan come from the recipe.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from planlang.recipe.checks.joints import joints
 from planlang.recipe.checks.misspellings import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
 from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
-from planlang.recipe.preconditions import Preconditions, named
+from planlang.recipe.preconditions import Preconditions, iris_in
 from planlang.recipe.statements import LooseEnd, Statements
 from planlang.records import dataclass
 from planlang.spelling import similar
@@ -29,20 +29,20 @@ from planlang.spelling import similar
 
 @check("R011")
 def incomplete_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report constraints and transitions that lack an end, or are not described at all."""
+    """Report constraints and transitions that lack an end, or have no description at all."""
     for loose in checked.statements.loose:
         yield _incomplete(checked.ontology, checked.statements, loose)
 
 
 @check("R015", unless=("R012",))
 def contradictions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report orders and overlaps that cannot hold together."""
+    """Report orders and overlaps that contradict each other."""
     recipe = checked.recipe
-    found = Intervals(recipe).contradiction() if recipe.overlaps or recipe.phases else ()
-    if found:
-        stated = ", ".join(_in_words(one) for one in found)
-        spans = [one.span for one in found if one.span is not None]
-        message = f"these cannot all hold in `{recipe.name}`: {stated}"
+    conflicting = Intervals(recipe).contradiction() if recipe.overlaps or recipe.phases else ()
+    if conflicting:
+        stated = ", ".join(_in_words(one) for one in conflicting)
+        spans = [one.span for one in conflicting if one.span is not None]
+        message = f"contradiction in `{recipe.name}`: {stated}"
         yield error("R015", message, max(spans, default=recipe.span), "remove one of them")
 
 
@@ -60,18 +60,20 @@ def _incomplete(ontology: Ontology, statements: Statements, loose: LooseEnd) -> 
     named = {one.filler for one in ontology.restrictions(statements.iri)}
     named.update(triple.object for triple in ontology.triples(s=statements.iri))
     described = [triple.subject for triple in ontology.using(*loose.missing)]
-    known = [name for name in described if isinstance(name, str) and name not in named]
+    candidates = [name for name in described if isinstance(name, str) and name not in named]
     message = f"`{local_name(statements.iri)}` names `{name}`, which has neither {' nor '.join(loose.missing)}"
-    meant = guess(loose.what, known)
-    return error("R011", message, loose.span, f"did you mean {meant}?" if meant else f"add {both} to it", meant)
+    suggestion = guess(loose.what, candidates)
+    return error(
+        "R011", message, loose.span, f"did you mean {suggestion}?" if suggestion else f"add {both} to it", suggestion
+    )
 
 
 @check("R010")
 def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report names that are ordered but no sub-actions, each once, at its first mention."""
+    """Report names that are ordered but are not sub-actions, each once, at its first mention."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
     stated = dict.fromkeys((*statements.names, *statements.phases))
-    members = {way.iri: sub.iri or "" for sub in statements.sub_actions for _, way in sub.alternatives}
+    members = {one.iri: sub.iri or "" for sub in statements.sub_actions for _, one in sub.alternatives}
     undefined = [
         sub.iri for sub in statements.sub_actions if sub.iri and not (sub.alternatives or ontology.defined(sub.iri))
     ]
@@ -91,8 +93,8 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         elif undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif alike := similar(short, [local_name(iri) for iri in statements.names]):
-            guess = f"did you mean `{alike[0]}`?"
+        elif similar_names := similar(short, [local_name(iri) for iri in statements.names]):
+            guess = f"did you mean `{similar_names[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"
         spans = [span for ordering in orderings for span in [_mention(ontology, ordering, name)] if span is not None]
@@ -102,7 +104,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _constraint(one: Ordering | Overlap) -> str:
-    """Return the constraint of an ordering or overlap, or its description in words."""
+    """Name of an ordering's or overlap's constraint, or its description."""
     return local_name(one.iri) if isinstance(one, Ordering) and one.iri is not None else _in_words(one)
 
 
@@ -134,7 +136,7 @@ def cycles(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R013")
 def repeated_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report constraints that state the same order as an earlier one."""
+    """Report constraints that repeat the order of an earlier one."""
     recipe = checked.recipe
     first: dict[tuple[str, str], Ordering] = {}
     for ordering in constraints_of(recipe):
@@ -154,26 +156,25 @@ def constraints_of(recipe: Recipe) -> Iterator[Ordering]:
 
 @check("R014", unless=("R012",))
 def redundant_constraints(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report how many constraints follow from the others, unless the file states all that follow."""
+    """Report how many constraints follow from others, unless the file states the whole transitive closure."""
     recipe = checked.recipe
     order = _stated(recipe)
     extra = order.number_of_edges - order.size_of_reduction()
     if extra and order.number_of_pairs() != order.number_of_edges:
         message = f"redundant: {extra} of the {order.number_of_edges} orderings of `{recipe.name}` follow from others"
-        yield note("R014", message, recipe.span, "remove them: the plan stays the same")
+        yield note("R014", message, recipe.span, "remove them; the plan stays the same")
 
 
 def _stated(recipe: Recipe) -> Precedence[str]:
-    """Return the orders of steps that the file states explicitly; they are acyclic."""
+    """Partial order of the steps by the explicitly stated constraints, which must be acyclic."""
     constraints = tuple(constraints_of(recipe))
     return recipe_order(replace(recipe, orderings=constraints) if len(constraints) < len(recipe.orderings) else recipe)
 
 
 def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
-    """Return the stated orders of steps (IRIs) that follow from other stated ones; none if all that follow are stated.
+    """Stated orders of steps (IRIs) that follow from other stated ones; none if the constraints have a cycle.
 
-    Some tools state every order that follows; then none is redundant. The orders have to be acyclic, or the
-    answer is none.
+    Some tools state the whole transitive closure; then none counts as redundant.
     """
     if recipe_cycle(recipe):
         return frozenset()
@@ -186,7 +187,7 @@ def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
 
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
-    """Return a help line with the ordering constraint to add, in Manchester syntax."""
+    """Write the advice to add an ordering constraint, in Manchester syntax."""
     name = f"{recipe.name}_{local_name(before)}_{local_name(after)}"
     a, b = told_apart(before, after)
     facts = f"occursBeforeInOrdering {a}, occursAfterInOrdering {b}"
@@ -197,10 +198,10 @@ def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
 
 
 RECURSIVE = ("R022", "R023")
-"""Codes of mistakes by which recipes cannot be followed into those below them."""
+"""Codes of mistakes after which the recipes below a recipe cannot be followed."""
 
 ORDERS_UNKNOWN = ("R010", "R011", "R020")
-"""Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
+"""Codes of mistakes after which the stated orders are not known: an order may only seem to be missing."""
 
 ROLES: dict[str, tuple[str, ...]] = {
     "acquires": ("GraspingSomething", "PickingUpAnObject", "TakingSomething"),
@@ -222,25 +223,25 @@ ROLES: dict[str, tuple[str, ...]] = {
     "opens a gripper": ("OpeningAGripper",),
     "closes a gripper": ("ClosingAGripper",),
 }
-"""Role of a step -> the classes of actions that have it."""
+"""Role of a step -> classes of actions with this role."""
 
 
 WORK = (
-    ("adds", "mixes", "something is added before all is mixed"),
+    ("adds", "mixes", "ingredients are added before they are mixed"),
     ("picks up", "pours", "a vessel is picked up before something is poured out of it"),
     ("heats up", "delivers", "an oven is heated before something is put into it"),
     ("heats up", "operates", "an oven is heated before it is used"),
-    ("delivers", "operates", "something is put into an oven before that is used"),
-    ("heats up", "waits", "what goes on is waited for when it has begun"),
-    ("operates", "waits", "what goes on is waited for when it has begun"),
-    ("delivers", "waits", "a thing is put where it has to be before it is waited for"),
+    ("delivers", "operates", "something is put into an oven before the oven is used"),
+    ("heats up", "waits", "a process is started before the robot waits for it"),
+    ("operates", "waits", "a process is started before the robot waits for it"),
+    ("delivers", "waits", "an object is put in place before the robot waits"),
 )
-"""Roles of an earlier and of a later step, and why."""
+"""Roles of an earlier and of a later step, and the reason for this order."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Facts:
-    """The roles of a step, the things and places (IRIs) that it is about, and those of them where it happens."""
+    """Roles of a step, the things and places (IRIs) that it involves, and those of them that are its location."""
 
     roles: frozenset[str]
     about: frozenset[str]
@@ -249,7 +250,7 @@ class _Facts:
 
 @check("R042", unless=(*RECURSIVE, "R012"))
 def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report each ordering that is missing and probably meant."""
+    """Report orderings that are probably missing."""
     recipe = checked.recipe
     for before, after, why in plausible(checked):
         message = f"`{local_name(before)}` should probably come before `{local_name(after)}`: {why}"
@@ -258,21 +259,21 @@ def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def plausible(checked: CheckedRecipe) -> tuple[tuple[str, str, str], ...]:
-    """Return :func:`plausible_orders`, which several checks ask for."""
+    """Cached result of :func:`plausible_orders`, which several checks need."""
     derived, key = checked.recipe.derived, f"plausible with {checked.added}"
     if key not in derived:
         derived[key] = tuple(plausible_orders(checked.actions, checked.recipe, checked.added))
-    found: tuple[tuple[str, str, str], ...] = derived[key]
-    return found
+    orders: tuple[tuple[str, str, str], ...] = derived[key]
+    return orders
 
 
 def plausible_orders(
     actions: Actions, recipe: Recipe, added: Sequence[tuple[str, str]] = ()
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the orderings that are missing and probably meant: steps (IRIs) before and after, and why.
+    """Yield orderings that are probably missing: steps (IRIs) before and after, and the reason.
 
-    The orders of the recipe must have no cycle; ``added`` are those that location scopes add. Suggestions never
-    contradict the recipe or each other, and none follows from the others.
+    The orders of the recipe must be acyclic; ``added`` are those of location scopes. Suggestions never contradict the
+    recipe or each other, and none follows from the others.
     """
     if numbered := _by_number(recipe):
         stated = {(one.before, one.after) for one in recipe.orderings}
@@ -281,7 +282,7 @@ def plausible_orders(
         return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
     all_roles = [role for fact in facts.values() for role in fact.roles]
-    # where a step lets go by itself, as handing over does, the gripper is opened for the grasp
+    # actions such as handing over let go by themselves: then a gripper is opened for the grasp
     grasps = actions.is_a(recipe, *ROLES["acquires"]) or "delivers" in all_roles
     active = [step.iri for step in recipe.steps if facts[step.iri].roles]
     if len(active) < 2:
@@ -296,7 +297,7 @@ def plausible_orders(
         return
     rank = {iri: number for number, iri in enumerate(active)}
     users: dict[frozenset[str], int] = {}
-    for iri in active:  # the bits of the steps that do the same
+    for iri in active:  # steps with equal roles are tested together, as bits
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
     follows: dict[str, list[str]] = {}
     for before, after in order.reduction():
@@ -313,7 +314,7 @@ def plausible_orders(
     if not suggested:
         yield from joints(actions, recipe, order, reason, single=True)
         return
-    # a scope's orders give way: the compiler adds them anew, once the suggestions are accepted
+    # orders of location scopes are weak: the compiler derives them again once the suggestions are accepted
     wider = order.extended(suggested, weak=added)
     yield from (
         (before, after, suggested[before, after]) for before, after in wider.reduction() if (before, after) in suggested
@@ -321,18 +322,18 @@ def plausible_orders(
 
 
 def _by_number(recipe: Recipe) -> list[str]:
-    """Return the steps (IRIs) in the order of the numbers that end their names, unless they are ordered otherwise."""
+    """Steps (IRIs) in the order of the numbers at the end of their names; none if the recipe orders them otherwise."""
     parts = {step.iri: re.fullmatch(r"(.*?)([0-9]{1,9})", step.name) for step in recipe.steps}
-    found = {(part[1], int(part[2])): iri for iri, part in parts.items() if part is not None}
-    if len({prefix for prefix, _ in found}) != 1 or len(found) < len(recipe.steps):
+    by_number = {(part[1], int(part[2])): iri for iri, part in parts.items() if part is not None}
+    if len({prefix for prefix, _ in by_number}) != 1 or len(by_number) < len(recipe.steps):
         return []
-    steps = [found[key] for key in sorted(found)]
+    steps = [by_number[key] for key in sorted(by_number)]
     stated = {(one.before, one.after) for one in recipe.orderings}
     return steps if stated <= set(pairwise(steps)) and not recipe.overlaps else []
 
 
 def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
-    """Return True if steps with these roles should be in order, at least when they concern the same object."""
+    """True if steps with these roles should be ordered, at least if they involve the same object."""
     nothing, same = frozenset[str](), frozenset({""})
     return any(
         _why(_Facts(first, about, about), _Facts(second, about, about), all_roles, grasps=grasps) is not None
@@ -341,17 +342,17 @@ def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], gr
 
 
 def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
-    """Return the reason why the first step should come before the second; None if there is no reason.
+    """Reason why the first step should come before the second; None if there is none.
 
-    ``all_roles`` are the roles of all steps, ``grasps`` is true if a gripper is opened to grasp, not to let go.
+    ``all_roles`` are the roles of all steps. ``grasps`` is true if a gripper is opened to grasp, not to let go.
     """
     is_related = not first.about.isdisjoint(second.about)
     a, b = first.roles, second.roles
     if "acquires" in a:
         if b & {"delivers", "carries"}:
-            return "an object is picked up before it is carried or handed on"
+            return "an object is picked up before it is carried or delivered"
         if "lets go" in b:
-            return "an object is grasped before it is let go"
+            return "an object is grasped before it is released"
         if "moves the base" in b and not is_related:
             return "an object is picked up before it is carried away"
     for earlier, later, why in WORK:
@@ -362,27 +363,27 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
     if "picks up" in a and "closes a container" in b:
         return "something is taken out of a container before it is closed"
     if "carries" in a and b & {"lets go", "delivers"}:
-        return "an object is moved before it is let go"
+        return "an object is moved before it is released"
     if "moves the base" in a and "moves the base" not in b and not first.where.isdisjoint(second.where or second.about):
-        return "the base goes there before the hand reaches there"
+        return "the base drives there before the hand reaches there"
     if "reaches" in a:
         if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
-            return "the hand reaches for a thing before it takes hold of it"
+            return "the hand reaches for a thing before it grasps it"
         if "lets go" in b and "acquires" in all_roles:
-            return "the hand reaches where the object goes before it lets go"
+            return "the hand reaches the target before it releases the object"
     if "moves a handle" in a and "releases" in b:
-        return "a handle is moved before it is let go"
+        return "a handle is moved before it is released"
     if all_roles.count("opens a gripper") == all_roles.count("closes a gripper") == 1:
         if grasps and "opens a gripper" in a and "closes a gripper" in b:
             return "a gripper is opened before it is closed on something"
         if not grasps and "closes a gripper" in a and "opens a gripper" in b:
-            return "a gripper is closed on something before it lets go"
+            return "a gripper is closed on something before it releases it"
     return None
 
 
 @cache
 def _roles_by_class() -> dict[str, tuple[str, ...]]:
-    """Return the roles that steps of a class (IRI) have."""
+    """Roles of the steps of each class (IRI)."""
     classes = {name for names in ROLES.values() for name in names}
     return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
 
@@ -395,14 +396,14 @@ def _facts(actions: Actions, step: Step) -> _Facts:
     roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
     if actions.is_base_motion(step):
         roles.add("moves the base")
-    about = {name: frozenset(one for filler in step.fillers(name) for one in named(filler)) for name in _ABOUT}
+    about = {name: frozenset(one for filler in step.fillers(name) for one in iris_in(filler)) for name in _ABOUT}
     where = about["toLocation"] | about["recipient"]
     return _Facts(frozenset(roles), about["objectActedOn"] | about["toLocation"], where)
 
 
 @check("R040", unless=(*RECURSIVE, "R012"))
 def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report each two consecutive base motions that nothing orders."""
+    """Report consecutive base motions that are not ordered."""
     if not checked.file.scopes:
         return
     recipe = checked.recipe
@@ -423,7 +424,7 @@ def unordered_base_motions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R047", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN, "R040", "R042", "R045"))
 def free_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that nothing orders, if nothing else is wrong with the orders."""
+    """Report steps without any order, if the orders have no other problem."""
     recipe = checked.recipe
     if len(recipe.steps) < 2:
         return
@@ -441,7 +442,7 @@ def free_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R067", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
 def late_preconditions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that come before what they need is brought about."""
+    """Report steps that come before the steps that establish their preconditions."""
     recipe = checked.recipe
     order = recipe_order(recipe)
     if checked.added:

@@ -1,6 +1,6 @@
-"""Checks of what fills the properties of actions: known properties, defined fillers, ranges, units, places.
+"""Checks of the fillers of actions: known properties, defined names, ranges, units, places.
 
-What is safe to repair is, each with a note: exchanged fillers, and things given only by their class.
+Unambiguous mistakes are repaired, with a note: swapped fillers, and things given only by their class.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from planlang.recipe.fillers import (
     unread_references,
 )
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.readers import OUTPUTS, made
+from planlang.recipe.readers import OUTPUTS, created_individuals
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
@@ -51,36 +51,36 @@ from planlang.units import dimension_of, si_unit, unit, unit_of
 
 
 @check("R030", "R034", unless=("R022", "R023"))
-def repaired(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
-    """Return the recipes with all repairs made, and a note for each."""
+def with_repairs(ontology: Ontology, recipes: RecipeSet) -> tuple[RecipeSet, list[Diagnostic]]:
+    """Make all unambiguous repairs, with a note for each."""
     notes: dict[Diagnostic, None] = {}
-    mended: dict[str, Recipe] = {}
+    swapped: dict[str, Recipe] = {}
     for iri, recipe in recipes.recipes.items():
         steps = []
         for step in recipe.steps:
-            parameters, found = _exchanged(ontology, step.parameters, step.name)
-            notes.update(dict.fromkeys(found))
+            parameters, new_notes = _exchanged(ontology, step.parameters, step.name)
+            notes.update(dict.fromkeys(new_notes))
             steps.append(replace(step, parameters=parameters))
-        parameters, found = _exchanged(ontology, recipe.parameters, recipe.name)
-        notes.update(dict.fromkeys(found))
-        mended[iri] = replace(recipe, steps=tuple(steps), parameters=parameters)
-    exchanged = replace(recipes, recipes=mended)
+        parameters, new_notes = _exchanged(ontology, recipe.parameters, recipe.name)
+        notes.update(dict.fromkeys(new_notes))
+        swapped[iri] = replace(recipe, steps=tuple(steps), parameters=parameters)
+    repairable = replace(recipes, recipes=swapped)
     bound = {}
-    for iri, recipe in mended.items():
-        bound[iri], found = _bound(ontology, recipe, exchanged)
-        notes.update(dict.fromkeys(found))
+    for iri, recipe in swapped.items():
+        bound[iri], new_notes = _bound(ontology, recipe, repairable)
+        notes.update(dict.fromkeys(new_notes))
     return replace(recipes, recipes=bound), list(notes)
 
 
 def violates_range(ontology: Ontology, property_name: str, cls: str) -> bool:
-    """Return True if the property has a range and a class (IRI) is known not to be below it."""
+    """True if a class (IRI) is known to be outside the range of the property."""
     if is_of_unknown_kind(ontology, cls):
         return False
-    return any(not ontology.is_a(cls, wanted) for wanted in ranges_of(ontology, property_name))
+    return any(not ontology.is_a(cls, required) for required in ranges_of(ontology, property_name))
 
 
 def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
-    """Return the classes (IRIs) in the range of a property."""
+    """Classes (IRIs) in the range of a property."""
     return [
         triple.object
         for triple in ontology.triples(s=expand(property_name), p=RDFS.range)
@@ -91,10 +91,10 @@ def ranges_of(ontology: Ontology, property_name: str) -> list[str]:
 def _exchanged(
     ontology: Ontology, parameters: tuple[Parameter, ...], owner: str
 ) -> tuple[tuple[Parameter, ...], list[Diagnostic]]:
-    """Exchange two fillers where one violates its property's range and the exchange violates nothing.
+    """Swap two fillers if one violates the range of its property and the swap violates none.
 
-    What becomes the device must be a part of a robot: a pancake maker is a physical device too, and may well be what a
-    bottle (which is none) is used on.
+    Only parts of a robot may become the device: a pancake maker, too, is a physical device, and it may be what a bottle
+    (which is not one) is used on.
     """
     pair = exchanged_pair(ontology, parameters)
     if pair is None:
@@ -102,24 +102,24 @@ def _exchanged(
     (first, a), (second, b) = pair
     swap = {first: replace(first, filler=b), second: replace(second, filler=a)}
     message = (
-        f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are exchanged:"
+        f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner}` are swapped:"
         f" read as {first.property} `{b.name}` and {second.property} `{a.name}`"
     )
-    found = note("R030", message, first.span, "exchange them in the file")
-    return tuple(swap.get(parameter, parameter) for parameter in parameters), [found]
+    diagnostic = note("R030", message, first.span, "swap them in the file")
+    return tuple(swap.get(parameter, parameter) for parameter in parameters), [diagnostic]
 
 
 def exchanged_pair(
     ontology: Ontology, parameters: tuple[Parameter, ...]
 ) -> tuple[tuple[Parameter, Thing], tuple[Parameter, Thing]] | None:
-    """Return the first two parameters whose fillers, each given beside it, should be exchanged; None if all is well."""
+    """Find the first two parameters, with their fillers, that should be swapped; None if there are none."""
     things = [(parameter, parameter.filler) for parameter in parameters if isinstance(parameter.filler, Thing)]
     single = [(p, thing) for p, thing in things if sum(q.property == p.property for q in parameters) == 1]
     for (first, a), (second, b) in combinations(single, 2):
-        is_wrong = violates_range(ontology, first.property, a.stated) or violates_range(
+        is_violated = violates_range(ontology, first.property, a.stated) or violates_range(
             ontology, second.property, b.stated
         )
-        if is_wrong and _fits(ontology, first.property, b) and _fits(ontology, second.property, a):
+        if is_violated and _fits(ontology, first.property, b) and _fits(ontology, second.property, a):
             return (first, a), (second, b)
     return None
 
@@ -153,12 +153,13 @@ def _bound(ontology: Ontology, recipe: Recipe, recipes: RecipeSet) -> tuple[Reci
 
 
 def _things_below(recipe: Recipe, recipes: RecipeSet) -> Iterator[Thing]:
-    known = {**recipes.recipes, recipe.iri: recipe}
+    """Yield the things in a recipe, and in the recipes that it calls."""
+    recipe_of = {**recipes.recipes, recipe.iri: recipe}
 
     def called(iri: str) -> Iterator[str]:
-        return (callee for step in known[iri].steps for callee in step.recipes if callee in known)
+        return (callee for step in recipe_of[iri].steps for callee in step.recipes if callee in recipe_of)
 
-    for one in (known[iri] for iri in reached((recipe.iri,), called)):
+    for one in (recipe_of[iri] for iri in reached((recipe.iri,), called)):
         for parameters in (one.parameters, *(step.parameters for step in one.steps)):
             for parameter in parameters:
                 if isinstance(parameter.filler, Thing):
@@ -169,7 +170,7 @@ def _things_below(recipe: Recipe, recipes: RecipeSet) -> Iterator[Thing]:
 
 DATA_PROPERTY = OWL.DatatypeProperty
 AGENTS = frozenset({"performedBy", "doneBy"})
-"""Properties whose filler is not looked up to perform the action: the robot is known without it."""
+"""Properties for the performer of an action, which the plan ignores: it is always the robot."""
 
 
 UNDEFINED = "define it with its class, or as outputsCreated of the step that makes it"
@@ -177,44 +178,44 @@ UNDEFINED = "define it with its class, or as outputsCreated of the step that mak
 
 @check("R032", "R033", "R035", "R037", "R049")
 def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report values, things and places that cannot fill the property that they are given for.
+    """Report values, things and places that do not fit the property that they fill.
 
-    First as the file states them for a task and its sub-actions, before anything is left out, then, after repairs,
-    whether they are in the range of the property. A name that nothing defines is reported once.
+    Names are checked as the file states them for a task and its sub-actions, including statements that are dropped
+    later; ranges are checked after repairs. An undefined name is reported once.
     """
-    judged = {one.span for one in wrong_kinds(checked)}
-    yield from (one for one in _fillers(checked) if one.code != "R032" or one.span not in judged)
+    reported = {one.span for one in wrong_kinds(checked)}
+    yield from (one for one in _fillers(checked) if one.code != "R032" or one.span not in reported)
 
 
 def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
-    known: set[Term] = set(made(ontology, checked.statements))
-    reported = set(known)
+    undefined: set[Term] = set(created_individuals(ontology, checked.statements))
+    reported = set(undefined)
     for owner, more in _owners(checked):
         for filling in _stated(ontology, owner, more):
-            if filling.term not in known:
-                found = list(_filler(ontology, owner, filling))
-                yield from (one for one in found if one.code != "R049" or filling.term not in reported)
-                if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in found):
-                    known.add(filling.term)
+            if filling.term not in undefined:
+                problems = list(_filler(ontology, owner, filling))
+                yield from (one for one in problems if one.code != "R049" or filling.term not in reported)
+                if isinstance(filling.term, str) and any(one.code in ("R033", "R049") for one in problems):
+                    undefined.add(filling.term)
                     reported.add(filling.term)
                 yield from _references(ontology, filling, reported)
     for one in checked.owners:
-        yield from _out_of_range(ontology, one, made(ontology, checked.statements))
+        yield from _out_of_range(ontology, one, created_individuals(ontology, checked.statements))
 
 
 @check("R031")
 def unlisted_properties(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report properties that the vocabulary does not list for the class of actions that has them."""
+    """Report properties that the vocabulary does not list for the class of the action."""
     ontology = checked.ontology
     for owner, more in _owners(checked):
         cls = owner if ontology.is_class(owner) else action_class(ontology, owner) or owner
         listed = checked.actions.properties(cls)
         for filling in _stated(ontology, owner, more) if listed else ():
-            if filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may make something
+            if filling.property in listed or is_word(filling.property, *OUTPUTS):  # any action may create something
                 continue
             short = local_name(filling.property)
-            message = f"{short} is not a listed property of actions such as `{local_name(owner)}`; it is kept"
+            message = f"{short} is not a property of actions such as `{local_name(owner)}`; it is kept"
             if not is_vocabulary(short) and not ontology.is_property(filling.property):
                 message = f"the property {short} of `{local_name(owner)}` is not declared; it is kept"
             yield warning(
@@ -224,7 +225,7 @@ def unlisted_properties(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R038")
 def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report facts of individuals, and statements about places, with which nothing is done."""
+    """Report facts of individuals, and statements about places, that have no effect."""
     yield from _unused_facts(checked.ontology, [owner for owner, _ in _owners(checked)])
     for owner in checked.owners:
         for parameter in owner.parameters:
@@ -234,7 +235,7 @@ def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]:
-    """Yield the task and its sub-actions (IRIs) with what is filled in where they are mentioned."""
+    """Yield the task and its sub-actions (IRIs), with the properties filled where they are mentioned."""
     yield checked.statements.iri, checked.statements.fillings
     for sub in checked.statements.sub_actions:
         if sub.iri is not None:
@@ -242,12 +243,12 @@ def _owners(checked: CheckedRecipe) -> Iterator[tuple[str, tuple[Filling, ...]]]
 
 
 def _stated(ontology: Ontology, owner: str, more: tuple[Filling, ...]) -> Iterator[Filling]:
-    """Return all that is stated to fill a property of an action (IRI), nearest first."""
+    """Yield all stated fillers of an action (IRI), nearest first."""
     return chain.from_iterable(fillings(ontology, owner, more))
 
 
 def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[str]) -> Iterator[Diagnostic]:
-    """Report fillers of a step, or of a task itself, that are not in the range of their property."""
+    """Report fillers of a step, or of the task itself, outside the range of their property."""
     for parameter in owner.parameters:
         filler = parameter.filler
         match filler:
@@ -261,14 +262,14 @@ def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[s
             case _:
                 continue
         if is_wrong:
-            wanted = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
-            is_what = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
-            message = f"{parameter.property} of `{owner.name}` is {is_what}, but must be a {wanted}"
+            required = " and ".join(f"`{local_name(one)}`" for one in ranges_of(ontology, parameter.property))
+            described = f"`{filler.name}`" + (f" (a `{local_name(cls)}`)" if is_individual else "")
+            message = f"{parameter.property} of `{owner.name}` is {described}, but must be a {required}"
             yield warning("R032", message, parameter.span, "check the property and the class of its filler")
 
 
 def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> Iterator[Diagnostic]:
-    """Report things of unknown kind that a place relates to; ``reported`` are left out, and grow."""
+    """Report things of unknown kind that a place refers to, except those in ``reported``, to which they are added."""
     if isinstance(filling.term, str) and is_place(ontology, filling.term):
         for relation, other in references_of_unknown_kind(ontology, filling.term):
             if other not in reported:
@@ -278,15 +279,15 @@ def _references(ontology: Ontology, filling: Filling, reported: set[Term]) -> It
 
 
 def _unused_facts(ontology: Ontology, owners: list[str]) -> Iterator[Diagnostic]:
-    """Report facts of individuals with properties that actions do not have, one message for each property."""
-    found: dict[str, dict[str, Span]] = {}
+    """Report facts of individuals with properties that actions do not have, one message per property."""
+    spans_of: dict[str, dict[str, Span]] = {}
     for owner in owners:
         if not ontology.is_class(owner):
             for fact in unread_facts(ontology, owner):
                 if is_interval_relation(fact.property):
                     continue
-                found.setdefault(fact.property, {}).setdefault(owner, fact.span)
-    for name, spans in found.items():
+                spans_of.setdefault(fact.property, {}).setdefault(owner, fact.span)
+    for name, spans in spans_of.items():
         owner, span = next(iter(spans.items()))
         others = f" and {len(spans) - 1} more" if len(spans) > 1 else ""
         message = f"{local_name(name)} of `{local_name(owner)}`{others} is ignored: it is not a property of actions"
@@ -324,38 +325,38 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
         severity = Severity.ERROR
         if short in AGENTS or not is_vocabulary(short):
             message, severity = f"{message}; it is ignored", Severity.WARNING
-        meant = _meant(ontology, term)
-        yield Diagnostic(severity, "R033", message, span, _asked(meant), meant)
+        suggestion = _similar(ontology, term)
+        yield Diagnostic(severity, "R033", message, span, _question(suggestion), suggestion)
     elif (
         takes_things(ontology, filling.property) and is_of_unknown_kind(ontology, term) and not is_place(ontology, term)
     ):
         yield _of_unknown_kind(ontology, f"{short} of `{local_name(owner)}`", term, span)
     for missing in unread_references(ontology, term):
-        message = f"`{local_name(term)}` relates to `{local_name(missing)}`, which is not defined"
-        meant = _meant(ontology, missing)
-        yield error("R033", message, ontology.span(term) or span, _asked(meant), meant)
+        message = f"`{local_name(term)}` refers to `{local_name(missing)}`, which is not defined"
+        suggestion = _similar(ontology, missing)
+        yield error("R033", message, ontology.span(term) or span, _question(suggestion), suggestion)
 
 
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
-    """Return a diagnostic for a filler, or a thing that a place relates to, that is of an unknown class."""
+    """Report a filler, or a thing that a place refers to, of an unknown class."""
     cls = next(iter(classes_of(ontology, term)), term)
-    meant = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    other = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
-    message = f"{what} is `{local_name(term)}`{is_what}, which is no subclass of a known class; treated as an object"
+    message = f"{what} is `{local_name(term)}`{is_what}, which is not a subclass of a known class; treated as an object"
     advice = f"make `{local_name(cls)}` a subclass of one such as HumanScaleObject, or import the file that does"
-    return warning("R049", message, span, f"did you mean {meant}? If not, {advice}" if meant else advice, meant)
+    return warning("R049", message, span, f"did you mean {other}? If not, {advice}" if other else advice, other)
 
 
 def _literal(ontology: Ontology, owner: str, property_name: str, literal: Literal, span: Span) -> Iterator[Diagnostic]:
-    """Judge a value: a number where its type or the property wants one, in a unit that fits the property."""
+    """Check a value: a number where its type or the property requires one, in a unit of the property's dimension."""
     name, short = unit_of(literal), local_name(shorten(property_name))
-    known, wanted = None if name is None else unit(name), dimension_of(short)
-    if known is not None and wanted is not None and known.dimension != wanted:
+    used, required = None if name is None else unit(name), dimension_of(short)
+    if used is not None and required is not None and used.dimension != required:
         message = (
-            f"{short} of `{local_name(owner)}` is in {name} ({si_unit(known.dimension)}),"
-            f" but is measured in {si_unit(wanted)}"
+            f"{short} of `{local_name(owner)}` is in {name} ({si_unit(used.dimension)}),"
+            f" but needs a unit of {si_unit(required)}"
         )
-        yield error("R037", message, span, "convert it to such a unit")
+        yield error("R037", message, span, f"convert it to {si_unit(required)}")
         return
     is_numeric = local_name(literal.datatype or "") in NUMERIC
     if name is not None or is_numeric or takes_numbers(ontology, property_name):
@@ -364,13 +365,13 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
             message = f"{short} of `{local_name(owner)}` is {literal.value!r}, which is not a number"
             yield error("R037", message, span, "write a number, such as 0.5")
             return
-    if name is not None and known is None:
+    if name is not None and used is None:
         message = f"{short} of `{local_name(owner)}` is in {name}, an unknown unit; the number is read without it"
         yield warning("R037", message, span, "use a unit of QUDT, such as Meter, SecondTime or MeterPerSecond")
 
 
-def _meant(ontology: Ontology, undefined: str) -> Rename | None:
-    """Return a name of the main document, else a class of the vocabulary, that is similar to an undefined one."""
+def _similar(ontology: Ontology, undefined: str) -> Rename | None:
+    """Find a name of the main document, else a class of the vocabulary, that is similar to an undefined one."""
     names = {
         triple.subject: None
         for triple in ontology.triples(p=RDF.type)
@@ -379,20 +380,20 @@ def _meant(ontology: Ontology, undefined: str) -> Rename | None:
     return guess(undefined, names) or guess(undefined, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
 
 
-def _asked(meant: Rename | None) -> str:
-    return f"did you mean {meant}?" if meant else UNDEFINED
+def _question(suggestion: Rename | None) -> str:
+    return f"did you mean {suggestion}?" if suggestion else UNDEFINED
 
 
 ANNOTATION_PROPERTY = OWL.AnnotationProperty
 
 _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
-"""Parts of a posture's name that do not distinguish it."""
+"""Uninformative parts of a posture's name."""
 
 
 @check("R036")
 def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report places without any relation that are no posture of the robot."""
-    created = made(checked.ontology, checked.statements)
+    """Report places without relations that are not a posture of the robot."""
+    created = created_individuals(checked.ontology, checked.statements)
     for owner in checked.owners:
         for parameter in owner.parameters:
             if isinstance(parameter.filler, Place) and parameter.filler.iri not in created:
@@ -400,27 +401,27 @@ def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _unrelated(actions: Actions, owner: Step | Recipe, place: Place, span: Span | None) -> Iterator[Diagnostic]:
-    """Yield an error for a place of the base without relation, a warning for the hand's unless it names a posture."""
+    """Report a place without relations: an error for the base, a warning for the hand unless it names a posture."""
     if not place.is_posture or place.pose is not None:
         return
-    is_own = actions.ontology.main(place.iri)  # else the mistake is the step's, not the vocabulary's
+    is_own = actions.ontology.main(place.iri)  # else blame the step, not the vocabulary
     where = (actions.ontology.span(place.iri) if is_own else None) or span
-    nothing = "anything" if not any(references(actions.ontology, place.iri)) else "anything that is somewhere"
+    reference = "anything" if not any(references(actions.ontology, place.iri)) else "anything with a position"
     target = f"`{place.name}`" if is_own else f"a place of your own below `{place.name}`, and name that"
     advice = f"add one of {', '.join(owl_properties())} to {target}"
     if isinstance(owner, Step) and actions.is_base_motion(owner):
-        message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {nothing}"
+        message = f"`{owner.name}` moves the base to `{place.name}`, which has no relation to {reference}"
         yield error("R036", message, where, advice)
     elif _NO_NAME.sub("", place.name).lower() not in postures():
         message = (
-            f"`{place.name}`, a place of `{owner.name}`, has no relation to {nothing}, and no bundled robot"
+            f"`{place.name}`, a place of `{owner.name}`, has no relation to {reference}, and no bundled robot"
             f" has a posture of that name"
         )
         yield warning("R036", message, where, f"{advice}; known postures: {', '.join(sorted(postures()))}")
 
 
 def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnostic]:
-    """Report statements about a place that are no relations which locations have (R038)."""
+    """Report statements about a place that are not spatial relations (R038)."""
     stated = [(triple.predicate, triple.span) for triple in ontology.triples(s=place.iri)]
     stated = [one for one in stated if one[0].partition("#")[0] not in _LANGUAGES]
     stated += [(one.property, one.span) for one in ontology.restrictions(place.iri)]
@@ -429,17 +430,17 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
             continue
         short = local_name(property_name)
         whole = [name for name in owl_properties() if name.partition("-")[0] == short]  # inFrontOf-Generally
-        meant = guess(property_name, map(expand, whole or owl_properties()), least=0.5 if whole else 0.75)
-        advice = f"did you mean {meant}?" if meant else f"relations: {', '.join(owl_properties())}"
+        suggestion = guess(property_name, map(expand, whole or owl_properties()), least=0.5 if whole else 0.75)
+        advice = f"did you mean {suggestion}?" if suggestion else f"relations: {', '.join(owl_properties())}"
         message = f"{short} of the place `{place.name}` is ignored: it is not a relation"
-        yield warning("R038", message, span, advice, meant)
+        yield warning("R038", message, span, advice, suggestion)
 
 
 _LANGUAGES = {iri.partition("#")[0] for iri in (RDF.type, RDFS.label, RDFS.comment, OWL)}
 
 
 def places_of(place: Place) -> Iterator[Place]:
-    """Yield a place and the places that it relates to."""
+    """Yield a place and the places that it refers to."""
     yield place
     for _, reference in place.relations:
         if isinstance(reference, Place):
@@ -448,7 +449,7 @@ def places_of(place: Place) -> Iterator[Place]:
 
 @cache
 def postures() -> frozenset[str]:
-    """Return the names of the postures that bundled robots have, without separators."""
+    """Names of the postures of bundled robots, without separators."""
     names: set[str] = set()
     for path in (bundled("ontologies") / "robots").glob("*.toml"):
         names |= set(tomllib.loads(path.read_text(encoding="utf-8")).get("postures", {}))
@@ -459,7 +460,7 @@ def postures() -> frozenset[str]:
 def unused_names(checked: CheckedFile) -> Iterator[Diagnostic]:
     """Report location designators (a warning) and things (a note) of the main document that nothing refers to.
 
-    A file in which things have places of their own is a map as well: there things need no use.
+    In a file that is also a map, because things have positions, unused things are not reported.
     """
     ontology = checked.ontology
     places, things = unused_designators(ontology)
@@ -470,17 +471,17 @@ def unused_names(checked: CheckedFile) -> Iterator[Diagnostic]:
 
 
 def unused_designators(ontology: Ontology) -> tuple[list[str], list[str]]:
-    """Return the unused location designators, and the unused things, of the main document, in the order of the file.
+    """Find unused location designators and unused things of the main document, in the order of the file.
 
-    No things are returned if the file is a map as well. Supporting planes state what chunks act on, things which roles
-    they fill.
+    There are no unused things if the file is also a map. Supporting planes and things with roles count as used, because
+    action tables and workflows refer to them indirectly.
     """
-    planes = {triple.subject for triple in ontology.using("supportedObject", "hasRole", "isClassifiedBy")}
+    used = {triple.subject for triple in ontology.using("supportedObject", "hasRole", "isClassifiedBy")}
     places: list[str] = []
     things: list[str] = []
     is_map = any(True for _ in ontology.triples(p="eventOccursAt"))
     for name in ontology.unused():
-        if ontology.is_class(name) or name in planes:
+        if ontology.is_class(name) or name in used:
             continue
         if is_place(ontology, name):
             places.append(name)

@@ -1,4 +1,4 @@
-"""Checks of what steps need of the robot: what is unordered must not need the same."""
+"""Checks for unordered steps that need the same resource of the robot."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from planlang.recipe.model import RecipeSet, Step, Thing
 from planlang.recipe.order import Precedence, recipe_order
 
 Needs = Mapping[str, frozenset[str]]
-"""What each step (IRI) needs of the robot."""
+"""Step (IRI) -> resources of the robot that it needs."""
 
 MOST_STEPS = 200
-"""Steps with resources of one recipe that are compared pair by pair: 20,000 pairs take about 20 ms."""
+"""Maximum number of steps that are compared pair by pair: 20,000 pairs take about 20 ms."""
 
 
 @check("R045", unless=(*RECURSIVE, "R012", *ORDERS_UNKNOWN))
 def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that need the same resource of the robot and are unordered, unless R042 orders them."""
+    """Report unordered steps that need the same resource of the robot, unless R042 suggests an order."""
     actions, recipe, recipes = checked.actions, checked.recipe, checked.file.recipes
     narrow: dict[str, frozenset[str]] = {}
     wide: dict[str, frozenset[str]] = {}
@@ -36,7 +36,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         order = order.extended(suggested, weak=checked.added)
 
     def shared(first: Step, second: Step) -> frozenset[str]:
-        """Return what both steps need; a recipe also holds what its steps need, process modules take turns by step."""
+        """Resources that both steps need. A recipe holds those of its steps; process modules take turns per step."""
         needs = whole if first.recipes or second.recipes else own
         return needs[first.iri] & needs[second.iri]
 
@@ -53,7 +53,7 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _nearest(using: Sequence[Step], rivals: Mapping[str, int], order: Precedence[str]) -> tuple[Step, Step]:
-    """Return the first pair of rivals, or one that has it ordered, too: the last step before the first one after."""
+    """Shrink the first pair of rivals to the closest one that conflicts: the last step before, the first step after."""
     first = next(step for step in using if rivals[step.iri])
     second = next(step for step in using if rivals[first.iri] & order.bit(step.iri))
     for one in using[: using.index(second)]:
@@ -66,7 +66,7 @@ def _nearest(using: Sequence[Step], rivals: Mapping[str, int], order: Precedence
 
 
 def _rivals(using: Sequence[Step], own: Needs, whole: Needs, order: Precedence[str]) -> dict[str, int]:
-    """Return for each step (IRI) the bits of the steps that are unordered with it and need something that it needs."""
+    """Map each step (IRI) to the bits of the unordered steps that need one of its resources."""
     users: dict[tuple[bool, str], int] = {}
     recipes = 0
     for step in using:
@@ -75,34 +75,34 @@ def _rivals(using: Sequence[Step], own: Needs, whole: Needs, order: Precedence[s
         for is_whole, needs in ((False, own), (True, whole)):
             for role in needs[step.iri]:
                 users[is_whole, role] = users.get((is_whole, role), 0) | bit
-    found: dict[str, int] = {}
+    rivals: dict[str, int] = {}
     for step in using:
         sharing = 0
         for role in whole[step.iri]:
             sharing |= users[True, role] & (-1 if step.recipes else recipes)
         for role in () if step.recipes else own[step.iri]:
             sharing |= users[False, role] & ~recipes
-        found[step.iri] = sharing & ~(order.later(step.iri) | order.earlier(step.iri) | order.bit(step.iri))
-    return found
+        rivals[step.iri] = sharing & ~(order.later(step.iri) | order.earlier(step.iri) | order.bit(step.iri))
+    return rivals
 
 
 def _resources(
     actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
 ) -> frozenset[str]:
-    """Return the roles that a step and the steps below it need; a role of the hand with its device if that is stated.
+    """Roles that a step and the steps below it need; a role of the hand includes its device if that is stated.
 
-    With ``with_implied`` those of what primitives do on the way, too. ``known`` are those of recipes (IRIs) that were
-    asked for before.
+    ``with_implied`` adds those of actions that primitives perform as side effects. ``known`` caches the roles of
+    recipes (IRIs).
     """
     primitive = actions.primitive(step)
     if primitive is not None:
         devices = sorted(thing.name for thing in step.fillers("deviceUsed") if isinstance(thing, Thing))
-        on_the_way = (actions.primitives.get(action) for action in primitive.implies if with_implied)
-        roles = {role for one in (primitive, *on_the_way) if one is not None for role in one.resources}
+        implied = (actions.primitives.get(action) for action in primitive.implies if with_implied)
+        roles = {role for one in (primitive, *implied) if one is not None for role in one.resources}
         return frozenset(
             f"{role} of {devices[0]}" if devices and role in ("arm", "gripper") else role
             for role in roles
-            if role != "base"  # the order of base motions is judged by R040
+            if role != "base"  # R040 checks the order of base motions
         )
     for callee in step.recipes:
         if callee not in known:

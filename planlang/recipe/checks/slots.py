@@ -1,4 +1,4 @@
-"""Checks of slots: how they are declared, and whether what fills them is of the right kind."""
+"""Checks of slots: their declarations, and the kinds of their fillers."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
 from planlang.recipe.model import Absence, Filler, Name, Place, Thing
-from planlang.recipe.readers import made
-from planlang.recipe.slots import in_words, takes
+from planlang.recipe.readers import created_individuals
+from planlang.recipe.slots import accepts, in_words
 
 
 @check("R063")
 def declarations(checked: CheckedFile) -> Iterator[Diagnostic]:
-    """Report slots that primitives and signatures declare in a way that cannot be read."""
+    """Report malformed declarations of slots."""
     yield from checked.actions.slot_problems
 
 
 @check("R060")
 def wrong_kinds(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report what fills a slot though it is of another kind; what another step makes may be anything."""
-    created = made(checked.ontology, checked.statements)
+    """Report fillers of the wrong kind for their slot; individuals that another step creates are not checked."""
+    created = created_individuals(checked.ontology, checked.statements)
     for owner in checked.owners:
         slots = checked.actions.slots(owner.action_class)
         for parameter in owner.parameters if slots else ():
             slot, filler = slots.get(parameter.property), parameter.filler
             iri = filler.iri if isinstance(filler, (Thing, Place, Name)) else None
-            if slot is not None and iri not in created and not takes(checked.ontology, slot, filler):
-                message = f"{slot.property} of `{owner.name}` is {_what(filler)}, but must be {in_words(slot)}"
-                yield error("R060", message, parameter.span, f"name {in_words(slot)} there")
+            if slot is not None and iri not in created and not accepts(checked.ontology, slot, filler):
+                message = f"{slot.property} of `{owner.name}` is {_described(filler)}, but must be {in_words(slot)}"
+                yield error("R060", message, parameter.span, f"write {in_words(slot)} there")
 
 
 @check("R068", unless=("R060",))
 def unstated(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps of the file that do not state what a recipe should say, such as to whom something is handed."""
+    """Report steps of the file that leave out what a recipe should state, such as the recipient of a hand-over."""
     recipe = checked.recipe
     for step in recipe.steps:
         for slot in checked.actions.slots(step.action_class).values() if checked.ontology.main(step.iri) else ():
@@ -44,7 +44,7 @@ def unstated(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 yield warning("R068", message, checked.ontology.span(step.iri) or step.span, advice)
 
 
-def _what(filler: Filler) -> str:
+def _described(filler: Filler) -> str:
     match filler:
         case Thing():
             return f"the {filler.kind.value} `{filler.name}`"

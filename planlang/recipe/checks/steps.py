@@ -1,7 +1,7 @@
 """Checks of sub-actions and states.
 
-Sub-actions are defined, executable, stated once, without recursion, with the capabilities they require; states exist,
-are reached, and are left however they end.
+Sub-actions have to be defined, executable, stated once, not recursive, and able to have the capabilities they require;
+states have to exist, be reachable, and have a transition for each way in which they can end.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from planlang.recipe.statements import Statements, SubAction, is_word
 from planlang.spelling import similar
 
 MOST_ABOVE = 2
-"""Superclasses that advice on a module names: a module for those farther up would have to do very different things."""
+"""Number of superclasses in the advice on a module: one for classes farther up would do very different things."""
 
 DEEPEST = 50
-"""Recipes that may be nested in each other. Hand-written ones nest a few levels; deeper generated ones get a diagnostic
-here, where a plan that calls as many functions in each other might end at Python's limit of recursion."""
+"""Maximum nesting of recipes. Hand-written ones nest a few levels; deeper ones are reported here, because a plan with
+that many nested calls might exceed Python's recursion limit."""
 
 
 @check("R020")
 def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report sub-actions that nothing defines, or that name no class."""
+    """Report sub-actions that are not defined, or that name no class."""
     ontology, name = checked.ontology, checked.recipe.name
     within = checked.recipe.within
     article, kind = ("a", "sub-action") if within is None else ("an", "alternative")
@@ -40,18 +40,18 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     for sub_action in _once(checked):
         iri = sub_action.iri
         if sub_action.alternatives:
-            continue  # each of them is judged as the step of a recipe
+            continue  # each of them is checked as the step of a recipe
         if iri is None:
             message = f"{article} {kind} of `{name}` is an expression without a named action class"
             yield error("R020", message, sub_action.span, "name an action class in it")
         elif within is not None and ontology.defined(iri) and not _is_action(checked, iri):
-            message = f"`{local_name(iri)}` is an alternative of a step of `{name}`, but no class of actions"
-            advice = f"name a class below knowrob:Action, or give `{local_name(iri)}` sub-actions"
+            message = f"`{local_name(iri)}` is an alternative of a step of `{name}`, but not a class of actions"
+            advice = f"name a subclass of knowrob:Action, or give `{local_name(iri)}` sub-actions"
             yield error("R020", message, sub_action.span, advice)
         elif not ontology.defined(iri):
             message = f"{kind} `{local_name(iri)}` of `{name}` is not defined"
-            advice, meant = _instead(ontology, checked.statements, iri)
-            yield error("R020", message, sub_action.span, advice, meant)
+            advice, suggestion = _instead(ontology, checked.statements, iri)
+            yield error("R020", message, sub_action.span, advice, suggestion)
 
 
 def _is_action(checked: CheckedRecipe, iri: str) -> bool:
@@ -61,7 +61,7 @@ def _is_action(checked: CheckedRecipe, iri: str) -> bool:
 
 @check("R024")
 def repeated_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report sub-actions that are stated twice, or to be performed several times."""
+    """Report sub-actions that are stated twice, or with a number of repetitions."""
     name, first = checked.recipe.name, _once(checked)
     for sub_action in checked.statements.sub_actions:
         short = local_name(sub_action.iri or "")
@@ -73,15 +73,15 @@ def repeated_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _once(checked: CheckedRecipe) -> dict[SubAction, None]:
-    """Return the sub-actions as they are first stated, and all that name nothing."""
-    found: dict[str, SubAction] = {}
+    """First statements of the sub-actions, and all anonymous ones."""
+    first: dict[str, SubAction] = {}
     subs = checked.statements.sub_actions
-    return dict.fromkeys(sub for sub in subs if sub.iri is None or found.setdefault(sub.iri, sub) is sub)
+    return dict.fromkeys(sub for sub in subs if sub.iri is None or first.setdefault(sub.iri, sub) is sub)
 
 
 @check("R005")
 def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report words of the recipe vocabulary that stand in another namespace."""
+    """Report words of the recipe vocabulary in another namespace."""
     for filling in checked.statements.foreign:
         word = local_name(filling.property)
         message = f"{word} is in another namespace ({filling.property}): it is read as KnowRob's"
@@ -90,19 +90,19 @@ def foreign_words(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R021")
 def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that nothing performs yet: a process module that a program registers may."""
+    """Report steps that nothing performs; a process module registered by a program still may."""
     for step in checked.recipe.steps:
-        is_told = checked.recipe.within is None or _is_action(checked, step.iri)
-        if step.is_abstract and is_told and not _is_performed(checked, step.action_class):
+        is_known = checked.recipe.within is None or _is_action(checked, step.iri)
+        if step.is_abstract and is_known and not _is_performed(checked, step.action_class):
             message = f"nothing performs `{step.name}` yet: it is not a primitive and has no recipe"
             yield warning("R021", message, step.span, _performers_to_add(checked, step.action_class))
 
 
 @check("R022", "R023")
 def recursion(checked: CheckedFile) -> list[Diagnostic]:
-    """Report each step through which a recipe performs itself, with the whole cycle, or recipes nested too deeply."""
+    """Report each step through which a recipe performs itself, with the whole cycle, and recipes nested too deeply."""
     recipes = checked.recipes
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     done: set[str] = set()
     path = [recipes.task]
     waiting = [_calls(recipes, recipes.task)]
@@ -118,14 +118,14 @@ def recursion(checked: CheckedFile) -> list[Diagnostic]:
             through = f" (`{step.name}` inherits the recipe of its superclass)" if step.iri != callee else ""
             message = "the recipe performs itself: " + " > ".join(f"`{local_name(name)}`" for name in circle)
             advice = f"give `{step.name}` a recipe of its own, or make it a primitive"
-            found.append(error("R022", message + through, step.span, advice))
+            diagnostics.append(error("R022", message + through, step.span, advice))
         elif len(path) > DEEPEST:
             message = f"`{step.name}` is nested in more than {DEEPEST} recipes"
-            return [*found, error("R023", message, step.span, "flatten the recipes in between")]
+            return [*diagnostics, error("R023", message, step.span, "flatten the recipes in between")]
         elif callee not in done:
             path.append(callee)
             waiting.append(_calls(recipes, callee))
-    return found
+    return diagnostics
 
 
 def _calls(recipes: RecipeSet, iri: str) -> Iterator[tuple[Step, str]]:
@@ -150,18 +150,18 @@ def same_names(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
-    """Return the name that an undefined one probably stands for, in words and as a change."""
+    """Suggest a name for an undefined one, in words and as a change."""
     for name in statements.mentioned():
         if name not in statements.names and ontology.defined(name):
             return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None
-    meant = guess(undefined, ontology.subclasses(expand("Action")))
-    if meant:
-        return f"did you mean {meant}?", meant
+    suggestion = guess(undefined, ontology.subclasses(expand("Action")))
+    if suggestion:
+        return f"did you mean {suggestion}?", suggestion
     return f"define `{local_name(undefined)}` as a subclass of an action class", None
 
 
 def _is_performed(checked: CheckedRecipe, cls: str) -> bool:
-    """Return True if a process module performs a class (IRI) or one above it."""
+    """True if a process module performs a class (IRI) or an ancestor of it."""
     performed = checked.actions.performed()
     return bool(performed) and any(
         not performed.isdisjoint((one, shorten(one), local_name(one))) for one in checked.ontology.ancestors(cls)
@@ -169,9 +169,10 @@ def _is_performed(checked: CheckedRecipe, cls: str) -> bool:
 
 
 def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
-    """Return what would perform a class (IRI): a process module, a recipe, a class nearby that is performed.
+    """Suggest how to perform a class (IRI): a process module, sub-actions, or a similar class that is performed.
 
-    A class nearby is one of the vocabulary, or one that a primitive or the library performs: no step of its recipes.
+    Similar classes are those of the vocabulary, and those that a primitive or the library performs, but no steps of the
+    file's own recipes.
     """
     ontology, actions = checked.ontology, checked.actions
     if len(ontology.ancestors(cls)) == 1:
@@ -180,7 +181,7 @@ def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
     public = (one for one in others if shorten(one) != one or one in actions.primitives or one in actions.library)
     performed = (one for one in public if any(recipes_for(actions, one)))
     near = guess(cls, performed, least=_LIKE, telling=_without_number)
-    below = f", or place it below `{local_name(near.meant)}`" if near else ""
+    below = f", or make it a subclass of `{local_name(near.meant)}`" if near else ""
     above = [f"`{local_name(one)}`" for one in ontology.ancestors(cls)[1:] if not actions.is_any(one)][:MOST_ABOVE]
     module = " or ".join([f"`{local_name(cls)}`", *above])
     for known in map(local_name, checked.ontology.ancestors(cls)):
@@ -190,7 +191,7 @@ def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
 
 
 def _without_number(iri: str) -> str:
-    """Return a local name without the number that tells copies of a class apart: ``Waiting`` of ``Waiting2``."""
+    """Local name without the number of a copy: ``Waiting`` for ``Waiting2``."""
     name = local_name(iri)
     return name.rstrip("0123456789").rstrip("_-") or name
 
@@ -200,14 +201,14 @@ _UPPER = {"dependsOnCapability": "Capability", "hasCapabilityDependency": "Capab
 _ENDINGS = ("Capability", "Component")
 _NO_COMPONENTS = ("Capability", "Action", "Event")
 _LIKE = 0.7
-"""Least similarity (difflib) of names, without their common endings, for one to be suggested for the other."""
+"""Minimum similarity (difflib) of names, without their common endings, for a suggestion."""
 _LAST_PART = re.compile(r"(?<=.)[A-Z][a-z]+$")
 _DISJOINT = "http://www.w3.org/2002/07/owl#disjointWith"
 
 
 @check("R046")
 def requirements(checked: CheckedFile) -> Iterator[Diagnostic]:
-    """Report what tasks and their steps depend on, directly or not, if it is undefined, impossible or circular."""
+    """Report direct and indirect dependencies of tasks and steps that are undefined, impossible or circular."""
     ontology, recipes = checked.ontology, checked.recipes
     classes: dict[str, None] = {}
     for recipe in recipes.recipes.values():
@@ -222,7 +223,7 @@ def requirements(checked: CheckedFile) -> Iterator[Diagnostic]:
     seen = list(reached(classes, needed))
     for cls in seen:
         for restriction in _requirements(ontology, cls):
-            yield from _judged(ontology, cls, restriction)
+            yield from _dependency(ontology, cls, restriction)
     yield from _circles(ontology, seen)
 
 
@@ -230,15 +231,15 @@ def _requirements(ontology: Ontology, cls: str) -> list[Restriction]:
     return [one for one in ontology.restrictions(cls) if is_word(one.property, *_WORDS)]
 
 
-def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[Diagnostic]:
+def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[Diagnostic]:
     needed, word = restriction.filler, local_name(restriction.property)
     if not isinstance(needed, (str, BNode)) or restriction.kind in ("max", "only"):
         return
     if isinstance(needed, str) and not ontology.defined(needed):
-        meant = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
-        advice = f"did you mean {meant}?" if meant else "import the file that defines it, or correct the name"
+        suggestion = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
+        advice = f"did you mean {suggestion}?" if suggestion else "import the file that defines it, or correct the name"
         message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which is not defined"
-        yield warning("R046", message, restriction.span, advice, meant)
+        yield warning("R046", message, restriction.span, advice, suggestion)
         return
     both = _excluded(ontology, needed)
     if both is not None:
@@ -248,7 +249,7 @@ def _judged(ontology: Ontology, cls: str, restriction: Restriction) -> Iterator[
 
 
 def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
-    """Return the classes that may be meant: those with the same ending, if it is one of the uninformative endings."""
+    """Classes to suggest: capabilities or components with the same uninformative ending, if any."""
     upper = _UPPER.get(word)
     if upper:
         names = ontology.subclasses(expand(upper))[1:]
@@ -259,19 +260,19 @@ def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
 
 
 def _ending(name: str) -> str:
-    """Return the kind of thing with which a name ends, also if misspelt; empty for other names."""
+    """Uninformative ending of a name, such as Capability, even if misspelt; empty for other names."""
     last = _LAST_PART.search(local_name(name))
     return next(iter(get_close_matches(last[0], _ENDINGS, n=1, cutoff=0.8)), "") if last else ""
 
 
 def _telling(name: str) -> str:
-    """Return the local name without its ending, which the names of all capabilities share."""
+    """Local name without its uninformative ending."""
     short = local_name(name)
     return _LAST_PART.sub("", short) if _ending(name) else short
 
 
 def _excluded(ontology: Ontology, needed: str | BNode) -> tuple[str, str] | None:
-    """Return two classes above what is needed that are stated to be disjoint; None if there are none."""
+    """Find two disjoint classes above a required class or expression; None if there are none."""
     named = [one for one in ontology.members(needed) if isinstance(one, str)]
     above = dict.fromkeys(ancestor for name in named for ancestor in ontology.ancestors(name))
     for cls in above:
@@ -282,7 +283,7 @@ def _excluded(ontology: Ontology, needed: str | BNode) -> tuple[str, str] | None
 
 
 def _circles(ontology: Ontology, classes: list[str]) -> Iterator[Diagnostic]:
-    """Report capabilities that depend on themselves: only robots that state them have them."""
+    """Report capabilities that depend on themselves: only robots that state them explicitly have them."""
     below = {
         cls: {one.filler: one for one in _requirements(ontology, cls) if isinstance(one.filler, str)} for cls in classes
     }
@@ -304,20 +305,20 @@ def _circles(ontology: Ontology, classes: list[str]) -> Iterator[Diagnostic]:
 
 @check("R050")
 def undefined_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report names of states that nothing defines."""
+    """Report undefined names of states."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
-    known = [name for name in statements.names if ontology.defined(name)]
+    defined = [name for name in statements.names if ontology.defined(name)]
     for name in statements.mentioned():
         if name not in statements.names and not ontology.defined(name):
-            meant = guess(name, known)
-            advice = f"did you mean {meant}?" if meant else f"define it, and add `subAction some {local_name(name)}`"
+            other = guess(name, defined)
+            advice = f"did you mean {other}?" if other else f"define it, and add `subAction some {local_name(name)}`"
             message = f"the state `{local_name(name)}` of `{recipe.name}` is not defined"
-            yield error("R050", message, _where(ontology, statements, name) or recipe.span, advice, meant)
+            yield error("R050", message, _where(ontology, statements, name) or recipe.span, advice, other)
 
 
 @check("R051")
 def unlisted_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report states that are no sub-actions though others are: they are taken as such."""
+    """Report states that are not listed as sub-actions although others are; they are treated as such."""
     recipe = checked.recipe
     for name, where in unlisted_states(checked.ontology, checked.statements):
         message = f"`{local_name(name)}` is a state of `{recipe.name}`, but not a sub-action: it is treated as one"
@@ -326,7 +327,7 @@ def unlisted_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def unlisted_states(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, Span | None]]:
-    """Yield the states (IRIs) of a finite-state recipe that are defined but no sub-actions, and their first mention."""
+    """Yield the defined states (IRIs) of a finite-state recipe that are not sub-actions, with their first mention."""
     for name in statements.mentioned() if statements.states is not None else ():
         if name not in statements.names and ontology.defined(name):
             yield name, _where(ontology, statements, name)
@@ -334,7 +335,7 @@ def unlisted_states(ontology: Ontology, statements: Statements) -> Iterator[tupl
 
 @check("R052")
 def starts_and_ends(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report a recipe that does not begin in exactly one state, or has no end."""
+    """Report a recipe without exactly one start state, or without an end state."""
     states, recipe = checked.statements.states, checked.recipe
     if states is None:
         return
@@ -352,7 +353,7 @@ def starts_and_ends(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R057")
 def orders_of_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report ordering constraints of a finite-state recipe, where only transitions count."""
+    """Report ordering constraints of a finite-state recipe, which have no effect."""
     orderings = checked.statements.orderings
     if checked.statements.states is not None and orderings:
         message = f"`{checked.recipe.name}` has states and ordering constraints: only the transitions count"
@@ -361,7 +362,7 @@ def orders_of_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R053")
 def ambiguous_transitions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report transitions that leave a state in the same case for different ones."""
+    """Report transitions from one state with the same outcome to different states."""
     machine, recipe = checked.recipe.machine, checked.recipe
     first: dict[tuple[str, str | Ending], Transition] = {}
     for one in machine.transitions if machine is not None else ():
@@ -377,7 +378,7 @@ def ambiguous_transitions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R054", unless=("R052",))
 def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report states to which no transitions lead from the start."""
+    """Report states that no transitions from the start lead to."""
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None:
         return
@@ -399,7 +400,9 @@ def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 @check("R055", unless=("R052",))
 def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report endings of states that no transition covers, and transitions that are never taken, such as out of ends."""
+    """Report outcomes of states without a transition, and transitions that are never taken, such as those from end
+    states.
+    """
     machine, recipe, actions = checked.recipe.machine, checked.recipe, checked.actions
     for step in recipe.steps if machine is not None else ():
         assert machine is not None
@@ -412,7 +415,7 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 yield warning("R055", message, regular[0].span, "remove the transition, or the taskEndState")
             continue
         checks = endings & {Ending.TRUE, Ending.FALSE}
-        yield from _unsaid(actions, step.name, own, checked=bool(checks))
+        yield from _unknown_outcomes(actions, step.name, own, checked=bool(checks))
         missing: list[str] = []
         if len(checks) == 1:
             missing = ["CONDITION_FALSE" if Ending.TRUE in checks else "CONDITION_TRUE"]
@@ -426,8 +429,8 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             yield warning("R055", message, step.span, advice)
 
 
-def _unsaid(actions: Actions, state: str, own: list[Transition], *, checked: bool) -> Iterator[Diagnostic]:
-    """Report outcomes whose names do not show what they mean: what performs the state has to give them by name."""
+def _unknown_outcomes(actions: Actions, state: str, own: list[Transition], *, checked: bool) -> Iterator[Diagnostic]:
+    """Report outcomes without a known meaning: they occur only if the performer of the state returns their name."""
     for one in own:
         if one.ending is not Ending.OTHER or one.outcome is None:
             continue
@@ -445,7 +448,7 @@ def _unsaid(actions: Actions, state: str, own: list[Transition], *, checked: boo
 
 @check("R056", unless=("R052",))
 def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report a recipe without a transition for any failure: a failure ends it, and a loop may go on for ever."""
+    """Report a recipe that handles no failure: any failure ends it, and a loop may never end."""
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None or any(one.ending is Ending.FAILED for one in machine.transitions):
         return
@@ -473,7 +476,7 @@ def _later(first: Transition, second: Transition) -> Span | None:
 
 
 def _where(ontology: Ontology, statements: Statements, name: str) -> Span | None:
-    """Return where a state is mentioned first: in a transition, else as start or end."""
+    """First mention of a state: in a transition, else as start or end."""
     transitions = statements.states.transitions if statements.states is not None else ()
     events = {one.iri for one in transitions}
     mentions = list(ontology.triples(o=name))

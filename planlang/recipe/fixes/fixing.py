@@ -1,6 +1,6 @@
-"""Fixing a recipe's text: every fix is tried, and kept only if what it is for is gone and nothing else got worse.
+"""Fixing the text of a recipe: each fix is kept only if its problem disappears and nothing else gets worse.
 
-A fix that a person accepted is judged by the checks and by a rehearsal of the plan, before and after it.
+A fix that the user accepted is evaluated by the checks and by a rehearsal of the plan, before and after it.
 """
 
 from __future__ import annotations
@@ -19,24 +19,23 @@ from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Rehearsal, Rehearse, Worse
 from planlang.recipe.fixes.manchester_text import ManchesterText
-from planlang.recipe.fixes.proposals import declarations, proposed, renames
+from planlang.recipe.fixes.proposals import declarations, propose_fixes, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
 from planlang.records import dataclass
 
 MOST_FIXES = 100
-"""Fixes made or tried in one file. Each takes a reading of the whole file, a tenth of a second for a real recipe."""
+"""Maximum number of fixes tried in one file. Each reads the whole file again, a tenth of a second for a real recipe."""
 
 _ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "iso8859-1", "iso8859-15", "cp1252")
 
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
-    """A recipe's text before and after, what was done, and what was left.
+    """Text of a recipe before and after fixing, the fixes that were made, and those that were not.
 
-    Left is what was not accepted, what was not possible, and what would have made the recipe worse, each with why.
-
-    Spans of what was left are positions in the text after.
+    The latter were not accepted, impossible, or refused because they would have made the recipe worse, each with the
+    reason. Their spans are positions in the text after fixing.
     """
 
     before: str
@@ -50,7 +49,7 @@ class Fixed:
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """A text, which was read from a temporary file, with what is wrong with it."""
+    """A text, read from a temporary file, with its diagnostics and possible fixes."""
 
     text: str
     file: str
@@ -72,45 +71,45 @@ def fix_recipe(
     accepted: frozenset[str] = frozenset(),
     rehearse: Rehearse | None = None,
 ) -> Fixed:
-    """Fix the recipe in a file, which stays as it is.
+    """Fix the recipe in a file without changing the file.
 
-    Fixes that are not safe are made only if their code is ``accepted``, and if neither the checks nor a rehearsal of
-    the plan find that they make the recipe worse. The other arguments are those of
-    :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
+    Uncertain fixes are made only if their code is ``accepted``, and if neither the checks nor a rehearsal of the plan
+    find that they make the recipe worse. The other arguments are those of :func:`planlang.recipe.read_recipe`. Raises
+    BadInput if the file cannot be read at all.
     """
     fixing = _Fixing(path, task, folders, rehearse)
     state = fixing.first()
     done: list[Fix] = []
     failed: dict[tuple[str, str], tuple[Fix, CannotEdit]] = {}
     while len(done) + len(failed) < MOST_FIXES:
-        wanted = [fix for fix in state.fixes if fix.is_safe or fix.code in accepted]
-        waiting = [fix for fix in wanted if (fix.code, fix.message) not in failed]
+        allowed = [fix for fix in state.fixes if fix.is_safe or fix.code in accepted]
+        waiting = [fix for fix in allowed if (fix.code, fix.message) not in failed]
         if not waiting:
             break
         safe = [fix for fix in waiting if fix.is_safe]
-        for some in (safe, waiting[:1]) if len(safe) > 1 else (waiting[:1],):  # all at once if that works
+        for batch in (safe, waiting[:1]) if len(safe) > 1 else (waiting[:1],):  # first all safe fixes at once
             try:
-                state = fixing.tried(state, some)
-                done += some
+                state = fixing.tried(state, batch)
+                done += batch
                 break
             except CannotEdit as problem:
-                if some is not safe:
+                if batch is not safe:
                     failed[waiting[0].code, waiting[0].message] = (waiting[0], problem)
     unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
-    left = [(replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in failed.values()]
+    unmade = [(replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in failed.values()]
     return Fixed(
         fixing.before,
         state.text,
         fixing.encoding,
         tuple(done),
         tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in unaccepted),
-        tuple((one, str(why)) for one, why in left if not isinstance(why, Worse)),
-        tuple((one, why) for one, why in left if isinstance(why, Worse)),
+        tuple((one, str(why)) for one, why in unmade if not isinstance(why, Worse)),
+        tuple((one, why) for one, why in unmade if isinstance(why, Worse)),
     )
 
 
 class _Fixing:
-    """A recipe's file, of which changed texts are read as if they were in it."""
+    """Reads variants of a recipe's text as if they were in its file."""
 
     def __init__(self, path: Path, task: str | None, folders: Sequence[Path], rehearse: Rehearse | None) -> None:
         self._path, self._task, self._folders, self._rehearse = path, task, folders, rehearse
@@ -120,14 +119,14 @@ class _Fixing:
         self.encoding = _encoding(content, self.before)
 
     def first(self) -> _State:
-        """Return the file as it is; raises BadInput if it cannot be read."""
+        """Read the file as it is. Raises BadInput if it cannot be read."""
         try:
             return self._read(self.before)
         except BadInput as problem:
             raise BadInput([replace(one, span=self.in_file(one.span)) for one in problem.diagnostics]) from None
 
     def _read(self, text: str) -> _State:
-        """Return the diagnostics and fixes of a text; raises BadInput if it cannot be read."""
+        """Read a text with its diagnostics and fixes. Raises BadInput if it cannot be read."""
         with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
             copy = Path(folder) / self._path.name
             copy.write_bytes(text.encode(self.encoding))
@@ -135,33 +134,33 @@ class _Fixing:
             reading = read_recipe(actions, self._task)
             if reading.actions is actions:
                 raw = read_recipes(actions, reading.recipes.task) if reading.recipes is not None else None
-                fixes = proposed(actions, reading.recipes, raw, reading.diagnostics)
-            else:  # what else there is to fix stands beside names that are not yet in the text
+                fixes = propose_fixes(actions, reading.recipes, raw, reading.diagnostics)
+            else:  # correct the names first: spans of other fixes may refer to names that are not in the text yet
                 fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
         here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
         return _State(text, str(copy), reading.diagnostics, here)
 
     def tried(self, state: _State, fixes: Sequence[Fix]) -> _State:
-        """Return the state with fixes made. Raises CannotEdit if that is not possible, or does not help."""
+        """Apply fixes. Raises CannotEdit if that is impossible, or does not help."""
         text = _editable(state)
         edits = [fix.edit(text) for fix in fixes]
         if not all(edits):
-            raise CannotEdit("nothing in the text was found to be changed")
+            raise CannotEdit("the text to change was not found")
         try:
             new = self._read(_applied(state.text, chain.from_iterable(edits)))
         except (BadInput, UnicodeEncodeError):
-            raise CannotEdit("the text could not be read any more") from None
-        left = {(fix.code, fix.message) for fix in new.fixes}
-        if any((fix.code, fix.message) in left for fix in fixes):
+            raise CannotEdit("the changed text could not be read") from None
+        remaining = {(fix.code, fix.message) for fix in new.fixes}
+        if any((fix.code, fix.message) in remaining for fix in fixes):
             raise CannotEdit("the change to the text had no effect")
         if not all(fix.is_safe for fix in fixes):
-            self._judge(state, new, fixes[0])
+            self._refuse_if_worse(state, new, fixes[0])
         elif new.errors() - state.errors():
-            raise CannotEdit("there would be errors that are not there now")
+            raise CannotEdit("the change would cause new errors")
         return new
 
-    def _judge(self, before: _State, after: _State, fix: Fix) -> None:
-        """Raise Worse if checks or rehearsal find more that is wrong after a fix than before it."""
+    def _refuse_if_worse(self, before: _State, after: _State, fix: Fix) -> None:
+        """Raise Worse if checks or rehearsal find more problems after a fix than before it."""
         fixed = next((one.severity for one in before.diagnostics if one.code == fix.code), Severity.NOTE)
         new = [
             one
@@ -170,26 +169,26 @@ class _Fixing:
         ]
         errors = after.count(Severity.ERROR) - before.count(Severity.ERROR)
         if new and (errors > 0 or fixed is not Severity.ERROR):
-            raise Worse(f"there would be the error {new[0].code}: {new[0].message}", new[0].help or "change it by hand")
+            raise Worse(f"it would cause the error {new[0].code}: {new[0].message}", new[0].help or "change it by hand")
         if not errors and after.count(Severity.WARNING) > before.count(Severity.WARNING):
             old = {(one.code, one.message) for one in before.diagnostics}
             more = next(one for one in after.diagnostics if (one.code, one.message) not in old)
-            raise Worse(f"there would be the {more.severity.value} {more.code}: {more.message}", more.help or "")
-        self._judge_rehearsals(self._rehearsed(before), self._rehearsed(after))
+            raise Worse(f"it would cause the {more.severity.value} {more.code}: {more.message}", more.help or "")
+        self._compare_rehearsals(self._rehearsed(before), self._rehearsed(after))
 
     @staticmethod
-    def _judge_rehearsals(before: Rehearsal | None, after: Rehearsal | None) -> None:
+    def _compare_rehearsals(before: Rehearsal | None, after: Rehearsal | None) -> None:
         if after is None:
             return
-        known = before.unmet if before is not None else ()
+        unmet_before = before.unmet if before is not None else ()
         for unmet in after.unmet:
-            if unmet not in known:
+            if unmet not in unmet_before:
                 raise Worse(f"in the plan, {unmet}", unmet.advice)
         if before is not None and after.failure and not before.failure:
             raise Worse(f"the plan would fail: {after.failure}", "change it by hand")
 
     def _rehearsed(self, state: _State) -> Rehearsal | None:
-        """Return how the plan of a text goes; None if it does not compile, or nobody rehearses."""
+        """Rehearse the plan of a text; None if it does not compile, or if there is no rehearsal."""
         if self._rehearse is None:
             return None
         if state.text not in self._rehearsals:
@@ -200,23 +199,23 @@ class _Fixing:
         return self._rehearsals[state.text]
 
     def in_file(self, span: Span | None) -> Span | None:
-        """Return the position in the file itself instead of its temporary copy."""
+        """Position in the file itself instead of its temporary copy."""
         return span if span is None or Path(span.file).name != self._path.name else span._replace(file=str(self._path))
 
 
 def _editable(state: _State) -> Editable:
-    """Return the text as RDF/XML or as Manchester syntax. Raises CannotEdit if it is XML with mistakes, or Turtle."""
+    """Open the text as RDF/XML or Manchester syntax. Raises CannotEdit for malformed XML and other syntaxes."""
     match syntax_of(state.text, "the recipe"):
         case Syntax.RDFXML:
             return XmlText(state.text, state.file)
         case Syntax.MANCHESTER:
             return ManchesterText(state.text, state.file)
         case Syntax.TURTLE | Syntax.URDF | Syntax.GRID as syntax:
-            raise CannotEdit(f"{syntax.value} is not edited; planlang convert writes it in another syntax")
+            raise CannotEdit(f"planlang does not edit {syntax.value}; planlang convert writes another syntax")
 
 
 def _applied(text: str, edits: Iterable[Edit]) -> str:
-    """Return the text with all edits made; of insertions at one position the one given first comes first.
+    """Apply edits; insertions at one position keep their order.
 
     Raises CannotEdit if two edits touch the same characters.
     """
@@ -237,4 +236,4 @@ def _encoding(content: bytes, text: str) -> str:
                 return encoding
         except UnicodeEncodeError:
             continue
-    raise BadInput([error("O004", "the file is in an encoding that is read but not written", help="save it as UTF-8")])
+    raise BadInput([error("O004", "planlang cannot write the encoding of this file", help="save it as UTF-8")])

@@ -27,12 +27,12 @@ _NEXT_FRAME = re.compile(rf"^[ \t]*(?:{'|'.join(_HEADS)}):(?=\s)", re.MULTILINE)
 _PREFIX = re.compile(r"^[ \t]*Prefix:\s*([^\s:<>]*):\s*<([^<>\s]*)>", re.MULTILINE)
 _LOCAL = re.compile(r"\w(?:[\w.-]*[\w-])?")
 _LONGEST = 1000
-"""Characters before a filler among which its property is looked for: a property and `some` stand right before it, and
-the pattern is tried at each of them."""
+"""Maximum distance of a property before its filler, in characters: only `some` or the like stands between them, and the
+pattern is tried at each character."""
 
 
 class ManchesterText(Editable):
-    """A file in Manchester syntax; fillers and names stand at their first character, a fact at its property."""
+    """File in Manchester syntax; spans are the first characters of fillers and names, for facts of the property."""
 
     def exchanged(self, first: Span, second: Span) -> list[Edit]:
         (a_start, a_end), (b_start, b_end) = self._property(first), self._property(second)
@@ -45,7 +45,7 @@ class ManchesterText(Editable):
 
     def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
         old = local_name(written)
-        for match in islice(_NAME.finditer(self.text, self._offset(where)), 2):  # of a fact the second is the name
+        for match in islice(_NAME.finditer(self.text, self._offset(where)), 2):  # in a fact the name comes second
             name = match[0].removesuffix(">")
             if name.endswith(old) and name[: -len(old)][-1:] in ("", ":", "#", "/"):
                 if written.removesuffix(old) == meant.removesuffix(local_name(meant)):
@@ -77,7 +77,7 @@ class ManchesterText(Editable):
         end = self._property(filler)[1]
         word = _KIND.match(self.text, end)
         if word is None:
-            raise CannotEdit("neither some nor value is written there")
+            raise CannotEdit("expected some or value there")
         return [Edit(*word.span(1), kind)]
 
     def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
@@ -101,28 +101,28 @@ class ManchesterText(Editable):
     def _with_restriction(self, place: Place, new: str, individual: list[str]) -> list[Edit]:
         """Add a restriction to a task, and the lines of the individual that it names.
 
-        The restriction becomes an item of the list in which the last one is, if it is one; else it gets a frame.
+        The restriction becomes an item in the list of the last one if there is a list; otherwise it gets a frame.
         """
         end = self._name(place.last)[1]
         is_item = place.is_flat and self._ends_an_item(end)
-        stated = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
-        frames = [frame for frame in (stated, individual) if frame]
+        frame_of_task = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
+        frames = [frame for frame in (frame_of_task, individual) if frame]
         indent = self.indentation(self._property(place.last)[0])
         edits = [Edit(end, end, f",{self.line_end()}{indent}{new}" if indent else f", {new}")] if is_item else []
         return [*edits, self._frames(end, frames)] if frames else edits
 
-    def _frames(self, place: int, frames: list[list[str]]) -> Edit:
-        """Write frames, given by their lines, behind the one that has a place."""
-        following = _NEXT_FRAME.search(self.text, place)
+    def _frames(self, position: int, frames: list[list[str]]) -> Edit:
+        """Write frames, given by their lines, after the frame at a position."""
+        following = _NEXT_FRAME.search(self.text, position)
         end = following.start() if following else len(self.text)
-        lines = self.text[place:end].splitlines(keepends=True)
+        lines = self.text[position:end].splitlines(keepends=True)
         while len(lines) > 1 and (not lines[-1].strip() or lines[-1].lstrip().startswith("#")):
             lines.pop()
-        end = place + len("".join(lines).rstrip())
+        end = position + len("".join(lines).rstrip())
         return Edit(end, end, "".join(self.line_end().join(["", "", *frame]) for frame in frames))
 
     def _ends_an_item(self, offset: int) -> bool:
-        """Return True if an item of a list ends here: before a comma, another section, or the end."""
+        """True if an item of a list ends here: before a comma, another section, or the end."""
         rest = re.sub(r"\A(?:\s|#[^\n]*\n)+", "", self.text[offset:])
         return not rest or rest.startswith(",") or _FRAME.match(rest) is not None
 
@@ -131,26 +131,26 @@ class ManchesterText(Editable):
         return offset_of(self.text, span)
 
     def _name(self, span: Span) -> tuple[int, int]:
-        found = _NAME.match(self.text, self._offset(span))
-        if found is None:
-            raise CannotEdit("a name is expected there")
-        value = re.match(r"\s+", self.text[found.end() :])
-        if re.search(r"occurs(?:Before|After)InOrdering>?\Z", found[0]) and value is not None:
-            found = _NAME.match(self.text, found.end() + value.end())
-            if found is None:
-                raise CannotEdit("a name is expected behind the property")
-        return found.start(), found.end()
+        match = _NAME.match(self.text, self._offset(span))
+        if match is None:
+            raise CannotEdit("expected a name there")
+        value = re.match(r"\s+", self.text[match.end() :])
+        if re.search(r"occurs(?:Before|After)InOrdering>?\Z", match[0]) and value is not None:
+            match = _NAME.match(self.text, match.end() + value.end())
+            if match is None:
+                raise CannotEdit("expected a name after the property")
+        return match.start(), match.end()
 
     def _property(self, filler: Span) -> tuple[int, int]:
         offset = self._offset(filler)
         window = max(0, offset - _LONGEST)
-        found = _BEFORE_FILLER.search(self.text[window:offset].replace("(", " "))
-        if found is None or re.search(r"\binverse\s*\Z", self.text[window : window + found.start()]):
-            raise CannotEdit("no `property some filler` is written there")
-        return window + found.start("property"), window + found.end("property")
+        match = _BEFORE_FILLER.search(self.text[window:offset].replace("(", " "))
+        if match is None or re.search(r"\binverse\s*\Z", self.text[window : window + match.start()]):
+            raise CannotEdit("expected `property some filler` there")
+        return window + match.start("property"), window + match.end("property")
 
     def _written(self, iri: str) -> str:
-        """Return a name as the file writes such ones: with the prefix of its namespace, else in full."""
+        """Name in the form that the file uses: with the prefix of its namespace, else as a full IRI."""
         local = local_name(iri)
         for prefix, namespace in _PREFIX.findall(self.text) if _LOCAL.fullmatch(local) else ():
             if canonical(namespace) == iri.removesuffix(local):

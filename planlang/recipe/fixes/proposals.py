@@ -1,4 +1,4 @@
-"""The fixes that a recipe needs, apart from their text edits, which depend on the syntax of the file."""
+"""Fixes for the diagnostics of a recipe, independent of the syntax of the file."""
 
 from __future__ import annotations
 
@@ -24,23 +24,26 @@ from planlang.spelling import similar
 _T = TypeVar("_T")
 
 _ORDERS_UNKNOWN = frozenset({"R010", "R011", "R012", "R020"})
-"""Codes of mistakes by which it is not known what the file orders: an order may only seem to be missing."""
+"""Codes of mistakes after which the stated orders are not known: an order may only seem to be missing."""
 
 
-def proposed(
+def propose_fixes(
     actions: Actions, recipes: RecipeSet | None, unrepaired: RecipeSet | None, diagnostics: tuple[Diagnostic, ...]
 ) -> list[Fix]:
-    """Return all fixes that a file needs, as read, each once.
+    """Propose all fixes for a file, each once.
 
-    ``unrepaired`` are the recipes before exchanged fillers were taken the right way round.
+    ``unrepaired`` are the recipes before swapped fillers were corrected.
     """
     ontology = actions.ontology
     fixes = [
         Fix(
-            found.code, found.message.replace(" is read as ", " becomes "), found.span, methodcaller("with_right_terms")
+            problem.code,
+            problem.message.replace(" is read as ", " becomes "),
+            problem.span,
+            methodcaller("with_right_terms"),
         )
-        for found in diagnostics
-        if found.code == "O012" or (found.code == "O013" and found.severity is Severity.ERROR)
+        for problem in diagnostics
+        if problem.code == "O012" or (problem.code == "O013" and problem.severity is Severity.ERROR)
     ]
     fixes += [*declarations(diagnostics), *_kinds(ontology), *renames(ontology, diagnostics), *_unused(ontology)]
     if unrepaired is not None:
@@ -54,13 +57,13 @@ def proposed(
             fixes += _names(ontology, statements, recipe)
             fixes += _removals(ontology, statements, recipe)
             fixes += _states(ontology, statements, recipe)
-        if _ORDERS_UNKNOWN.isdisjoint(found.code for found in diagnostics):
+        if _ORDERS_UNKNOWN.isdisjoint(problem.code for problem in diagnostics):
             fixes += _orders(actions, recipes, diagnostics)
     return list({(fix.code, fix.message): fix for fix in fixes}.values())
 
 
 def _kinds(ontology: Ontology) -> Iterator[Fix]:
-    """Replace the word for classes in restrictions to an individual, and the other way round."""
+    """Replace `some` by `value` in restrictions to individuals, and `value` by `some` in those to classes."""
     main = str(ontology.documents[0].path)
     for predicate, kind, code in ((OWL.someValuesFrom, "value", "O042"), (OWL.hasValue, "some", "O043")):
         triples = [
@@ -82,45 +85,47 @@ def _with_kind(spans: list[Span], kind: str) -> Callable[[Editable], list[Edit]]
 
 
 def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
-    """Replace undefined names by the names that are like them, in all their mentions in the main document."""
-    for found in diagnostics:
-        rename = found.suggestion
+    """Replace undefined names by similar ones, in all their mentions in the main document."""
+    for problem in diagnostics:
+        rename = problem.suggestion
         if isinstance(rename, Rename):
             triples = [*ontology.triples(o=rename.written), *ontology.triples(p=rename.written)]
-            spans = sorted({triple.span for triple in triples if found.span and triple.span.file == found.span.file})
+            spans = sorted(
+                {triple.span for triple in triples if problem.span and triple.span.file == problem.span.file}
+            )
 
             def edit(text: Editable, rename: Rename = rename, spans: list[Span] = spans) -> list[Edit]:
                 return [one for span in spans for one in text.replaced(span, rename.written, rename.meant)]
 
             message = f"`{local_name(rename.written)}` becomes {rename}"
-            yield Fix(found.code, message, found.span, edit, rename.is_sure)
+            yield Fix(problem.code, message, problem.span, edit, rename.is_sure)
 
 
 def declarations(diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
-    """Declare the entities that are not; in one fix, as there may be no document type to hold declarations."""
-    found = [(one.suggestion, one) for one in diagnostics if isinstance(one.suggestion, Declaration)]
+    """Declare undeclared entities; all in one fix, because the document may not have a DOCTYPE yet."""
+    undeclared = [(one.suggestion, one) for one in diagnostics if isinstance(one.suggestion, Declaration)]
     for is_sure in (True, False):
-        some = [(change, one) for change, one in found if change.is_sure == is_sure]
-        if some:
-            message = f"{', '.join(f'`&{change.entity};`' for change, _ in some)} declared in the DOCTYPE"
-            edit = methodcaller("with_declarations", [change for change, _ in some])
-            yield Fix("O016", message, some[0][1].span, edit, is_sure)
+        group = [(change, one) for change, one in undeclared if change.is_sure == is_sure]
+        if group:
+            message = f"{', '.join(f'`&{change.entity};`' for change, _ in group)} declared in the DOCTYPE"
+            edit = methodcaller("with_declarations", [change for change, _ in group])
+            yield Fix("O016", message, group[0][1].span, edit, is_sure)
 
 
 def _exchanges(ontology: Ontology, recipe: Recipe) -> Iterator[Fix]:
-    """Exchange the properties of fillers that were given for each other's."""
+    """Swap fillers that were given for each other's property."""
     owners: tuple[Recipe | Step, ...] = (recipe, *recipe.steps)
     for owner in owners:
         pair = exchanged_pair(ontology, owner.parameters)
         if pair is not None:
             (first, a), (second, b) = pair
-            message = f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner.name}` are exchanged"
+            message = f"{first.property} `{a.name}` and {second.property} `{b.name}` of `{owner.name}` are swapped"
             if first.span is not None and second.span is not None:
                 yield Fix("R030", message, first.span, methodcaller("exchanged", first.span, second.span))
 
 
 def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
-    """Rename what is ordered but no sub-action, where only one sub-action can be meant."""
+    """Rename ordered names that are not sub-actions, if only one sub-action is plausible."""
     stated = {one.iri: one for one in statements.sub_actions if one.iri is not None}
     undefined = [one for iri, one in stated.items() if not ontology.defined(iri)]
     strangers: dict[str, dict[Span, None]] = {}
@@ -137,10 +142,10 @@ def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterat
                 message = f"the sub-action `{local_name(wrong.iri or '')}` of `{recipe.name}` becomes `{short}`"
                 yield Fix("R010", message, wrong.span, _renamed([wrong.span], mentions[0]), is_safe=False)
             continue
-        alike = similar(short, by_name, n=2)
-        if len(alike) == 1:
-            message = f"`{short}` in the orderings of `{recipe.name}` becomes `{alike[0]}`"
-            yield Fix("R010", message, min(mentions), _renamed(mentions, by_name[alike[0]].span))
+        similar_names = similar(short, by_name, n=2)
+        if len(similar_names) == 1:
+            message = f"`{short}` in the orderings of `{recipe.name}` becomes `{similar_names[0]}`"
+            yield Fix("R010", message, min(mentions), _renamed(mentions, by_name[similar_names[0]].span))
 
 
 def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]:
@@ -148,21 +153,21 @@ def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]
 
 
 def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
-    """Add missing orderings, which the file does not state: even a plausible one is a guess."""
+    """Add suggested orderings; they are uncertain, because the file does not state them."""
     ontology = actions.ontology
-    for found in diagnostics:
-        order = found.suggestion
+    for problem in diagnostics:
+        order = problem.suggestion
         if not isinstance(order, Order):
             continue
         statements = statements_for(actions, recipes.recipes[order.task].iri)
         heads = {one.iri: one.span for one in reversed(statements.sub_actions)}
         before, after = local_name(order.before), local_name(order.after)
-        why = found.message.partition(": ")[2] if found.code == "R042" else found.message
-        suffix = wanted = re.sub(r"\W", "_", f"_{before}_{after}")
+        why = problem.message.partition(": ")[2] if problem.code == "R042" else problem.message
+        suffix = base_suffix = re.sub(r"\W", "_", f"_{before}_{after}")
         number = 1
         while ontology.defined(statements.iri + suffix):
             number += 1
-            suffix = f"{wanted}_{number}"
+            suffix = f"{base_suffix}_{number}"
         place = _place(ontology, statements.iri, "orderingConstraints")
         ends = heads[order.before], heads[order.after]
 
@@ -171,13 +176,13 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
         ) -> list[Edit]:
             return text.with_ordering(_listed(place), *ends, suffix)
 
-        yield Fix(found.code, f"`{before}` before `{after}`: {why}", found.span, edit, is_safe=False)
+        yield Fix(problem.code, f"`{before}` before `{after}`: {why}", problem.span, edit, is_safe=False)
 
 
 def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:
-    """Return the place of a new restriction of a class: after the last one with one of the words, or sub-action.
+    """Position for a new restriction of a class: after the last one with one of the words, else after the sub-actions.
 
-    It is None if no restrictions list sub-actions.
+    None if no restrictions list sub-actions.
     """
     restrictions = ontology.restrictions(stating)
     subs = [one for one in restrictions if is_sub_action(one)]
@@ -190,12 +195,12 @@ def _place(ontology: Ontology, stating: str, *words: str) -> Place | None:
 
 def _listed(place: _T | None) -> _T:
     if place is None:
-        raise CannotEdit("no restrictions of a class list its sub-actions")
+        raise CannotEdit("the sub-actions are not listed in restrictions of a class")
     return place
 
 
 def _states(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
-    """Make sub-actions of the states that are none though others are."""
+    """Make sub-actions of states that are not listed as such although others are."""
     place = _place(ontology, statements.iri)
     for name, mention in unlisted_states(ontology, statements):
         message = f"the state `{local_name(name)}` becomes a sub-action of `{recipe.name}`"
@@ -208,15 +213,15 @@ def _states(ontology: Ontology, statements: Statements, recipe: Recipe) -> Itera
 
 
 def _bindings(ontology: Ontology, unrepaired: Recipe, repaired: Recipe) -> Iterator[Fix]:
-    """Write the individuals that things given by their class were taken for."""
+    """Name the individuals that replaced things given by their class."""
     owners: tuple[tuple[Recipe | Step, Recipe | Step], ...] = (
         (unrepaired, repaired),
         *zip(unrepaired.steps, repaired.steps, strict=True),
     )
-    for stated, taken in owners:
+    for stated, bound in owners:
         if exchanged_pair(ontology, stated.parameters) is not None:
             continue
-        for before, after in zip(stated.parameters, taken.parameters, strict=False):  # inherited ones come last
+        for before, after in zip(stated.parameters, bound.parameters, strict=False):  # inherited ones come last
             thing, only, where = before.filler, after.filler, before.span
             if not isinstance(thing, Thing) or not isinstance(only, Thing) or thing.iri is not None or where is None:
                 continue
@@ -230,17 +235,17 @@ def _bindings(ontology: Ontology, unrepaired: Recipe, repaired: Recipe) -> Itera
 
 
 def _unused(ontology: Ontology) -> Iterator[Fix]:
-    """Take out location designators and things that nothing uses; another file may be meant to use them."""
+    """Remove unused location designators and things; uncertain, because another file may use them."""
     for what, names in zip(("location designator", "thing"), unused_designators(ontology), strict=True):
         for name in names:
             span = ontology.span(name)
             if span is not None:
-                message, edit = f"the unused {what} `{local_name(name)}` is taken out", "without_individual"
+                message, edit = f"the unused {what} `{local_name(name)}` is removed", "without_individual"
                 yield Fix("R039", message, span, methodcaller(edit, span, name), is_safe=False)
 
 
 def _removals(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterator[Fix]:
-    """Take out repeated sub-actions, constraints without effect, and all constraints of a recipe of states."""
+    """Remove repeated sub-actions, constraints without effect, and all constraints of a recipe with states."""
     restrictions = ontology.restrictions(statements.iri)
     stated = {str(one.filler): one for one in restrictions if is_word(one.property, "orderingConstraints")}
     pairs: dict[str, set[tuple[str, str]]] = {}
@@ -249,7 +254,7 @@ def _removals(ontology: Ontology, statements: Statements, recipe: Recipe) -> Ite
             pairs.setdefault(ordering.iri, set()).add((ordering.before, ordering.after))
     if statements.states is not None:
         for name in pairs:
-            message = f"the constraint `{local_name(name)}` of states is taken out"
+            message = f"the constraint `{local_name(name)}` of states is removed"
             yield _removal("R057", message, ontology, stated[name])
     else:
         yield from _repeated(ontology, recipe, stated, pairs)
@@ -259,24 +264,24 @@ def _removals(ontology: Ontology, statements: Statements, recipe: Recipe) -> Ite
 def _repeated(
     ontology: Ontology, recipe: Recipe, stated: dict[str, Restriction], pairs: dict[str, set[tuple[str, str]]]
 ) -> Iterator[Fix]:
-    """Take out constraints that repeat others or follow from them."""
-    said: set[tuple[str, str]] = set()
+    """Remove constraints that repeat others or follow from them."""
+    stated_pairs: set[tuple[str, str]] = set()
     extra = follow_from_others(recipe)
     for ordering in constraints_of(recipe):
         own = pairs.pop(ordering.iri or "", set())
         if ordering.iri is None or not own:
             continue
         name = local_name(ordering.iri)
-        if own <= said:
-            yield _removal("R013", f"the repeated `{name}` is taken out", ontology, stated[ordering.iri])
+        if own <= stated_pairs:
+            yield _removal("R013", f"the repeated `{name}` is removed", ontology, stated[ordering.iri])
         elif own <= extra:
-            message = f"`{name}`, which follows from other orderings, is taken out"
+            message = f"`{name}`, which follows from other orderings, is removed"
             yield _removal("R014", message, ontology, stated[ordering.iri])
-        said |= own
+        stated_pairs |= own
 
 
 def _twice(recipe: Recipe, restrictions: tuple[Restriction, ...]) -> Iterator[Fix]:
-    """Take out sub-actions and constraints that are named a second time."""
+    """Remove sub-actions and constraints that are named a second time."""
     seen: set[str] = set()
     for one in restrictions:
         is_constraint = is_word(one.property, "orderingConstraints")
@@ -284,16 +289,16 @@ def _twice(recipe: Recipe, restrictions: tuple[Restriction, ...]) -> Iterator[Fi
             continue
         if one.filler in seen and one.cardinality in (None, 1):
             code, what = ("R013", "constraint") if is_constraint else ("R024", "sub-action")
-            message = f"the repeated {what} `{local_name(one.filler)}` of `{recipe.name}` is taken out"
+            message = f"the repeated {what} `{local_name(one.filler)}` of `{recipe.name}` is removed"
             yield Fix(code, message, one.span, methodcaller("without", one.span))
         seen.add(one.filler)
 
 
 def _removal(code: str, message: str, ontology: Ontology, restriction: Restriction) -> Fix:
-    """Return a fix that takes out a restriction and, if nothing else names it, the individual that it names."""
+    """Fix that removes a restriction and, unless something else refers to it, the individual that it names."""
     name, span = restriction.filler, restriction.span
     head = ontology.span(name) if isinstance(name, str) else None
-    is_used = sum(1 for _ in ontology.triples(o=name)) > 1  # another task may name it, too
+    is_used = sum(1 for _ in ontology.triples(o=name)) > 1  # by another task, too
 
     def edit(text: Editable) -> list[Edit]:
         is_whole = head is not None and head.file == span.file and not is_used

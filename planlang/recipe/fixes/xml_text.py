@@ -23,11 +23,11 @@ _ATTRIBUTE = re.compile(r"\s([^\s=\"']+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 
 @dataclass(slots=True)
 class Element:
-    """An element as it stands in the file: offsets of its first character, behind its start tag, behind its end."""
+    """An element in the file, with the offsets of its start, the end of its start tag, and its end."""
 
     tag: str
     name: str
-    """The tag with its namespace in place of the prefix."""
+    """The tag with its namespace instead of the prefix."""
     attributes: Mapping[str, str]
     """The attributes, with entities expanded."""
     prefixes: Mapping[str, str]
@@ -35,13 +35,13 @@ class Element:
     start: int
     opened: int = -1
     closing: int = -1
-    """The offset of the end tag; -1 if the element is a start tag only."""
+    """Offset of the end tag; -1 for an empty-element tag."""
     end: int = -1
     children: list[Element] = field(default_factory=list)
 
 
 class XmlText(Editable):
-    """An RDF/XML file; spans are the starts of elements. In one that is no XML only entities can be declared."""
+    """RDF/XML file; spans are the starts of elements. If it is malformed, only entities can be declared."""
 
     def __init__(self, text: str, file: str) -> None:
         super().__init__(text, file)
@@ -89,10 +89,10 @@ class XmlText(Editable):
         raise CannotEdit(f"the name {local_name(written)} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
-        restriction, around = self._restriction_of(filler)
-        if meant_term(around.name) == RDFS.subClassOf:
-            return [self._whole_lines(around)]
-        if around.name == OWL.intersectionOf and len(around.children) > 2:
+        restriction, parent = self._restriction_of(filler)
+        if meant_term(parent.name) == RDFS.subClassOf:
+            return [self._whole_lines(parent)]
+        if parent.name == OWL.intersectionOf and len(parent.children) > 2:
             return [self._whole_lines(restriction)]
         raise CannotEdit("the restriction is neither a superclass nor one of several in an intersection")
 
@@ -103,29 +103,29 @@ class XmlText(Editable):
 
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
         element = self._element(filler)
-        wanted = _KINDS[kind]
+        tag = _KINDS[kind]
         if element.name not in (OWL.someValuesFrom, OWL.hasValue):
-            raise CannotEdit("neither owl:someValuesFrom nor owl:hasValue is written there")
-        return self._tagged(element, _prefix(element, OWL) + wanted)
+            raise CannotEdit("expected owl:someValuesFrom or owl:hasValue there")
+        return self._tagged(element, _prefix(element, OWL) + tag)
 
     def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
-        stated = self._property(place.sub_action)
-        head, local, tail = self._slice(self._value(stated, "resource")).rpartition(place.word)
-        namespace = stated.attributes[_names(stated)[RDF + "resource"]].removesuffix(place.word)
+        on_property = self._property(place.sub_action)
+        head, local, tail = self._slice(self._value(on_property, "resource")).rpartition(place.word)
+        namespace = on_property.attributes[_names(on_property)[RDF + "resource"]].removesuffix(place.word)
         if not local or tail:
             raise CannotEdit(f"the property is not written as {place.word}")
-        restriction, around = self._restriction_of(place.last)
+        restriction, parent = self._restriction_of(place.last)
         name = self._reference(place.task) + suffix
         ends = self._reference(before), self._reference(after)
         return [
-            self._restriction(restriction, around, f"{head}orderingConstraints", "hasValue", name),
-            self._constraint(_outermost(restriction), name, namespace, _prefix(around, RDF), ends),
+            self._restriction(restriction, parent, f"{head}orderingConstraints", "hasValue", name),
+            self._constraint(_outermost(restriction), name, namespace, _prefix(parent, RDF), ends),
         ]
 
     def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
         property_name = self._slice(self._value(self._property(place.sub_action), "resource"))
-        restriction, around = self._restriction_of(place.last)
-        return [self._restriction(restriction, around, property_name, _KINDS[kind], self._reference(step))]
+        restriction, parent = self._restriction_of(place.last)
+        return [self._restriction(restriction, parent, property_name, _KINDS[kind], self._reference(step))]
 
     def with_declarations(self, declarations: Sequence[Declaration]) -> list[Edit]:
         offset, before, after = place_of_declarations(self.text)
@@ -146,35 +146,35 @@ class XmlText(Editable):
 
     @staticmethod
     def _tagged(element: Element, tag: str) -> list[Edit]:
-        """Write another tag for an element."""
+        """Change the tag of an element."""
         edits = [Edit(element.start + 1, element.start + 1 + len(element.tag), tag)]
         if element.closing >= 0:
             edits.append(Edit(element.closing + 2, element.closing + 2 + len(element.tag), tag))
         return edits
 
     def _whole_lines(self, element: Element) -> Edit:
-        """Take out an element, with its lines if nothing else is on them."""
+        """Remove an element, with its lines if nothing else is on them."""
         start = element.start - len(self.indentation(element.start))
         rest = re.compile(r"[ \t]*\r?\n").match(self.text, element.end)
         is_alone = rest is not None and (start == 0 or self.text[start - 1] == "\n")
         return Edit(start, rest.end(), "") if rest and is_alone else Edit(element.start, element.end, "")
 
     def _restriction_of(self, filler: Span) -> tuple[Element, Element]:
-        """Return the restriction of a filler, and the element around the restriction."""
+        """Restriction of a filler, and the element that contains the restriction."""
         restriction = self._element(filler).parent
-        around = restriction.parent if restriction is not None else None
-        if restriction is None or around is None:
-            raise CannotEdit("no restriction is written there")
-        return restriction, around
+        parent = restriction.parent if restriction is not None else None
+        if restriction is None or parent is None:
+            raise CannotEdit("expected a restriction there")
+        return restriction, parent
 
-    def _restriction(self, restriction: Element, around: Element, property_name: str, kind: str, filler: str) -> Edit:
-        """Write a restriction behind another one, in the same way."""
-        owl, rdf = _prefix(around, OWL), _prefix(around, RDF)
+    def _restriction(self, restriction: Element, parent: Element, property_name: str, kind: str, filler: str) -> Edit:
+        """Write a restriction after another one, in the same form."""
+        owl, rdf = _prefix(parent, OWL), _prefix(parent, RDF)
         inner = restriction.children[0] if restriction.children else restriction
-        is_superclass = meant_term(around.name) == RDFS.subClassOf
-        if not is_superclass and around.name != OWL.intersectionOf:
+        is_superclass = meant_term(parent.name) == RDFS.subClassOf
+        if not is_superclass and parent.name != OWL.intersectionOf:
             raise CannotEdit("the restriction is neither a superclass nor in an intersection")
-        behind = around if is_superclass else restriction
+        behind = parent if is_superclass else restriction
         first = self.indentation(behind.start)
         second = self.indentation(restriction.start)
         third = self.indentation(inner.start) or second + "    "
@@ -185,11 +185,11 @@ class XmlText(Editable):
             f"{second}</{owl}Restriction>",
         ]
         if is_superclass:
-            lines = [f"{first}<{around.tag}>", *lines, f"{first}</{around.tag}>"]
+            lines = [f"{first}<{parent.tag}>", *lines, f"{first}</{parent.tag}>"]
         return Edit(behind.end, behind.end, self.line_end().join(["", *lines]))
 
     def _constraint(self, behind: Element, name: str, namespace: str, rdf: str, ends: tuple[str, str]) -> Edit:
-        """Write the individual of an ordering constraint behind an element."""
+        """Write the individual of an ordering constraint after an element."""
         declared, prefix = "", ""
         try:
             prefix = _prefix(behind.parent or behind, namespace)
@@ -214,7 +214,7 @@ class XmlText(Editable):
         self._check()
         element = self._at.get((span.line, span.column))
         if element is None:
-            raise CannotEdit("no element begins there")
+            raise CannotEdit("expected an element there")
         return element
 
     def _check(self) -> None:
@@ -222,23 +222,23 @@ class XmlText(Editable):
             raise CannotEdit(self._problem)
 
     def _property(self, filler: Span) -> Element:
-        """Return the owl:onProperty beside a filler."""
+        """The owl:onProperty element of a filler's restriction."""
         restriction = self._element(filler).parent
         for child in restriction.children if restriction is not None else ():
             if child.name == OWL.onProperty:
                 return child
-        raise CannotEdit("no owl:onProperty is beside it")
+        raise CannotEdit("its restriction has no owl:onProperty")
 
     def _reference(self, span: Span) -> str:
-        """Return the text to write in rdf:resource for the name of an element."""
+        """Text for rdf:resource that refers to an element."""
         element = self._element(span)
         for local, sign in (("resource", ""), ("about", ""), ("ID", "#")):
             if RDF + local in _names(element):
                 return sign + self._slice(self._value(element, local))
-        raise CannotEdit("the element names nothing")
+        raise CannotEdit("the element has no name")
 
     def _in_attribute(self, element: Element, iri: str) -> str:
-        """Return an IRI as the file writes such ones: with its entity, else with the namespace of its prefix."""
+        """IRI in the form that the file uses: with its entity, else with the namespace of its prefix."""
         local = local_name(iri)
         namespace = iri.removesuffix(local)
         for name, value in self._entities.items():
@@ -248,17 +248,17 @@ class XmlText(Editable):
         return escape(declared + local, {'"': "&quot;"})
 
     def _value(self, element: Element, local: str) -> tuple[int, int]:
-        """Return where the value of an RDF attribute stands in the text."""
-        wanted = _names(element).get(RDF + local)
+        """Start and end of the value of an RDF attribute in the text."""
+        attribute = _names(element).get(RDF + local)
         for match in _ATTRIBUTE.finditer(self.text, element.start, element.opened):
-            if match[1] == wanted:
+            if match[1] == attribute:
                 return match.span(2) if match[2] is not None else match.span(3)
         raise CannotEdit(f"the element has no rdf:{local}")
 
     def _slice(self, place: tuple[int, int]) -> str:
         value = self.text[place[0] : place[1]]
         if '"' in value:
-            raise CannotEdit("a name has a quotation mark")
+            raise CannotEdit("a name contains a quotation mark")
         return value
 
     def _begin(self, tag: str, attributes: dict[str, str]) -> None:
@@ -291,7 +291,7 @@ class XmlText(Editable):
             element.closing, element.end = offset, self.text.index(">", offset) + 1
 
     def _offset(self) -> int:
-        """Return the offset of the character at which expat is; -1 inside of an entity, where positions go back."""
+        """Offset of expat's current character; -1 inside an entity, where positions go backwards."""
         position = self._parser.CurrentByteIndex
         if position < self._bytes:
             return -1
@@ -301,22 +301,22 @@ class XmlText(Editable):
 
 
 def _outermost(element: Element) -> Element:
-    """Return the child of the root that an element is, or is inside of."""
+    """Child of the root that the element is, or is inside of."""
     while element.parent is not None and element.parent.parent is not None:
         element = element.parent
     return element
 
 
 def _names(element: Element) -> dict[str, str]:
-    """Return the written names of the attributes with a prefix, by their full names."""
+    """Written names of attributes with a prefix, by their full names."""
     return {_resolved(key, element.prefixes): key for key in element.attributes if ":" in key}
 
 
 def _names_it(element: Element, name: str) -> bool:
-    """Return True if an element describes the thing with this local name."""
+    """True if an element describes the thing with this local name."""
     names = _names(element)
-    stated = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
-    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in stated)
+    written = [element.attributes[names[key]] for key in (RDF + "about", RDF + "ID") if key in names]
+    return any(one == name or one.endswith((f"#{name}", f"/{name}")) for one in written)
 
 
 def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:
@@ -325,7 +325,7 @@ def _resolved(tag: str, prefixes: Mapping[str, str]) -> str:
 
 
 def _prefix(element: Element, namespace: str) -> str:
-    """Return the prefix of a namespace, under its old or its current address, that holds at an element; with colon."""
+    """Prefix, with colon, of a namespace (at its old or current address) that is valid at an element."""
     for prefix, value in element.prefixes.items():
         if canonical(value) == canonical(namespace) and prefix:
             return prefix + ":"

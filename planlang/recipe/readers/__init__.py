@@ -3,8 +3,8 @@
 General layout: one file for each reader. ``partial_order`` reads classes with sub-actions and ordering constraints, in
 an intersection, flat or equivalent, as ``subAction`` or ``subEvents``, ``finite_state`` classes with states and
 transitions, ``action_table`` individuals chained by ``nextAction``, ``workflow`` individuals with ``hasStep`` and
-relations of intervals. Inputs and outputs are read in any of them. The reader is chosen by what
-a class or an individual states, so that one file may mix dialects. ``register`` adds a reader of one more.
+relations of intervals. Inputs and outputs are read in any of them. The reader is chosen for each class or
+individual by its statements, so that one file may mix dialects. ``register`` adds a reader for another dialect.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from planlang.recipe.statements import (
     LooseEnd,
     Statements,
     SubAction,
-    described,
     facts,
-    filled,
+    fillings_of,
     is_word,
+    read_ends,
 )
 from planlang.records import dataclass
 
@@ -39,7 +39,7 @@ OUTPUTS = ("outputsCreated", "outputs")
 
 
 def read_data_flow(ontology: Ontology, statements: Statements) -> Statements:
-    """Return the statements with the data flows that they and their sub-actions state, and the implied orders."""
+    """Add the data flows that the statements and their sub-actions state, and the orders that these imply."""
     mapped, loose = _mapped(ontology, statements)
     flows = (*statements.flows, *mapped, *_produced(ontology, statements))
     orders = () if statements.states is not None else _orders(statements, flows)
@@ -52,8 +52,9 @@ def read_data_flow(ontology: Ontology, statements: Statements) -> Statements:
 
 
 def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Ordering]:
-    """Yield the orders that flows imply: of a mapping always, of a thing that is used by name only if neither the order
-    nor its opposite is stated."""
+    """Yield the orders that flows imply. Mappings always order; the use of a named thing does only if the steps are
+    unordered.
+    """
     if not flows:
         return
     graph = nx.DiGraph((ordering.before, ordering.after) for ordering in statements.orderings)
@@ -66,33 +67,34 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
         yield Ordering(*ends, flow.iri, Reason.DATA_FLOW, flow.span)
 
 
-def made(ontology: Ontology, statements: Statements) -> frozenset[str]:
-    """Return the individuals (IRIs) that sub-actions create: they need not be defined anywhere else.
+def created_individuals(ontology: Ontology, statements: Statements) -> frozenset[str]:
+    """Individuals (IRIs) that sub-actions create, which need not be defined elsewhere.
 
-    They are named as outputs, or fill a property whose filler actions of the class make (``makes`` of a Primitive).
+    They are named as outputs, or fill a property whose filler the class of the action creates (``makes`` of a
+    Primitive).
     """
     key = ("made", statements.iri)
     if key not in ontology.kept:
         ontology.kept[key] = frozenset(name for _, name, _ in _outputs(ontology, statements))
-    found: frozenset[str] = ontology.kept[key]
-    return found
+    created: frozenset[str] = ontology.kept[key]
+    return created
 
 
 def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], list[LooseEnd]]:
     flows: list[Flow] = []
     loose: list[LooseEnd] = []
-    stated = [
-        *filled(
+    fillings_of_task = [
+        *fillings_of(
             one for one in ontology.restrictions(statements.iri) if is_word(one.property, "inputOutputConstraints")
         ),
         *facts(ontology, statements.iri, "inputOutputConstraints"),
     ]
-    for filling in stated:
+    for filling in fillings_of_task:
         mapping = filling.term
         if not isinstance(mapping, (str, BNode)):
             continue
         words = ("createsOutput", "requiresInput", "resourceType")
-        (producers, consumers, resources), span, missing = described(ontology, mapping, filling.span, *words)
+        (producers, consumers, resources), span, missing = read_ends(ontology, mapping, filling.span, *words)
         loose += missing
         classes: Sequence[str | None] = resources or [None]
         flows += [
@@ -103,8 +105,8 @@ def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], lis
 
 
 def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
-    """Return the flows of things that one sub-action creates by name and others use."""
-    found: dict[tuple[str, str, str], Flow] = {}
+    """Flows of named things that one sub-action creates and others use."""
+    flows: dict[tuple[str, str, str], Flow] = {}
     outputs = list(_outputs(ontology, statements))
     if not outputs:
         return []
@@ -115,8 +117,8 @@ def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
             for producer, name, span in outputs:
                 if filling.term == name and producer != sub.iri and not is_word(filling.property, *OUTPUTS):
                     flow = Flow(producer, sub.iri, name, shorten(filling.property), span=span)
-                    found.setdefault((producer, sub.iri, name), flow)
-    return [found[key] for key in sorted(found)]
+                    flows.setdefault((producer, sub.iri, name), flow)
+    return [flows[key] for key in sorted(flows)]
 
 
 def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, str, Span]]:
@@ -135,7 +137,7 @@ def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, 
 
 
 def _products(ontology: Ontology, cls: str) -> frozenset[str]:
-    """Return the properties (IRIs) whose fillers actions of a class make, where nothing else defines them."""
+    """Properties (IRIs) whose fillers are created by actions of a class."""
     if "makes" not in ontology.kept:
         table: dict[str, set[str]] = {}
         for one in ontology.individuals(expand("Primitive")):
@@ -147,7 +149,7 @@ def _products(ontology: Ontology, cls: str) -> frozenset[str]:
 
 
 def _states_outputs(ontology: Ontology) -> bool:
-    """Return True if any document states what something creates."""
+    """True if any document states outputs."""
     if "states outputs" not in ontology.kept:
         store = ontology.store
         restricted = map(store.name, set(map(store.objects.__getitem__, store.by(OWL.onProperty))))
@@ -157,7 +159,7 @@ def _states_outputs(ontology: Ontology) -> bool:
 
 
 def _consumed(ontology: Ontology, statements: Statements, consumer: str, resource: str | None) -> str | None:
-    """Return the property of the consumer that is filled with the resource, or with something of its class."""
+    """Property of the consumer that is filled with the resource, or with an instance or a subclass of it."""
     for sub in statements.sub_actions:
         if sub.iri == consumer and resource is not None:
             for filling in _all(ontology, sub):
@@ -176,10 +178,10 @@ def _all(ontology: Ontology, sub: SubAction) -> Iterator[Filling]:
 
 @dataclass(frozen=True, slots=True)
 class Loose:
-    """The marks of parts of a recipe that belong to no task.
+    """How to recognise parts of a recipe that no task refers to.
 
-    ``parts`` names them; ``marks`` are the local names of their properties, ``holder`` that of the property by which a
-    task has them; ``help`` is the advice where nothing has them.
+    ``parts`` names them in a message; ``marks`` are the local names of their properties, ``holder`` that of the
+    property by which a task refers to them; ``help`` is the advice if no task does.
     """
 
     parts: str
@@ -190,11 +192,11 @@ class Loose:
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """A reader of one dialect, or of several that are nearly the same.
+    """A reader of one dialect, or of several similar ones.
 
-    ``tasks`` yields the classes or individuals (IRIs) of the main document that may state a recipe; ``read`` returns
-    what one of them states, or None if that is no recipe in this dialect. ``words`` are the local names of properties
-    that only this reader takes up: they fill no parameters, and slips in them are misspellings.
+    ``tasks`` yields the classes or individuals (IRIs) of the main document that may state a recipe; ``read`` reads the
+    statements of one, or gives None if it is not a recipe in this dialect. ``words`` are the local names of properties
+    that only this reader reads: they fill no parameters, and typos in them are reported as misspellings.
     """
 
     tasks: Callable[[Ontology], Iterator[str]]
@@ -245,33 +247,33 @@ READERS: list[Reader] = [
         ),
     ),
 ]
-"""The readers in the order of their use: the first that finds a recipe reads it."""
+"""All readers, in the order in which they are tried."""
 
 
 def register(reader: Reader) -> None:
-    """Add a reader of one more dialect; it is asked after those that are there."""
+    """Add a reader for another dialect; it is tried after the existing ones."""
     READERS.append(reader)
     REGISTERED_WORDS.extend(reader.words)
 
 
 def statements_of(ontology: Ontology, iri: str) -> Statements | None:
-    """Return what a class or an individual states, with its data flow; None if it states no recipe."""
+    """Read the statements of a class or an individual, with its data flow; None if it states no recipe."""
     for reader in READERS:
-        found = reader.read(ontology, iri)
-        if found is not None:
-            return with_alternatives(ontology, read_data_flow(ontology, found))
+        statements = reader.read(ontology, iri)
+        if statements is not None:
+            return with_alternatives(ontology, read_data_flow(ontology, statements))
     return None
 
 
 def tasks_of(ontology: Ontology) -> tuple[str, ...]:
-    """Return the classes and individuals of the main document that may state a recipe, each once."""
+    """Classes and individuals of the main document that may state a recipe, each once."""
     return tuple(dict.fromkeys(iri for reader in READERS for iri in reader.tasks(ontology)))
 
 
 def loose_parts(ontology: Ontology) -> list[Diagnostic]:
-    """Return an error (R003) about parts of a recipe in the main document that no task holds together, if any.
+    """Report (R003) parts of a recipe in the main document that no task refers to, if any.
 
-    The first reader that knows such parts is the one that is believed.
+    Only the first reader that recognises such parts reports them.
     """
     main = str(ontology.documents[0].path)
     own = [triple for triple in ontology.triples() if triple.span.file == main]

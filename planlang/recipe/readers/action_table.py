@@ -1,9 +1,9 @@
-"""Dialect D4: action data tables, individuals with a chunk as ``subAction``; ``nextAction`` leads from it to the next.
+"""Dialect D4: action data tables: individuals with a first chunk as ``subAction``, chained by ``nextAction``.
 
-A chunk is an individual of a class of actions. ``nextAction`` and ``previousAction`` are the only orders; what no
-chain leads to but ``subAction`` names is unordered. The objects of a table have roles: the main object is acted on, the
-secondary one is where it goes. A chunk acts on what it states, else on what stood on its supporting plane, else on
-the table's main object, if actions of its class act on objects at all.
+A chunk is an individual of a class of actions. ``nextAction`` and ``previousAction`` are the only orders; a chunk that
+only ``subAction`` names is unordered. The objects of a table have roles: the main object is acted on, the secondary one
+is its target. A chunk acts on the object that it states, else on the one on its supporting plane, else on the main
+object of the table, if actions of its class act on objects at all.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from planlang.designators import local_name
 from planlang.ontology import Ontology, expand
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import ACTION_TABLE, Ordering
-from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
+from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named_iris
 
 _SUBS = ("subAction", "subEvents")
 _NEIGHBOURS = ("nextAction", "previousAction")
@@ -23,7 +23,7 @@ _ROLES = {
     _ACTED_ON: ("adtMainObject", "adtPrimaryObject"),
     "toLocation": ("adtSecondaryObject",),
 }
-"""Property of the action -> roles of an object in a table; the first that is filled counts."""
+"""Property of the action -> roles of an object in a table; the first role that is filled counts."""
 
 
 def tasks(ontology: Ontology) -> Iterator[str]:
@@ -34,11 +34,11 @@ def tasks(ontology: Ontology) -> Iterator[str]:
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """Return the chunks of a table in the order of the chain; None if the individual has no sub-action."""
+    """Read the chunks of a table in the order of the chain; None if the individual has no sub-action."""
     firsts = facts(ontology, iri, *_SUBS)
     if not firsts:
         return None
-    chunks = dict(sorted(named(firsts)))
+    chunks = dict(sorted(named_iris(firsts)))
     orderings: dict[tuple[str, str], Ordering] = {}
     reached = list(chunks)
     for chunk in reached:
@@ -63,13 +63,13 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 
 def _in_role(ontology: Ontology, table: str, property_name: str) -> list[Filling]:
-    """Return what has the role in a table that fills a property of its action."""
-    found = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
-    return [Filling(expand(property_name), fact.term, fact.span) for fact in found]
+    """Fillings of an action's property from the objects with the matching role in a table."""
+    objects = next(filter(None, (facts(ontology, table, role) for role in _ROLES[property_name])), [])
+    return [Filling(expand(property_name), fact.term, fact.span) for fact in objects]
 
 
 def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
-    """Return what a chunk acts on, unless it or its class states that; nothing for actions without objects."""
+    """Object of a chunk, unless the chunk or its class states one; none for actions without objects."""
     acted_on = expand(_ACTED_ON)
     cls = action_class(ontology, chunk)
     if cls is None or acted_on not in ontology.valid_properties(cls):
@@ -81,13 +81,13 @@ def _acted_on(ontology: Ontology, table: str, chunk: str) -> list[Filling]:
 
 
 def _supported(ontology: Ontology, chunk: str) -> list[Filling]:
-    """Return what stood on the supporting plane of a chunk: tables name and describe a plane of a log."""
-    found: list[Filling] = []
+    """Object on the supporting plane of a chunk. Tables may name a plane of a log by its local name only."""
+    objects: list[Filling] = []
     for plane in facts(ontology, chunk, "adtChunkSupport"):
         name = str(plane.term)
         described = [one for one in ontology.using("supportedObject") if isinstance(one.subject, str)]
         own = [one for one in described if one.subject == name]
         named = own or [one for one in described if local_name(str(one.subject)) == local_name(name)]
         if len({one.object for one in named}) == 1:
-            found.append(Filling(expand(_ACTED_ON), named[0].object, named[0].span))
-    return found if len(found) == 1 else []
+            objects.append(Filling(expand(_ACTED_ON), named[0].object, named[0].span))
+    return objects if len(objects) == 1 else []

@@ -1,8 +1,8 @@
-"""Alternatives: a sub-action that is a union of action classes, of which the first that succeeds is performed.
+"""Alternatives: a sub-action that is a union of action classes; the plan performs the first one that succeeds.
 
 The union stands in the restriction itself (``subAction some (A or B)``), or defines the class of the sub-action
-(``EquivalentTo: A or B``, or ``SubClassOf: A or B``). Unions of unions are flattened. What is stated of the union holds
-for each member.
+(``EquivalentTo: A or B``, or ``SubClassOf: A or B``). Nested unions are flattened. Statements about the union apply to
+each member.
 """
 
 from __future__ import annotations
@@ -16,57 +16,57 @@ from planlang.ontology import BNode, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import Ordering
-from planlang.recipe.statements import Filling, Statements, States, SubAction, filled, is_word
+from planlang.recipe.statements import Filling, Statements, States, SubAction, fillings_of, is_word
 
 MOST_NAMED = 3
-"""Members after which a union is named; of more it has the first one's name and their number."""
+"""Maximum number of members in the name of a union; longer names have the first member and the number of the others."""
 
 
 def read_union(ontology: Ontology, expression: BNode, task: str, span: Span, times: int) -> SubAction | None:
-    """Return the sub-action that a nameless union is, or an intersection with one; None for anything else.
+    """Read an anonymous union, or an intersection with one, as a sub-action; None for anything else.
 
-    It is called after its members: ``AOrB``.
+    Its name joins the names of its members: ``AOrB``.
     """
     if not _union_within(ontology, expression):
         return None
-    found = tuple(_members(ontology, expression, span))
-    names = [local_name(one.iri) if one.iri is not None else "Other" for one in found]
+    members = tuple(_members(ontology, expression, span))
+    names = [local_name(one.iri) if one.iri is not None else "Other" for one in members]
     if len(names) > MOST_NAMED:
         names = [names[0], f"{len(names) - 1}Others"]
     name = "Or".join(names)
     start = task[: len(task) - len(local_name(task))]
     while ontology.defined(start + name):
         name += "Step"
-    return _sub_action(task, SubAction(start + name, (), span, times), found)
+    return _sub_action(task, SubAction(start + name, (), span, times), members)
 
 
 def with_alternatives(ontology: Ontology, statements: Statements) -> Statements:
-    """Return the statements with the alternatives of sub-actions whose class is a union.
+    """Add the alternatives of sub-actions whose class is a union.
 
-    Whatever names a member, and not as a sub-action of its own, is about the step that it is an alternative of.
+    Statements about a member that is not itself a sub-action apply to the step that it is an alternative of.
     """
     subs = tuple(_expanded(ontology, statements.iri, sub) for sub in statements.sub_actions)
     if not any(sub.alternatives for sub in subs):
         return statements
-    known = {sub.iri for sub in subs}
+    named = {sub.iri for sub in subs}
     steps: dict[str, str] = {}
     for sub in subs:
         for _, member in sub.alternatives:
-            if member.iri is not None and member.iri not in known and sub.iri is not None:
+            if member.iri is not None and member.iri not in named and sub.iri is not None:
                 steps.setdefault(member.iri, sub.iri)
     return _renamed(replace(statements, sub_actions=subs), steps)
 
 
 def _expanded(ontology: Ontology, task: str, sub: SubAction) -> SubAction:
-    """Return a sub-action, with its members if its class is a union."""
+    """A sub-action, with its members if its class is a union."""
     if sub.alternatives or sub.iri is None:
         return sub
     cls = sub.iri if ontology.is_class(sub.iri) else action_class(ontology, sub.iri)
     if cls is None or cls not in _unions(ontology):
         return sub
-    stated = tuple(filling for level in fillings(ontology, sub.iri, sub.fillings) for filling in level)
-    found = tuple(_members(ontology, _unions(ontology)[cls], sub.span, outer=stated, above=frozenset({cls})))
-    return _sub_action(task, sub, found)
+    of_union = tuple(filling for level in fillings(ontology, sub.iri, sub.fillings) for filling in level)
+    members = tuple(_members(ontology, _unions(ontology)[cls], sub.span, outer=of_union, above=frozenset({cls})))
+    return _sub_action(task, sub, members)
 
 
 def _sub_action(task: str, sub: SubAction, members: tuple[SubAction, ...]) -> SubAction:
@@ -83,16 +83,16 @@ def _members(
     outer: tuple[Filling, ...] = (),
     above: frozenset[Term] = frozenset(),
 ) -> Iterator[SubAction]:
-    """Yield the alternatives that an expression is, itself if it is no union.
+    """Yield the alternatives of an expression; the expression itself if it is not a union.
 
-    ``local`` is what is filled in where it is mentioned, which counts before what a class states, ``outer`` what counts
-    after that; ``above`` are unions that it is a member of.
+    ``local`` are fillings where it is mentioned, which override those of a class; ``outer`` are overridden by them.
+    ``above`` are the unions that contain it.
     """
     name = term if isinstance(term, str) else None
     union: BNode | str | None = None
     if isinstance(term, BNode):
         name = next((member for member in ontology.members(term) if isinstance(member, str)), None)
-        local = (*filled(ontology.restrictions(term)), *local)
+        local = (*fillings_of(ontology.restrictions(term)), *local)
         union = None if name is not None else _union_within(ontology, term)
     elif name is not None:
         union = _unions(ontology).get(name)
@@ -109,15 +109,15 @@ def _members(
 
 
 def mention(ontology: Ontology, name: str | None, span: Span) -> Span:
-    """Return where a list names a class first after the beginning of the restriction; that beginning if none does."""
+    """First mention of a class in a list after the start of a restriction; that start if there is none."""
     if name is None:
         return span
     mentions = [triple.span for triple in ontology.triples(o=name) if triple.predicate.endswith("#first")]
-    return min((place for place in mentions if place >= span), default=span)
+    return min((span_of_mention for span_of_mention in mentions if span_of_mention >= span), default=span)
 
 
 def _union_within(ontology: Ontology, term: BNode) -> BNode | None:
-    """Return the union that an expression is, or the only one in an intersection without a named class."""
+    """The union that an expression is, or the only union in an intersection without a named class."""
     members = ontology.members(term)
     unions = [one for one in members if isinstance(one, BNode) and ontology.alternatives(one)]
     is_named = any(isinstance(one, str) for one in members)
@@ -125,10 +125,10 @@ def _union_within(ontology: Ontology, term: BNode) -> BNode | None:
 
 
 def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
-    """Return the union that defines each class outside of the bundled vocabulary that states no sub-actions."""
+    """Map each class outside the bundled vocabulary without sub-actions of its own to the union that defines it."""
     key = "unions"
     if key not in ontology.kept:
-        store, found = ontology.store, dict[str, BNode | str]()
+        store, union_of = ontology.store, dict[str, BNode | str]()
         nodes = {store.subjects[row] for row in store.by(OWL.unionOf)}
         for row in store.by(RDFS.subClassOf, OWL.equivalentClass) if nodes else ():
             name, value = store.name(store.subjects[row]), store.objects[row]
@@ -136,11 +136,11 @@ def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
                 continue
             union = next((one for one in ontology.members(store.term(value)) if store.find(one) in nodes), None)
             if isinstance(union, BNode) and _may_define(ontology, name):
-                found.setdefault(name, union)
+                union_of.setdefault(name, union)
         for name in filter(None, map(store.name, nodes)):
             if _may_define(ontology, name):
-                found.setdefault(name, name)
-        ontology.kept[key] = found
+                union_of.setdefault(name, name)
+        ontology.kept[key] = union_of
     unions: Mapping[str, BNode | str] = ontology.kept[key]
     return unions
 
@@ -151,7 +151,7 @@ def _may_define(ontology: Ontology, name: str) -> bool:
 
 
 def _renamed(statements: Statements, steps: Mapping[str, str]) -> Statements:
-    """Return statements in which steps stand for their members; orders among members of one step stay as they are."""
+    """Replace members by their steps in all statements; orders among members of one step stay as they are."""
 
     def step(name: str) -> str:
         return steps.get(name, name)

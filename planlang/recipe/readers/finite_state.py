@@ -1,7 +1,7 @@
 """Dialect D3: a class with states and transitions.
 
 ``stateTransition T`` names an individual with ``fromState A``, ``toState B`` and ``causedBy`` outcomes;
-``taskStartState`` and ``taskEndState`` say where it begins and is done. States are the sub-actions; loops are allowed.
+``taskStartState`` and ``taskEndState`` name its start and end states. States are the sub-actions; loops are allowed.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction
 from planlang.recipe.model import FINITE_STATE, Ending, Transition
 from planlang.recipe.readers import partial_order
-from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, described, ending_of, is_word
+from planlang.recipe.statements import KINDS, LooseEnd, Statements, States, SubAction, ending_of, is_word, read_ends
 
 tasks = partial_order.tasks
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """Return the statements of a class about states and transitions; None if it has no transition, start or end."""
+    """Read a class with states and transitions; None if it has no transition, start or end."""
     restrictions = [one for one in ontology.restrictions(iri) if one.kind in KINDS]
     if not any(is_word(one.property, "stateTransition", "taskStartState", "taskEndState") for one in restrictions):
         return None
     transitions, loose = _transitions(ontology, restrictions)
     starts, ends = (_states(restrictions, word) for word in ("taskStartState", "taskEndState"))
     subs = partial_order.in_stated_order(one for one in restrictions if partial_order.is_sub_action(one))
-    stated = [partial_order.read_sub_action(ontology, one, iri) for one in subs]
+    sub_actions = [partial_order.read_sub_action(ontology, one, iri) for one in subs]
     orderings, open_constraints = partial_order.read_constraints(ontology, tuple(restrictions))
-    if not stated:
-        stated = _told_by_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))
+    if not sub_actions:
+        sub_actions = _states_of_transitions(transitions, starts, ends, ontology.span(iri) or Span(""))
     states = States(tuple(start for start, _ in starts), tuple(end for end, _ in ends), transitions)
     return Statements(
         iri,
         FINITE_STATE,
-        tuple(stated),
+        tuple(sub_actions),
         orderings,
         states=states,
         loose=(*loose, *open_constraints),
@@ -45,23 +45,23 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 def _transitions(
     ontology: Ontology, restrictions: Iterable[Restriction]
 ) -> tuple[tuple[Transition, ...], tuple[LooseEnd, ...]]:
-    """Return a transition for each pair of states and each outcome, and the transitions that lack a state."""
-    found: list[Transition] = []
+    """Read a transition for each pair of states and each outcome, and list transitions that lack a state."""
+    transitions: list[Transition] = []
     loose: list[LooseEnd] = []
     for restriction in restrictions:
         event = restriction.filler
         if not is_word(restriction.property, "stateTransition") or not isinstance(event, (str, BNode)):
             continue
         words = ("fromState", "toState", "causedBy")
-        (sources, targets, outcomes), span, missing = described(ontology, event, restriction.span, *words)
+        (sources, targets, outcomes), span, missing = read_ends(ontology, event, restriction.span, *words)
         loose += missing
         causes: Sequence[str | None] = outcomes or [None]
-        found += [
+        transitions += [
             Transition(source, target, ending_of(outcome) if outcome else Ending.DONE, outcome, str(event), span)
             for source, outcome, target in product(sources, causes, targets)
         ]
-    found.sort(key=lambda one: (one.source, one.outcome or "", one.target))
-    return tuple(found), tuple(loose)
+    transitions.sort(key=lambda one: (one.source, one.outcome or "", one.target))
+    return tuple(transitions), tuple(loose)
 
 
 def _states(restrictions: Iterable[Restriction], word: str) -> list[tuple[str, Span]]:
@@ -70,10 +70,10 @@ def _states(restrictions: Iterable[Restriction], word: str) -> list[tuple[str, S
     ]
 
 
-def _told_by_transitions(
+def _states_of_transitions(
     transitions: tuple[Transition, ...], starts: list[tuple[str, Span]], ends: list[tuple[str, Span]], span: Span
 ) -> list[SubAction]:
-    """Return the states of a recipe without stated sub-actions: the states that its transitions lead through."""
+    """States of a recipe without stated sub-actions: those that its transitions mention."""
     states: dict[str, Span] = dict(starts)
     for transition in transitions:
         states.setdefault(transition.source, transition.span or span)

@@ -1,8 +1,8 @@
 """Dialects D1, D1f, D1e and D2: a class whose restrictions list sub-actions and the constraints that order them.
 
-The restrictions stand in one ``owl:intersectionOf`` above the class (D1), each for itself (D1f), or in an equivalent
+The restrictions stand in one ``owl:intersectionOf`` above the class (D1), separately (D1f), or in an equivalent
 class (D1e); the sub-actions are named by ``subAction``, or by its super-property ``subEvents`` (D2). A constraint is an
-individual with ``occursBeforeInOrdering A`` and ``occursAfterInOrdering B``: A before B. A class may mix them all.
+individual with ``occursBeforeInOrdering A`` and ``occursAfterInOrdering B``: A before B. A class may mix these forms.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from planlang.recipe.statements import (
     Statements,
     SubAction,
     facts,
-    filled,
+    fillings_of,
     is_foreign,
     is_word,
-    named,
+    named_iris,
 )
 
 _DIALECTS = {"intersection": INTERSECTION, "flat": FLAT, "equivalent": EQUIVALENT}
@@ -41,7 +41,7 @@ def tasks(ontology: Ontology) -> Iterator[str]:
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """Return the statements of a class about its sub-actions; None if it names none."""
+    """Read the sub-actions and orders of a class; None if it names no sub-action."""
     restrictions = ontology.restrictions(iri)
     subs = [restriction for restriction in restrictions if is_sub_action(restriction)]
     if not subs:
@@ -59,7 +59,7 @@ def read(ontology: Ontology, iri: str) -> Statements | None:
 
 
 def is_sub_action(restriction: Restriction) -> bool:
-    """Return True if a restriction names a sub-action."""
+    """True if a restriction names a sub-action."""
     return (
         is_word(restriction.property, "subAction", "subEvents")
         and restriction.kind in KINDS
@@ -69,16 +69,16 @@ def is_sub_action(restriction: Restriction) -> bool:
 
 
 def in_stated_order(restrictions: Iterable[Restriction]) -> list[Restriction]:
-    """Return restrictions in the order of their list; RDF gives no order to others, which are sorted by name."""
-    inside = list(restrictions)
-    flat = sorted((one for one in inside if one.form == "flat"), key=lambda one: str(one.filler))
-    return [one for one in inside if one.form != "flat"] + flat
+    """Sort restrictions: in the order of their list, then separate ones by name, because RDF does not order them."""
+    every = list(restrictions)
+    flat = sorted((one for one in every if one.form == "flat"), key=lambda one: str(one.filler))
+    return [one for one in every if one.form != "flat"] + flat
 
 
 def read_sub_action(ontology: Ontology, restriction: Restriction, task: str) -> SubAction:
-    """Return the sub-action of a restriction of a task.
+    """Read a restriction of a task as a sub-action.
 
-    Of an intersection it is the first named member, with its restrictions; a union states alternatives.
+    For an intersection it is the first named member, with its restrictions; a union states alternatives.
     """
     filler, times = restriction.filler, restriction.cardinality or 1
     if isinstance(filler, str):
@@ -89,20 +89,20 @@ def read_sub_action(ontology: Ontology, restriction: Restriction, task: str) -> 
         return union
     name = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
     span = mention(ontology, name, restriction.span)
-    return SubAction(name, filled(ontology.restrictions(filler)), span, times)
+    return SubAction(name, fillings_of(ontology.restrictions(filler)), span, times)
 
 
 def read_constraints(
     ontology: Ontology, restrictions: tuple[Restriction, ...]
 ) -> tuple[tuple[Ordering, ...], tuple[LooseEnd, ...]]:
-    """Return the orderings that constraints state, and the constraints that lack an end."""
+    """Read the orderings that constraints state, and list constraints that lack an end."""
     orderings: list[Ordering] = []
     loose: list[LooseEnd] = []
     properties = {restriction.property for restriction in restrictions}
-    ordering = {name for name in properties if is_word(name, "orderingConstraints")}
+    order_words = {name for name in properties if is_word(name, "orderingConstraints")}
     for restriction in restrictions:
         constraint = restriction.filler
-        if restriction.property not in ordering or not isinstance(constraint, (str, BNode)):
+        if restriction.property not in order_words or not isinstance(constraint, (str, BNode)):
             continue
         (befores, afters), span = ontology.linked_from(constraint, "occursBeforeInOrdering", "occursAfterInOrdering")
         name = str(constraint)
@@ -119,7 +119,7 @@ def read_constraints(
 
 
 def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> tuple[Filling, ...]:
-    """Return the words of the recipe vocabulary that a class or its constraints take from another namespace, once."""
+    """List recipe words of other namespaces among the properties and types of a class and its constraints."""
     words = ("subAction", "subEvents", "orderingConstraints", "stateTransition", "taskStartState", "taskEndState",
              "inputOutputConstraints")  # fmt: skip
     ends = ("occursBeforeInOrdering", "occursAfterInOrdering", "fromState", "toState", "causedBy", "createsOutput",
@@ -130,23 +130,23 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
         is_word(iri, *words, *ends) and is_foreign(iri) for iri in (*properties, *ontology.properties_named(*ends))
     ):
         return ()
-    found: dict[str, Filling] = {}
+    foreign: dict[str, Filling] = {}
     for restriction in restrictions:
         if not is_word(restriction.property, *words):
             continue
         used = [Filling(restriction.property, restriction.filler, restriction.span)]
         if isinstance(restriction.filler, (str, BNode)) and not is_sub_action(restriction):
             used += facts(ontology, restriction.filler, *ends)
-            kinds = named(facts(ontology, restriction.filler, "type"))
+            kinds = named_iris(facts(ontology, restriction.filler, "type"))
             used += (Filling(name, name, span) for name, span in kinds if name in classes)
         for filling in used:
             if is_foreign(filling.property):
-                found.setdefault(filling.property, filling)
-    return tuple(found.values())
+                foreign.setdefault(filling.property, filling)
+    return tuple(foreign.values())
 
 
 def _undefined_classes(ontology: Ontology) -> frozenset[str]:
-    """Return the classes (IRIs) with a name that the vocabulary has for constraints, but that nothing defines."""
+    """Undefined classes (IRIs) whose local name is that of a constraint class of the vocabulary."""
     if "undefined classes of constraints" not in ontology.kept:
         store = ontology.store
         kinds = map(store.name, set(map(store.objects.__getitem__, store.by(RDF.type))))
@@ -154,8 +154,8 @@ def _undefined_classes(ontology: Ontology) -> frozenset[str]:
         ontology.kept["undefined classes of constraints"] = frozenset(
             name for name in words if not ontology.defined(name)
         )
-    found: frozenset[str] = ontology.kept["undefined classes of constraints"]
-    return found
+    undefined: frozenset[str] = ontology.kept["undefined classes of constraints"]
+    return undefined
 
 
 def _dialect(subs: list[Restriction]) -> Dialect:

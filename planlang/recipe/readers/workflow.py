@@ -1,12 +1,12 @@
-"""Dialect D5: workflows of the DUL, EASE and SOMA ontologies: individuals with ``hasStep``, and how their steps relate.
+"""Dialect D5: workflows of the DUL, EASE and SOMA ontologies: individuals with ``hasStep`` and related steps.
 
-Steps are tasks: individuals of classes of actions. A workflow ``definesTask`` what it performs, so that a step which
-another workflow defines is nested; a step may also be a workflow itself. Relations are those of J. F. Allen between
-intervals, under the names that DUL, EASE, SOMA and OWL-Time give them. A relation belongs to the workflow that has
-both tasks as steps, or as phases (processes that go on meanwhile, ``hasPhase``), itself or in workflows below its
-steps. What takes part in a task are roles (``isTaskOf``), each of a class that gives the property of the action; a
-role is filled with what it ``classifies`` (``isRoleOf``), or with what the task's class states. A binding
-(``hasBindingRole``) of roles of two tasks passes it on.
+Steps are tasks: individuals of action classes. A workflow ``definesTask`` that it performs, so a step that another
+workflow defines is nested; a step may also be a workflow itself. Relations are those of J. F. Allen between intervals,
+under the names of DUL, EASE, SOMA and OWL-Time. A relation belongs to the workflow that has both tasks as steps, or as
+phases (processes in the background, ``hasPhase``), directly or in workflows below its steps. Participants of a task
+are roles (``isTaskOf``); the class of a role determines the property of the action. A role is filled with the thing
+that it ``classifies`` (``isRoleOf``), else with the class that the task's class states. A binding (``hasBindingRole``)
+passes the filler from the role of one task to that of another.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe.fillers import action_class
 from planlang.recipe.model import WORKFLOW, Allen, Flow, Ordering, Overlap
-from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named
+from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named_iris
 
 BEFORE = "before"
-"""The relations that only order: Allen's before and meets, and DUL's precedes."""
+"""Relations that only order: Allen's before and meets, and DUL's precedes."""
 
 RELATIONS: dict[str, tuple[Allen | str, bool]] = {
     "before": (BEFORE, False),
@@ -47,7 +47,7 @@ RELATIONS: dict[str, tuple[Allen | str, bool]] = {
     "equals": (Allen.EQUALS, False),
     "simultaneous": (Allen.EQUALS, False),
 }
-"""Local name in lower case, without "interval" or "temporally" before it -> relation, and whether it is the inverse."""
+"""Lower-case local name without the prefix "interval" or "temporally" -> relation, and whether it is the inverse."""
 
 ROLES: dict[str, str] = {
     "Tool": "deviceUsed",
@@ -64,14 +64,14 @@ ROLES: dict[str, str] = {
     "PerformerRole": "performedBy",
     "AgentRole": "performedBy",
 }
-"""Class of a role (local name) -> property of the action; any other role is of an object that is acted on."""
+"""Class of a role (local name) -> property of the action; any other role is the object acted on."""
 
 OUTPUT = expand("outputsCreated")
 
 _STEPS, _STEP_OF = ("hasStep",), ("isStepOf", "stepOf")
 _PHASES, _PHASE_OF = ("hasPhase",), ("isPhaseOf",)
 _FILLS, _FILLED_BY = ("classifies", "isRoleOf"), ("isClassifiedBy", "hasRole")
-"""DUL's isRoleOf is a kind of classifies: the role of a thing is filled with it."""
+"""In DUL isRoleOf is a subproperty of classifies."""
 _DEFINES, _DEFINED_BY = ("definesTask", "isPlanFor"), ("isTaskDefinedIn", "isDefinedIn", "hasPlan")
 
 
@@ -84,7 +84,7 @@ def tasks(ontology: Ontology) -> Iterator[str]:
 
 
 def read(ontology: Ontology, iri: str) -> Statements | None:
-    """Return the statements of a workflow, or of the workflow of a task; None if it has no steps."""
+    """Read a workflow, or the workflow of a task; None if it has no steps."""
     if not ontology.properties_named(*_STEPS, *_STEP_OF):
         return None
     subs: list[SubAction] = []
@@ -123,27 +123,27 @@ def relations(ontology: Ontology, names: list[str]) -> Iterator[tuple[str, str, 
 
 
 def is_interval_relation(property_name: str) -> bool:
-    """Return True for a property that states how two intervals relate."""
+    """True for a property that relates two intervals."""
     return _relation(property_name) is not None
 
 
 def workflows_of(ontology: Ontology, iri: str) -> list[str]:
-    """Return the workflows that perform a task, sorted; for a workflow itself that one."""
+    """Workflows that perform a task, sorted; a workflow performs itself."""
     if _linked(ontology, iri, _STEPS, _STEP_OF):
         return [iri]
-    found = [str(filling.term) for filling in _linked(ontology, iri, _DEFINED_BY, _DEFINES)]
-    return sorted(workflow for workflow in found if _linked(ontology, workflow, _STEPS, _STEP_OF))
+    candidates = [str(filling.term) for filling in _linked(ontology, iri, _DEFINED_BY, _DEFINES)]
+    return sorted(workflow for workflow in candidates if _linked(ontology, workflow, _STEPS, _STEP_OF))
 
 
 def task_of(ontology: Ontology, iri: str) -> str:
-    """Return the task that a workflow defines, if it is exactly one; anything else is its own task."""
+    """The task that a workflow defines, if it is exactly one; anything else is its own task."""
     defined = dict.fromkeys(str(filling.term) for filling in _linked(ontology, iri, _DEFINES, _DEFINED_BY))
     return next(iter(defined)) if len(defined) == 1 else iri
 
 
 def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: tuple[str, ...]) -> list[Filling]:
-    """Return what is linked to an individual by properties, stated from either side; each once, in document order."""
-    found = {
+    """Individuals linked by properties, or by their inverses from the other side; each once, in document order."""
+    linked = {
         filling.term: filling
         for filling in facts(ontology, subject, *words)
         if isinstance(filling.term, str) and filling.term != subject
@@ -151,8 +151,8 @@ def _linked(ontology: Ontology, subject: str, words: tuple[str, ...], inverses: 
     for predicate in ontology.properties_named(*inverses):
         for triple in ontology.triples(p=predicate, o=subject):
             if isinstance(triple.subject, str) and triple.subject != subject:
-                found.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
-    return list(found.values())
+                linked.setdefault(triple.subject, Filling(triple.predicate, triple.subject, triple.span))
+    return list(linked.values())
 
 
 def _relation(predicate: str) -> tuple[Allen | str, bool] | None:
@@ -161,14 +161,14 @@ def _relation(predicate: str) -> tuple[Allen | str, bool] | None:
 
 
 def _related(ontology: Ontology, task: str, parts: list[str]) -> tuple[tuple[Ordering, ...], tuple[Overlap, ...]]:
-    """Return the orderings and overlaps that relations state among the steps and phases of a task, each once."""
+    """Orderings and overlaps that relations state among the steps and phases of a task, each once."""
     orderings: dict[tuple[str, str], Ordering] = {}
     overlaps: dict[tuple[str, Allen, str], Overlap] = {}
     nesting = _nesting(ontology)
     for name, _, other, filling in relations(ontology, nesting.stating(task, parts)):
-        found = _relation(filling.property)
-        assert found is not None
-        relation, is_inverse = found
+        meaning = _relation(filling.property)
+        assert meaning is not None
+        relation, is_inverse = meaning
         stated = (task_of(ontology, name), task_of(ontology, other))
         first, second = stated[::-1] if is_inverse else stated
         if isinstance(relation, str):
@@ -186,7 +186,7 @@ def _related(ontology: Ontology, task: str, parts: list[str]) -> tuple[tuple[Ord
 
 
 class _Nesting:
-    """The tasks and their steps and phases, in all workflows of an ontology."""
+    """Index of the tasks above and below each task, in all workflows of an ontology."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._above: dict[str, dict[str, None]] = {}
@@ -201,18 +201,21 @@ class _Nesting:
             self._workflows.setdefault(task, {})[workflow] = None
 
     def stating(self, task: str, parts: list[str]) -> list[str]:
-        """Return a task, its parts and all below them, with their workflows: all that state relations of its parts."""
-        found = dict.fromkeys((task, *reached(parts, lambda name: self._below.get(name, ()))))
-        return [name for one in found for name in (one, *self._workflows.get(one, ()))]
+        """List a task, its parts and all tasks below them, with their workflows: all that may state relations of its
+        parts.
+        """
+        tasks_below = dict.fromkeys((task, *reached(parts, lambda name: self._below.get(name, ()))))
+        return [name for one in tasks_below for name in (one, *self._workflows.get(one, ()))]
 
     def within(
         self, task: str, parts: list[str], ends: tuple[str, str], relation: Allen | None = None
     ) -> Iterator[tuple[str, str]]:
-        """Yield the pairs that a relation of two tasks relates in the workflow of a task: its parts, or the task.
+        """Yield the pairs of parts, or a part and the task, that a relation of two tasks relates in the workflow of the
+        task.
 
-        What is before a step is before all that is below it, and what is below a step is during all that the step is
-        during. Other relations across workflows cannot be kept: their ends are yielded as they are, as is a task that
-        no workflow has together with the other one; both are mistakes.
+        A task before a step is before everything below the step, and everything below a step is during whatever the
+        step is during. Other relations across workflows cannot be represented: their ends are yielded unchanged, as is
+        a task that shares no workflow with the other one; checks report both.
         """
         above = [dict.fromkeys(reached((name,), lambda name: self._above.get(name, ()))) for name in ends]
         first, second = (self._owners(name, found, [task, *parts]) for name, found in zip(ends, above, strict=True))
@@ -232,19 +235,19 @@ class _Nesting:
 
     @staticmethod
     def _owners(name: str, above: dict[str, None], known: list[str]) -> list[str]:
-        """Return a known task itself, else the known parts that a task is below; ``known[0]`` is the whole task."""
+        """The task itself if it is known, else the known parts above it; ``known[0]`` is the whole task."""
         return [name] if name in known else [one for one in known[1:] if one in above]
 
 
 def _nesting(ontology: Ontology) -> _Nesting:
     if "workflows" not in ontology.kept:
         ontology.kept["workflows"] = _Nesting(ontology)
-    found: _Nesting = ontology.kept["workflows"]
-    return found
+    nesting: _Nesting = ontology.kept["workflows"]
+    return nesting
 
 
 def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
-    """Yield the fillers of a task's roles: what they classify, else what the task's class states about such roles."""
+    """Yield the fillers of a task's roles: classified individuals, else the classes that the task's class states."""
     kinds: dict[str, list[str]] = {}
     for fact in _linked(ontology, task, ("isTaskOf",), ("hasTask",)):
         role = str(fact.term)
@@ -259,15 +262,17 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
                 yield from _role_of_class(ontology, restriction, kinds)
 
 
-def _role_of_class(ontology: Ontology, restriction: Restriction, known: dict[str, list[str]]) -> Iterator[Filling]:
-    """Yield the class of a role's filler, if no individual is known."""
+def _role_of_class(
+    ontology: Ontology, restriction: Restriction, individuals: dict[str, list[str]]
+) -> Iterator[Filling]:
+    """Yield the class of a role's filler, if no individual of it is known."""
     kind = next((member for member in ontology.members(restriction.filler) if isinstance(member, str)), None)
     assert isinstance(restriction.filler, BNode)
     for inner in ontology.restrictions(restriction.filler):
         cls = inner.filler
         if kind is None or not is_word(inner.property, *_FILLS) or not isinstance(cls, str):
             continue
-        if not any(ontology.is_a(individual, cls) for individual in known.get(kind, ())):
+        if not any(ontology.is_a(individual, cls) for individual in individuals.get(kind, ())):
             yield Filling(_property(kind), cls, inner.span)
 
 
@@ -276,7 +281,7 @@ def _property(role: str) -> str:
 
 
 def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
-    """Yield the data flow between tasks with bound roles, from the one that creates the filler."""
+    """Yield the data flow between tasks with bound roles, from the task that creates the filler."""
     tasks_of_roles: dict[str, str] = {}
     for step in steps:
         for fact in _linked(ontology, step, ("isTaskOf",), ("hasTask",)):
@@ -289,23 +294,23 @@ def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
                 if str(binding) in seen:
                     continue
                 seen.add(str(binding))
-                bound = [name for name, _ in named(facts(ontology, binding, "hasBindingRole", "hasBindingFiller"))]
+                bound = [name for name, _ in named_iris(facts(ontology, binding, "hasBindingRole", "hasBindingFiller"))]
                 yield from _bound(ontology, sorted(bound), tasks_of_roles, str(binding))
 
 
 def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str], binding: str) -> Iterator[Flow]:
     known = [(role, tasks_of_roles[role]) for role in roles if role in tasks_of_roles]
     outputs = [(role, task) for role, task in known if _property(_kind(ontology, role)) == OUTPUT]
-    for made, producer in outputs:
+    for created, producer in outputs:
         for role, consumer in known:
             if consumer != producer and (role, consumer) not in outputs:
                 span = next((triple.span for triple in ontology.triples(o=role) if triple.subject == binding), None)
-                resource = _passed(ontology, (made, producer), (role, consumer))
+                resource = _passed(ontology, (created, producer), (role, consumer))
                 yield Flow(producer, consumer, resource, shorten(_property(_kind(ontology, role))), binding, span)
 
 
 def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) -> str | None:
-    """Return what one role creates and the other uses: an individual that either classifies, else a class."""
+    """Filler that one role creates and the other uses: an individual that either classifies, else a class."""
     for role, _ in (made, used):
         for classified in _linked(ontology, role, _FILLS, _FILLED_BY):
             return str(classified.term)

@@ -1,7 +1,7 @@
-// Where the scene is looked at from: what happens at a moment fills it, from where that is hidden least.
+// Chooses the viewpoint of the scene: what happens at a moment fills the view, with as little occlusion as possible.
 
 const aim = {
-  // Names of what a moment is about: of a failure's things, else of those that the innermost running step names.
+  // Names of the things of interest at a moment: those of a failure, else those of the innermost running step.
   names(time) {
     const about = aboutAt(time), known = new Set((model.map?.outlines ?? []).map((one) => one.name));
     const running = [...nodes.values()].filter((one) => statusAt(one, time) === "running" && one.text).reverse();
@@ -13,7 +13,7 @@ const aim = {
     const group = scene.groups[world.entities.indexOf(entity)];
     return group?.visible ? new three.Box3().setFromObject(group) : null;
   },
-  // Boxes of the robot (first), of things of the moment that are near it, and of the place that it drives to.
+  // Bounding boxes of the robot (first), of nearby things of interest, and of the base pose that it drives to.
   subjects(time) {
     const { three } = scene, { near } = model.scene.view, { about, names } = this.names(time);
     scene.root.updateMatrixWorld();
@@ -28,7 +28,7 @@ const aim = {
     return boxes;
   },
   corners: (box) => Array.from({ length: 8 }, (_, k) => new scene.three.Vector3(...[0, 1, 2].map((axis) => (k >> axis & 1 ? box.max : box.min).getComponent(axis)))),
-  // Boxes of single shapes, so that there is air between walls; those that belong to a subject hide nothing.
+  // Boxes of other shapes, one per shape, because the box of all walls would occlude the whole room.
   others(subjects) {
     const { three } = scene, found = [];
     world.entities.forEach((entity, k) => {
@@ -41,7 +41,7 @@ const aim = {
     });
     return found;
   },
-  // The direction toward the eye from which most of each subject is seen.
+  // Direction towards the camera from which most of each subject is visible.
   toward(subjects, points) {
     const { three } = scene, { tilts, around, level } = model.scene.view, others = this.others(subjects), ray = new three.Raycaster().ray;
     let best = null;
@@ -66,7 +66,7 @@ const aim = {
     });
     return best.toward;
   },
-  // Turns the camera to what happens at a moment; to the whole room where there is no robot.
+  // Turns the camera to what happens at a moment, or to the whole room if there is no robot.
   at(time) {
     if (!scene.ready) return;
     const subjects = this.subjects(time), points = subjects.flatMap((box) => this.corners(box));

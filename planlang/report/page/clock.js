@@ -1,4 +1,4 @@
-// The one clock that drives all views, what is selected, and the address of a moment: #t=41.5&node=12.
+// The clock that drives all views, the selection, and the address of a moment: #t=41.5&node=12.
 
 const clock = {
   time: 0, node: null, playing: false, speed: 2, end: Math.max(model.end, 0.01),
@@ -10,7 +10,7 @@ const clock = {
     for (const listener of this.listeners) listener(this.time);
     if (!quiet) this.remember();
   },
-  // Selects a node; the time goes to its moment if it lies outside of the node.
+  // Selects a node; moves the clock to it if the current time is outside the node.
   select(id, { keep = false } = {}) {
     const node = nodes.get(id);
     this.node = node ? id : null;
@@ -39,15 +39,15 @@ const clock = {
       else requestAnimationFrame(frame);
     };
     requestAnimationFrame(frame);
-    this.tell();
+    this.showState();
   },
   pause() {
     if (!this.playing) return;
     this.playing = false;
-    this.tell();
+    this.showState();
     this.remember();
   },
-  tell() {
+  showState() {
     byId("play-shape").setAttribute("d", this.playing ? "M2 1h3v10H2zM7 1h3v10H7z" : "M2 1l9 5-9 5z");
     byId("play").setAttribute("aria-label", this.playing ? "Pause" : "Play");
   },
@@ -58,13 +58,13 @@ const clock = {
   remember() {
     clearTimeout(this.timer);
     this.timer = setTimeout(() => {
-      try { history.replaceState(null, "", this.address()); } catch { /* an address that cannot be changed */ }
+      try { history.replaceState(null, "", this.address()); } catch { /* some browsers forbid it for local files */ }
     }, 150);
   },
-  // Goes where the address says; false if it says nothing.
+  // Goes to the moment and node in the address; false if it has none.
   recall() {
-    const said = new URLSearchParams(location.hash.slice(1));
-    const time = Number.parseFloat(said.get("t")), id = Number.parseInt(said.get("node"), 10);
+    const stated = new URLSearchParams(location.hash.slice(1));
+    const time = Number.parseFloat(stated.get("t")), id = Number.parseInt(stated.get("node"), 10);
     if (nodes.has(id)) this.select(id, { keep: Number.isFinite(time) });
     if (Number.isFinite(time)) this.seek(time);
     return Number.isFinite(time) || nodes.has(id);
@@ -79,12 +79,12 @@ clock.onTime((time) => {
   slider.setAttribute("aria-valuetext", `${seconds(time)} of ${seconds(clock.end)}`);
   byId("now").textContent = `${time.toFixed(2)} of ${seconds(clock.end)}`;
 });
-clock.tell();
+clock.showState();
 byId("play").addEventListener("click", () => (clock.playing ? clock.pause() : clock.play()));
 byId("speed").addEventListener("change", (event) => { clock.speed = Number(event.target.value); });
 addEventListener("hashchange", () => clock.recall());
 
-// Moments to step through: where a shown step begins or ends, and what happened.
+// Moments to step through: begins and ends of shown steps, and events.
 let moments = [];
 function findMoments() {
   const times = model.marks.map((mark) => mark[0]);

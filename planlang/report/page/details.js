@@ -1,6 +1,6 @@
-// What is known of the selected step: when it ran, what happened in it, why it failed, its lines in plan and recipe.
+// Details of the selected step: its time, events, cause of failure, and lines in plan and recipe.
 
-const AROUND = 3;  // lines before and behind those that are marked
+const AROUND = 3;  // lines of context before and after the marked ones
 
 function moment(time, id, text = seconds(time)) {
   return el("button", { class: "moment", type: "button", onclick: () => clock.goTo(time, id) }, text);
@@ -58,7 +58,7 @@ let detailed = null;
 function showDetails(node) {
   detailed = node ? statusAt(node, clock.time) : null;
   if (!node) {
-    details.replaceChildren(el("p", { class: "said" }, "Select a step to see what it did, and its lines in plan and recipe."));
+    details.replaceChildren(el("p", { class: "said" }, "Select a step to see its details, and its lines in plan and recipe."));
     return;
   }
   const failure = failureOf(node), at = statusAt(node, clock.time);

@@ -1,4 +1,4 @@
-// Cards of what failed: first the sentence that says what to change, inside of it causes, tries and lines.
+// Cards of failures: a sentence with advice, and inside it causes, attempts and lines of source.
 
 function card(one, isFirst) {
   const failure = model.failures[one.failure];
@@ -23,7 +23,7 @@ function card(one, isFirst) {
   return whole;
 }
 
-// Goes to the moment of a card, and lets everything that shows it flash: the clock may have been there before.
+// Goes to the moment of a card, and flashes what shows it, because the clock may be there already.
 function show(one, button) {
   clock.goTo(one.time ?? 0, one.node);
   tree.flash(one.node);

@@ -1,4 +1,4 @@
-// The recipe's graph: each step has the state of its last run at the moment of the clock, and how often it has run.
+// The recipe's graph: each step shows the state of its latest run at the current time, and the number of its runs.
 
 const graph = {
   box: byId("graph"), boxes: [],

@@ -1,9 +1,9 @@
 // The keyboard, and the list of its keys.
 
 const KEYS = [
-  ["space", "play or pause"], ["← →", "a second back or on; with shift a tenth"], ["[  ]", "previous or next moment"],
-  ["Home End", "begin or end of the run"], ["/", "search"], ["f", "next failure"], ["1 2 3", "scene, map, recipe"],
-  ["4 5", "plan, story"], ["+ −", "zoom time"], ["↑ ↓ ← →", "in the plan: move, open and close; Enter goes to a step's begin"],
+  ["space", "play or pause"], ["← →", "one second back or forward; with shift 0.1 s"], ["[  ]", "previous or next moment"],
+  ["Home End", "start or end of the run"], ["/", "search"], ["f", "next failure"], ["1 2 3", "scene, map, recipe"],
+  ["4 5", "plan, story"], ["+ −", "zoom time"], ["↑ ↓ ← →", "in the plan: move, open and close; Enter goes to the start of a step"],
   ["?", "these keys"],
 ];
 byId("key-list").append(...KEYS.flatMap(([key, text]) => [el("dt", {}, key), el("dd", {}, text)]));

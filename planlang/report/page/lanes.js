@@ -1,4 +1,4 @@
-// Lanes over time: steps in steps, one lane for each resource, and what happened. Drawn on one canvas.
+// Lanes over time: nested steps, resources, and events, on one canvas.
 
 const lanes = {
   box: byId("lanes"), canvas: el("canvas", { role: "img", "aria-label": "Lanes over time; the plan tree has the same steps" }),
@@ -156,7 +156,7 @@ const lanes = {
     this.to = this.from + span;
     this.paint();
   },
-  // Keeps the clock's moment in view when the time is zoomed in.
+  // Keeps the current time in view when the lanes are zoomed in.
   keep() {
     const span = this.to - this.from;
     if (span < clock.end && (clock.time < this.from || clock.time > this.to)) {

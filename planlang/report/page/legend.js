@@ -1,4 +1,4 @@
-// Names in the scene, and what its colours and marks mean: of what is there at the moment.
+// Names in the scene, and a legend of the colours and marks that are visible at the moment.
 
 const legend = {
   pinned: new Set(), named: new Set(), tags: el("div", { class: "tags", "aria-hidden": "true" }), list: el("ul"),
@@ -12,13 +12,13 @@ const legend = {
       ...(question?.bases.reasons ?? []).filter((_, k) => question.bases.points.some(([number]) => number === k))
         .map(({ text }) => el("li", {}, reasonKey(text), text ? `place to stand, rejected: ${text}` : "place to stand, accepted")),
       question?.chosen && el("li", {}, swatch("ring"), "place to stand, chosen"),
-      ghosts > 0 && el("li", {}, swatch("ghost"), "believed to be there, and is not"),
-      frames > 0 && el("li", {}, swatch("frame"), "what the failure or the search is about"),
+      ghosts > 0 && el("li", {}, swatch("ghost"), "believed to be there, but is not"),
+      frames > 0 && el("li", {}, swatch("frame"), "involved in the failure or the search"),
     ].filter(Boolean);
     this.box.hidden = items.length === 0;
     this.list.replaceChildren(...items);
   },
-  // The name of a thing for readers: limbs are of a person, links of the robot.
+  // Display name of an entity: the person of a limb, the robot of a link.
   nameOf(entity) {
     if (entity.kind === "limb") return entity.name.split("/")[0];
     if (entity.kind === "link") return model.facts.robot ?? "robot";
@@ -28,7 +28,7 @@ const legend = {
     if (!this.pinned.delete(name)) this.pinned.add(name);
     scene.ask();
   },
-  // Puts names above the robot, persons, what the moment is about, and what was clicked; each where it covers no other.
+  // Puts names above the robot, persons, things of interest, and clicked things, without overlaps.
   place() {
     const { three, canvas, camera } = scene, wanted = new Map(), robot = model.facts.robot ?? "robot";
     if (byId("names").checked) {

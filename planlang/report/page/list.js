@@ -1,4 +1,4 @@
-// A list of rows of one height of which only those in view are in the page: 10,000 rows cost as much as 30.
+// A list of rows of equal height. Only visible rows are in the document, so 10,000 rows cost as much as 30.
 
 class VirtualList {
   constructor(box, height, make) {
@@ -27,7 +27,7 @@ class VirtualList {
     }
     this.spacer.replaceChildren(...made);
   }
-  // Scrolls a row into view, if it is not there, to about a third of the height.
+  // Scrolls an invisible row into view, to about a third of the height.
   reveal(place) {
     this.kept = place;
     const top = place * this.height, { scrollTop, clientHeight } = this.box;

@@ -1,4 +1,4 @@
-// A run that goes on: what is new in it comes by server-sent events, and it is held, stepped and stopped from here.
+// A running plan: updates arrive as server-sent events; buttons pause, step and stop the run.
 
 const live = {
   box: byId("live"), following: true, state: { held: false, ended: false },
@@ -30,7 +30,7 @@ const live = {
       if (!answer.ok) tellMissing(await answer.text());
     } catch { this.lost(); }
   },
-  // Takes the newest news, one after the other: each has all of the run, and drawing it may take longer than it to come.
+  // Shows only the newest update, because each contains the whole run and drawing it may take a while.
   async read() {
     if (this.reading) return;
     this.reading = true;
@@ -46,12 +46,12 @@ const live = {
     if (!news.model) return;
     if (news.meshes !== model.scene?.meshes.length) { location.reload(); return; }
     const { following } = this;
-    const { scene: told, ...rest } = news.model;
-    if (told && model.scene) {
-      const were = world.entities.length;
-      Object.assign(model.scene, told);
+    const { scene: update, ...rest } = news.model;
+    if (update && model.scene) {
+      const previous = world.entities.length;
+      Object.assign(model.scene, update);
       await readTracks(await inflated(news.poses, "deflate"));
-      if (scene.ready && were !== world.entities.length) await scene.again();
+      if (scene.ready && previous !== world.entities.length) await scene.again();
     }
     grow(rest);
     floorPlan.question = scene.question = undefined;
@@ -61,7 +61,7 @@ const live = {
   show() {
     const { held, ended } = this.state, button = byId("live-pause");
     button.textContent = held ? "resume" : "pause";
-    button.title = held ? "let the run go on" : "hold the run: no plan time passes";
+    button.title = held ? "continue the run" : "pause the run: plan time stops";
     byId("live-state").textContent = ended ? "the run has ended" : held ? "held" : "running";
     for (const name of ["pause", "step", "stop"]) byId(`live-${name}`).disabled = ended;
     byId("live-pace").disabled = ended;
@@ -70,6 +70,6 @@ const live = {
     if (this.state.ended) return;
     this.state = { held: false, ended: true };
     this.show();
-    byId("live-state").textContent = "the program that runs the plan does not answer any more";
+    byId("live-state").textContent = "lost the connection to the program that runs the plan";
   },
 };

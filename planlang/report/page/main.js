@@ -1,4 +1,4 @@
-// Puts the page together: tabs, colours, what is missing, print; and lets a run grow while it is shown.
+// Builds the page: tabs, colours, notes on missing parts, print; and adds updates of a running plan.
 
 class Tabs {
   constructor(ids, chosen) {
@@ -53,9 +53,9 @@ function head() {
 }
 
 function tellMissing(...more) {
-  const said = [...model.missing, ...more];
-  byId("missing").hidden = said.length === 0;
-  byId("missing").replaceChildren(...said.map((one) => el("p", {}, one)));
+  const notes = [...model.missing, ...more];
+  byId("missing").hidden = notes.length === 0;
+  byId("missing").replaceChildren(...notes.map((one) => el("p", {}, one)));
 }
 
 const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -79,7 +79,7 @@ function print() {
 addEventListener("beforeprint", print);
 addEventListener("afterprint", () => byId("printed").replaceChildren());
 
-// Reads more of a run: nodes that are new or have changed, and whatever else has. All views show it at once.
+// Adds an update of a run: new and changed nodes, and other changed parts; all views show it at once.
 function grow(more) {
   index(more.nodes ?? []);
   const { nodes: ignored, end = model.end, ...rest } = more;
@@ -124,7 +124,7 @@ async function begin() {
   document.documentElement.dataset.ready = "page";
   document.documentElement.dataset.took = (performance.now() - started).toFixed(0);
   if (model.scene) {
-    try { readTracks(await unpacked("poses", "deflate")); } catch { tellMissing("The poses in this page cannot be read by this browser, which is too old for DecompressionStream."); }
+    try { readTracks(await unpacked("poses", "deflate")); } catch { tellMissing("This browser cannot read the poses, because it lacks DecompressionStream; use a newer one."); }
     try {
       if (world.ready) await scene.build();
     } catch (problem) {

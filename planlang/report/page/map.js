@@ -1,6 +1,6 @@
-// The room from above at the moment of the clock: bodies, the robot and its way, what it believes, places it looked at.
+// The room from above at the current time: bodies, the robot and its path, its belief, candidates for base poses.
 
-// The colour and the mark of each reason for which candidates are rejected, the same in cards, map and scene.
+// Colour and mark of each reason for rejecting candidates, the same in cards, map and scene.
 const reasons = new Map();
 function findReasons() {
   for (const question of model.questions ?? []) for (const { text, colour: shade } of [...question.bases.reasons, ...question.hands.reasons]) {
@@ -30,7 +30,7 @@ const floorPlan = {
   box: byId("map"), parts: new Map(), zoom: 1, middle: null,
   build() {
     this.view = svg("svg", { class: "map-view", role: "img", tabindex: "0", "aria-label": "The room from above" });
-    this.legend = el("div", { class: "map-legend", tabindex: "0", role: "region", "aria-label": "Places that were looked at" });
+    this.legend = el("div", { class: "map-legend", tabindex: "0", role: "region", "aria-label": "Candidates for base poses" });
     this.box.append(this.view, this.legend);
     new ResizeObserver(() => this.draw()).observe(this.view);
     this.view.addEventListener("wheel", (event) => { if (mayZoom(event, this.view)) { event.preventDefault(); this.closer(event); } }, { passive: false });
@@ -40,7 +40,7 @@ const floorPlan = {
     this.ready = true;
     this.draw();
   },
-  // Draws the room as large as it fits, so that texts and marks have the same size in any room.
+  // Scales the room to the view; texts and marks keep their size.
   draw() {
     const { bounds: [x0, y0, x1, y1], outlines } = model.map, border = 14;
     const wide = this.view.clientWidth, high = this.view.clientHeight;
@@ -68,7 +68,7 @@ const floorPlan = {
     this.robot = svg("g");
     this.names = svg("g");
     this.places = svg("g", { class: "places" });
-    this.tips = svg("g");  // over names, for grasp candidates are where a name is
+    this.tips = svg("g");  // above names, because grasp candidates are at the thing that is named
     this.view.append(this.places, this.way, this.ghosts, this.chosen, this.robot, this.names, this.tips);
     this.move(clock.time);
   },
@@ -134,7 +134,7 @@ const floorPlan = {
     }
     this.way.setAttribute("points", way.map(([a, b]) => `${a.toFixed(1)},${b.toFixed(1)}`).join(" "));
   },
-  // Names of bodies, each where it covers no other one.
+  // Names of bodies, without overlaps.
   name(labels) {
     const taken = [], made = [];
     for (const [name, x, y] of labels) {
@@ -158,7 +158,7 @@ const floorPlan = {
     for (const [cloud, size, points] of question ? [[question.bases, 2.6, bases], [question.hands, 4, tips]] : []) {
       for (const [number, x, y] of cloud.points) {
         const [a, b] = this.at(x, y);
-        const { text } = cloud.reasons[number];  // what was accepted is smaller: it leaves others at the same place in view
+        const { text } = cloud.reasons[number];  // accepted ones are smaller, so that others at the same pose stay visible
         points.push(markOf(text, a, b, text ? size : size * 0.6));
       }
     }
@@ -181,7 +181,7 @@ const floorPlan = {
       onclick: () => clock.goTo(other(step).time, other(step).node) }, text);
     const isDrawn = (cloud, k) => cloud.points.some(([number]) => number === k);
     const kinds = (cloud, none) => cloud.reasons.map((reason, k) => el("li", {}, reasonKey(reason.text),
-      `${reason.text || none}: ${reason.count}${isDrawn(cloud, k) ? "" : ", before any place was looked at"}`));
+      `${reason.text || none}: ${reason.count}${isDrawn(cloud, k) ? "" : ", before poses were sampled"}`));
     this.legend.replaceChildren(
       el("h2", {}, go(-1, "‹", "Previous search"), go(1, "›", "Next search"),
         `Where to stand, search ${number + 1} of ${model.questions.length}`, moment(question.time, question.node)),

@@ -1,4 +1,4 @@
-// The model of the run, indexed, and small tools that all views use. Texts enter the page through textContent alone.
+// The model of the run with its index, and helpers for all views. Texts enter the page only through textContent.
 
 const byId = (id) => document.getElementById(id);
 
@@ -27,7 +27,7 @@ const model = JSON.parse(byId("model").textContent);
 const nodes = new Map();
 const roots = [];
 
-// Reads nodes into the index; those that are known already are replaced, so that a run may grow while it is shown.
+// Adds nodes to the index, or updates them, because a run may still be growing.
 function index(list) {
   for (const one of list) {
     const known = nodes.get(one.id);
@@ -51,7 +51,7 @@ function statusAt(node, time) {
 }
 const MARKS = { succeeded: "✓", failed: "✕", running: "▸", evaporated: "⊘", waiting: "·", never: "⊘" };
 const CALLED = {
-  succeeded: "succeeded", failed: "failed", running: "running", evaporated: "evaporated", waiting: "not begun",
+  succeeded: "succeeded", failed: "failed", running: "running", evaporated: "evaporated", waiting: "not started",
   never: "evaporated before it began", interrupted: "interrupted",
 };
 
@@ -63,19 +63,19 @@ function spanOf(node) {
 const titleOf = (node) => node.label ?? "";
 const failureOf = (node) => (node.failure === undefined ? undefined : model.failures[node.failure]);
 
-// The headline of a node's failure: that of its card, where it has one, so that card and panel say the same first.
+// Headline of a node's failure; that of its card if there is one, so that card and panel agree.
 function headlineOf(node) {
   const card = model.cards.find((one) => one.node === node.id);
   return (card ? model.failures[card.failure] : failureOf(node)).headline;
 }
 
-// A text whose paths break at slashes alone.
+// Text in which paths may break, but only after slashes.
 const broken = (text) => text.split(/(?<=\/)/).flatMap((part) => [part, document.createElement("wbr")]);
 
-// The moment at which a node is best looked at: where it failed, else where it began.
+// Most interesting moment of a node: its failure, else its start.
 const momentOf = (node) => (node.status === "failed" ? node.end : node.start) ?? node.end ?? 0;
 
-// Lets a box that scrolls fade at its lower edge while there is more below; "more" is told of it, too.
+// Fades the lower edge of a scrolling box while there is more below; calls "more" with that state.
 function fading(box, more = () => {}) {
   const look = () => {
     const is = box.scrollHeight - box.scrollTop - box.clientHeight > 3;
@@ -87,13 +87,13 @@ function fading(box, more = () => {}) {
   new MutationObserver(look).observe(box, { childList: true, subtree: true, attributeFilter: ["open"] });
 }
 
-// Colours of the page's style, for what is drawn on a canvas.
+// Colour of the page's style, for drawing on a canvas.
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-// Lets an element flash once more, so that the eye finds it.
+// Flashes an element to draw attention to it.
 function flash(element) {
   element.classList.remove("flash");
-  void element.offsetWidth;  // else the animation would not begin anew
+  void element.offsetWidth;  // forces a layout, which restarts the animation
   element.classList.add("flash");
 }
 

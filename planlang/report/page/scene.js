@@ -1,4 +1,4 @@
-// The world in three dimensions, drawn when something has changed. Without WebGL the map takes its place.
+// The world in three dimensions, redrawn on changes. Without WebGL the map is shown instead.
 
 const scene = {
   box: byId("scene"), groups: [], ghosts: [], ready: false,
@@ -98,7 +98,7 @@ const scene = {
     world.entities.forEach((one, k) => (one.frame >= 0 ? this.groups[one.frame] : this.root).add(this.groups[k]));
     this.ghostMaterial = materials.get("ghost");
   },
-  // Makes the bodies anew when there are others: things appear, and are believed to be elsewhere.
+  // Rebuilds the bodies when their number changes: things appear, and beliefs differ from the truth.
   async again() {
     for (const group of this.groups) group.removeFromParent();
     await this.bodies(this.three);
@@ -124,7 +124,7 @@ const scene = {
       const made = new three.BufferGeometry();
       made.setAttribute("position", new three.BufferAttribute(points, 3));
       made.setIndex(new three.BufferAttribute(corners, 1));
-      made.computeVertexNormals();  // vertices are repeated where faces meet in an edge
+      made.computeVertexNormals();  // sharp edges stay sharp, because their vertices are duplicated
       return made;
     });
   },
@@ -136,7 +136,7 @@ const scene = {
     this.controls.maxPolarAngle = Math.PI * 0.495;
     this.controls.addEventListener("change", () => this.ask());
   },
-  // The eye and the point that it looks at, so that points fill the panel, whatever its shape, seen from a direction.
+  // Position and target of the camera so that points, seen from a direction, fill a panel of any shape.
   fitted(points, toward) {
     const { Box3, Vector3 } = this.three, { border, calm, least } = model.scene.view, right = new Vector3(), up = new Vector3();
     const box = new Box3().setFromPoints(points), target = box.getCenter(new Vector3()), eye = new Vector3();
@@ -158,7 +158,7 @@ const scene = {
     }
     return { eye: eye.copy(target).addScaledVector(toward, away), target };
   },
-  // Looks at points from a direction, or at the whole room, and keeps doing so when the panel changes its shape.
+  // Looks at points from a direction, or at the whole room, also after the panel changes its shape.
   look(view) {
     this.view = view;
     this.isTurned = false;
@@ -214,7 +214,7 @@ const scene = {
     legend.explain(differing, this.question, this.framed.length);
     this.ask();
   },
-  // Red frames around the things that a failure at this moment is about.
+  // Red frames around the things that are involved in a failure at this moment.
   frames(time) {
     const names = [...aboutAt(time)];
     for (const one of this.framed ?? []) this.root.remove(one);
@@ -231,7 +231,7 @@ const scene = {
       return [lines];
     });
   },
-  // Discs on the floor: base poses that were looked at, by reason, and the one that was chosen.
+  // Discs on the floor: candidates for base poses, by reason of rejection, and the chosen one.
   places(time) {
     const question = byId("candidates").checked ? questionAt(time, true) : null;
     if (question === this.question) return;

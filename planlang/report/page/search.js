@@ -1,4 +1,4 @@
-// The search box: things of the world by name, steps by name, label or text, sentences of the story; each hit once.
+// The search box finds things by name, steps by name, label or text, and sentences of the story; each hit once.
 
 const search = {
   input: byId("search"), box: byId("found"), found: [], at: -1,
@@ -30,7 +30,7 @@ const search = {
     this.box.replaceChildren(...(this.found.length ? this.found.map((one, k) => el("li", {
       role: "option", id: `found-${k}`, "aria-selected": String(k === this.at), onmousedown: (event) => { event.preventDefault(); this.go(k); },
     }, el("span", { class: "what" }, one.what), el("span", { class: "when" }, one.thing ? "" : seconds(one.time))))
-      : [el("li", { role: "option", "aria-selected": "false", "aria-disabled": "true" }, "nothing of that name")]));
+      : [el("li", { role: "option", "aria-selected": "false", "aria-disabled": "true" }, "no match")]));
     this.point();
   },
   point() {

@@ -1,4 +1,4 @@
-// What happened in plain sentences, each a link to its moment.
+// The run in plain sentences, each a link to its moment.
 
 const story = {
   box: byId("story"), items: [],
@@ -26,7 +26,7 @@ const story = {
     this.current = current;
     if (byId("follow").checked) this.reveal();
   },
-  // Scrolls to the sentence of the clock's moment, if it is out of view.
+  // Scrolls to the current sentence if it is out of view.
   reveal() {
     const item = this.items[this.current], { scrollTop, clientHeight } = this.box;
     if (this.box.hidden || !item) return;

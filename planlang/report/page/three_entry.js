@@ -1,4 +1,4 @@
-// What scene.js uses of three.js, of which three.js.gz is built, in an empty folder:
+// The parts of three.js that scene.js uses. To build three.js.gz, run in an empty folder:
 //
 //   npm install three@0.187.0 esbuild@0.28.2
 //   cp .../planlang/report/page/three_entry.js .

@@ -1,4 +1,4 @@
-// Poses over time, out of the compressed blob: keys where something has moved, as 16-bit differences (docs/report.md).
+// Poses over time from the compressed blob: 16-bit differences between keys, where something moved (docs/guides/report.md).
 
 const unpacked = (name, format) => inflated(byId(`blob-${name}`).textContent, format);
 
@@ -34,7 +34,7 @@ function readTracks(buffer) {
   world.ready = true;
 }
 
-// The pose (x, y, z, qx, qy, qz, qw) of an entity in its frame at a time; null where it is not there.
+// Pose (x, y, z, qx, qy, qz, qw) of an entity in its frame at a time; null while it does not exist.
 function poseAt(entity, time, out = new Float32Array(7)) {
   const { times, poses } = entity;
   let low = 0, high = times.length;
@@ -65,7 +65,7 @@ function isGone(entity, time) {
 
 const yawOf = (pose) => Math.atan2(2 * (pose[6] * pose[5] + pose[3] * pose[4]), 1 - 2 * (pose[4] ** 2 + pose[5] ** 2));
 
-// What the robot believes of a body where that is not so: its pose if it is off by 15 mm or 6 degrees, else null.
+// Believed pose of a body if it is wrong by more than 15 mm or 6 degrees, else null.
 function ghostAt(belief, time) {
   const believed = poseAt(belief, time), real = believed && poseAt(world.entities[belief.of], time, new Float32Array(7));
   if (!believed) return null;
@@ -75,11 +75,11 @@ function ghostAt(belief, time) {
   return away > 0.015 || turn < 0.9986 ? believed : null;
 }
 
-// The wheel zooms a view that has the focus, or with Ctrl; else it scrolls the page.
+// The wheel zooms a view with the focus, or any view with Ctrl; otherwise it scrolls the page.
 const mayZoom = (event, view) => event.ctrlKey || event.metaKey || document.activeElement === view;
 
-// Names of the things that a failure at this moment names as out of reach or most in the way, and what was searched for.
-// What follows a semicolon is advice and lists of other things.
+// Names of things in the messages of a failure at this moment, of its main obstacles, and of the searched thing.
+// Text after a semicolon is advice and lists of other things.
 function aboutAt(time) {
   const found = new Set(world.wanted ? [world.wanted] : []), at = model.cards.filter((one) => Math.abs((one.time ?? -1) - time) < 0.05);
   const texts = at.flatMap((one) => model.failures[one.failure].chain.flatMap((link) => {
@@ -92,7 +92,7 @@ function aboutAt(time) {
   return found;
 }
 
-// The search for a place that a moment is about: that of a construct that runs or has just failed, else the last one.
+// Search for a base pose at a moment: that of a construct that runs or has just failed, else the last one.
 function questionAt(time, running = false) {
   const asked = (model.questions ?? []).filter((one) => one.time <= time + 1e-6);
   const inside = asked.findLast((one) => {

@@ -1,4 +1,4 @@
-// The plan tree: its rows have the state of the clock's moment; arrows move in it as in any tree.
+// The plan tree: its rows show the state at the current time; arrow keys work as in any tree.
 
 const tree = {
   box: byId("tree"), closed: new Set(), rows: [], place: new Map(),
@@ -46,7 +46,7 @@ const tree = {
     row.style.paddingLeft = `${6 + depth * 15}px`;
     return row;
   },
-  // Lets the row of a node flash, so that the eye finds it.
+  // Flashes the row of a node to draw attention to it.
   flash(id) {
     planTabs.choose("tree-view");
     let shown = nodes.get(id);
@@ -59,7 +59,7 @@ const tree = {
     if (isClosed) this.closed.add(node.id); else this.closed.delete(node.id);
     this.build();
   },
-  // Opens what is around a node, and scrolls to the nearest row that shows it.
+  // Opens the ancestors of a node, and scrolls to its row, or to that of the nearest shown ancestor.
   reveal(node) {
     let changed = false;
     for (let above = node.above; above; above = above.above) changed = this.closed.delete(above.id) || changed;
@@ -68,7 +68,7 @@ const tree = {
     while (shown && !this.place.has(shown.id)) shown = shown.above;
     if (shown) this.list.reveal(this.place.get(shown.id));
   },
-  // The innermost shown step that runs now: the last one to begin.
+  // Innermost shown step that is running: the last one that started.
   running() {
     let found = null;
     for (const { node } of this.rows) {

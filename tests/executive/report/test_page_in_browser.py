@@ -331,7 +331,7 @@ def test_marks_of_the_scene_are_explained_and_things_named_where_they_are_clicke
     page = watched.page
     page.get_by_text("what marks mean").click()
     legend = page.locator(".legend li").all_inner_texts()
-    assert {"place to stand, chosen", "believed to be there, and is not"} <= set(legend)
+    assert {"place to stand, chosen", "believed to be there, but is not"} <= set(legend)
     assert "place to stand, rejected: out of reach" in legend
     page.get_by_label("names").uncheck()
     page.locator(".tags span").first.wait_for(state="detached")

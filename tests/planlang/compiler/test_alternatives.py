@@ -150,7 +150,7 @@ Class: Push
 @pytest.mark.parametrize(
     ("subs", "found"),
     [
-        ("(A or Mug)", "`Mug` is an alternative of a step of `Task`, but no class of actions"),
+        ("(A or Mug)", "`Mug` is an alternative of a step of `Task`, but not a class of actions"),
         ("(A or Missing)", "alternative `Missing` of `Task` is not defined"),
         ("(A or (not B))", "an alternative of `Task` is an expression without a named action class"),
     ],

@@ -84,7 +84,7 @@ def test_what_is_not_stated_is_a_keyword_without_default_of_which_a_warning_tell
     plan = compiled(Serve=steps("PickUp"), PickUp="k:PickingUpAnObject")
     assert parameters(plan) == {"pick_up_object_acted_on": inspect.Parameter.empty}
     (advice,) = found(plan, "R062")
-    assert advice.endswith("or give it when the plan is run: --set PickUp.objectActedOn=X")
+    assert advice.endswith("--set PickUp.objectActedOn=X")
     with pytest.raises(TypeError, match="missing 1 required keyword-only argument: 'pick_up_object_acted_on'"):
         run_plan(main(plan))
 

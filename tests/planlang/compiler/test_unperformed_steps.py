@@ -39,7 +39,7 @@ def test_the_warning_names_the_module_the_recipe_and_the_class_nearby(compiled: 
     said = {one.message.split("`")[1]: one.help for one in found}
     assert said["StirSoup"] == "register a process module for `StirSoup` (docs/guides/modules.md), or add sub-actions"
     assert "a process module for `Mixing2` or `Mixing` or" in said["Mixing2"]
-    assert said["Reaching2"].endswith("or add sub-actions, or place it below `Reaching`")
+    assert said["Reaching2"].endswith("a subclass of `Reaching`")
 
 
 def test_no_step_within_a_recipe_of_the_library_is_a_class_to_place_it_below(compiled: Any) -> None:

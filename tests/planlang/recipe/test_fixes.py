@@ -435,9 +435,8 @@ def test_of_an_order_that_is_missing_in_a_table_of_chunks_it_is_told_that_it_is_
     text = text.replace(f"        knowrob:PurposefulAction,\n{steps}", "        knowrob:PurposefulAction")
     found = fixed(folder, text, "R042", name="r.omn")
     assert found.done == ()
-    assert [(fix.code, why) for fix, why in found.impossible] == [
-        ("R042", "no restrictions of a class list its sub-actions")
-    ]
+    ((fix, why),) = found.impossible
+    assert (fix.code, "sub-actions are not listed in restrictions" in why) == ("R042", True)
 
 
 def test_taking_a_thing_for_the_only_individual_of_its_class_changes_nothing_of_the_plan(folder: Path) -> None:

@@ -156,7 +156,7 @@ def test_a_feature_of_the_class_of_the_tool_is_the_tool_itself(recipe: Path) -> 
         (
             "mc:DistanceConstraint, mc:toolFeature",
             "mc:MotionConstraint, mc:toolFeature",
-            "`Centred` is no constraint of a known kind",
+            "`Centred` is not a constraint of a known kind",
         ),
         (
             "mc:constrUpperLimit value 0.1",

@@ -99,7 +99,7 @@ def test_a_long_list_of_what_was_tried_has_the_latest_and_the_number_of_the_othe
     run = run_plan(grasp_often, script=Script().on("ClosingAGripper", fails=GraspMissed))
     (card,) = model_of(Told.of(run.events))["cards"]
     assert len(card["tried"]) == 41
-    assert card["tried"][0][2] == "11 earlier ones are in the plan"
+    assert card["tried"][0][2].startswith("11 earlier")
     assert card["tried"][-1][2].startswith("closing a gripper: failed")
 
 
