@@ -31,13 +31,13 @@ ROOM_FOR_IT = 0.05
 def hollowed(
     bodies: Sequence[Body],
     joints: Iterable[Articulation],
-    stated: Callable[[Body], Cavity | None],
+    stated: Callable[[Body], Sequence[Cavity]],
     compartments: Callable[[Body], Sequence[Body]],
     report: Callable[[Body, Sequence[Body], Sequence[str]], None],
 ) -> list[Body]:
     """Return all bodies, furniture hollow behind its doors, at its compartments and in its drawers, empty or not.
 
-    ``stated``: the room inside a body of which the map says that it is open; it is hollow in any case, there or behind
+    ``stated``: the rooms inside a body of which the map says that it is open; it is hollow in any case, there or behind
     its doors. ``compartments`` are parts of furniture inside of which things may lie. ``report`` is told the furniture,
     what lies inside and the names of its openings, none if there is no way to reach into it.
     """
@@ -61,16 +61,17 @@ def hollowed(
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if own else [part for part in compartments(body) if part.name not in slides]
         rooms = _rooms(body, own, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
-        held = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
+        held = [thing for thing in things if any(_is_in(room, body, thing) for _, room in rooms)]
+        openings = list(dict(rooms))
         if things:
-            contents.append(_Filled(body, things, [*rooms] if held else []))
+            contents.append(_Filled(body, things, openings if held else []))
         if body.name in runs:
             by_name[body.name] = replace(body, cavities=tuple(runs[body.name]))
         if rooms and (held or not things):
-            cavities = tuple(_with_room(room, body, held) for room in rooms.values())
+            cavities = tuple(_with_room(room, body, held) for _, room in rooms)
             by_name[body.name] = replace(body, cavities=(*cavities, *runs.get(body.name, ())))
             for part in parts:
-                if part.name in rooms:
+                if part.name in openings:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
     for one in contents:
         if left := one.without_drawers(contents):
@@ -95,19 +96,25 @@ class _Filled:
 
 
 def _rooms(
-    body: Body, own: Cavity | None, doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
-) -> dict[str, Cavity]:
-    """Return the rooms in a body by what opens them: doors, compartments without one, or itself."""
-    if is_drawer and own is None:
-        return {body.name: _open_above(body)}
+    body: Body, own: Sequence[Cavity], doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
+) -> list[tuple[str, Cavity]]:
+    """Return the rooms in a body with what opens them: doors, compartments without one, or itself."""
+    if is_drawer and not own:
+        return [(body.name, _open_above(body))]
     front = _front(body, doors)
-    rooms = {door.name: room_behind(door, body) for door in doors}
-    rooms |= {part.name: _compartment(part, body, *front) for part in parts}
-    return rooms if rooms or own is None else {body.name: own}
+    rooms = [(door.name, room_behind(door, body)) for door in doors]
+    rooms += [(part.name, _compartment(part, body, *front)) for part in parts]
+    return rooms or [(body.name, room) for room in own]
 
 
-def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) -> Cavity | None:
-    """Return the room inside a box, along its axes, that is open at sides such as "+x"; None if nothing is open."""
+def open_at(
+    size: Sequence[float], sides: Iterable[str], boards: Sequence[float] = (), walls: float = WALL
+) -> list[Cavity]:
+    """Return the rooms inside a box, along its axes, that is open at sides such as "+x"; none if nothing is open.
+
+    ``boards`` divide it: heights of their tops above its lower end, the lowest first [m]. It is then open in front.
+    """
+    sides = tuple(sides) or ("+x",) * bool(boards)
     low, high = -np.asarray(size) / 2 + walls, np.asarray(size) / 2 - walls
     known = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
     for sign, axis in known:
@@ -115,7 +122,10 @@ def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) ->
             high["xyz".index(axis)] += walls + BEYOND
         else:
             low["xyz".index(axis)] -= walls + BEYOND
-    return _cavity(low, high) if known and (low < high).all() else None
+    floors = [height - size[2] / 2 for height in boards] or [low[2]]
+    ceilings = [*(floor - walls for floor in floors[1:]), high[2]]
+    rooms = [((*low[:2], floor), (*high[:2], ceiling)) for floor, ceiling in zip(floors, ceilings, strict=True)]
+    return [_cavity(*map(np.array, room)) for room in rooms if known and np.less(*room).all()]
 
 
 def room_behind(leaf: Body, furniture: Body) -> Cavity:

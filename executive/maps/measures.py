@@ -133,6 +133,30 @@ def read_size(ontology: Ontology, iri: str, types: Iterable[str], found: list[Di
     return (x, y, z)
 
 
+def read_boards(
+    ontology: Ontology, iri: str, types: Iterable[str], size: Size | None, found: list[Diagnostic]
+) -> tuple[float, ...]:
+    """Heights of the boards of a shelf above its lower end [m], the lowest first; none for what has no boards.
+
+    Those that the thing states, else those of its nearest class, of which the ones within its height are noted.
+    """
+    if size is None:
+        return ()
+    own = stated(ontology, iri, "boardHeights")
+    of_class = (one for cls in types for one in ontology.inherited_restrictions(cls, expand("boardHeights")))
+    default = None if own else next(of_class, None)
+    said = Triple(iri, expand("boardHeights"), default.filler, default.span) if default else own
+    heights = sorted(lengths(said, found, LARGEST) or ()) if said else []
+    boards = tuple(height for height in heights if 0 <= height < size[2])
+    if own and len(boards) < len(heights):
+        found.append(_unreadable(own, f"a shelf {size[2]} m high has boards from 0 m to there"))
+        return ()
+    if default and boards:
+        shown = ", ".join(f"{height} m" for height in boards)
+        found.append(note("M005", f"{local_name(iri)}: boards at {shown} (default of its class)", ontology.span(iri)))
+    return boards
+
+
 def stated_size(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[float | None, ...]:
     """Return the three extents that a file states, None for each that it does not."""
     values: list[float | None] = [None, None, None]

@@ -246,9 +246,9 @@ def _opened(
     """Return all bodies; furniture with movable things inside is hollow, if it can be, and reported."""
     by_iri = {body.iri: body for body in bodies}
 
-    def stated(body: Body) -> Cavity | None:
+    def stated(body: Body) -> Sequence[Cavity]:
         thing = semantic_map.find(body.iri)
-        return None if thing is None else open_at(body.size, thing.open_sides, thing.walls or WALL)
+        return () if thing is None else open_at(body.size, thing.open_sides, thing.boards, thing.walls or WALL)
 
     def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
