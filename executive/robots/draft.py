@@ -206,13 +206,12 @@ class _Maker:
         table = self.draft.table("base")
         drives, why = self._drives()
         table.add("radius", *self._radius())
-        if not drives:
-            is_said = self.said is not None and self.said.base_joint is not None
-            table.add("fixed", True, why, Status.DERIVED if is_said else Status.ASSUMED)
+        is_said = self.said is not None and self.said.base_joint is not None
+        table.add("fixed", not drives, why, Status.DERIVED if is_said or drives else Status.ASSUMED)
+        if is_said and not drives:
             return
         for key in ("speed", "acceleration", "turn_speed", "turn_acceleration", "jerk"):
             table.add(key, getattr(DEFAULT_BASE, key), "slow", Status.ASSUMED)
-        table.add("fixed", False, why)
 
     def _drives(self) -> tuple[bool, str]:
         if self.said is not None and self.said.base_joint is not None:
@@ -226,7 +225,7 @@ class _Maker:
         loose = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
         if loose:
             return True, f"{loose[0]} lets it go anywhere"
-        return False, "the URDF shows no wheel: with false it drives, and needs speeds"
+        return False, "the URDF shows no wheel: false if it stands on a base that drives"
 
     def _radius(self) -> tuple[float, str, Status]:
         """Return the radius of what no joint lifts."""
