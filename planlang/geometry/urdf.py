@@ -32,7 +32,7 @@ MOST = 200_000
 XACRO = "this is an expression of xacro; write it out first: xacro {0}.urdf.xacro > {0}.urdf"
 """Advice for a URDF that still has to be expanded."""
 _OPTIONAL = re.compile(r"\$\(optenv +\w+ ?([^()]*)\)")
-"""An expression that xacro leaves to the environment; its default stands for it, so that equal files are equal robots."""
+"""An expression that xacro leaves to the environment; its default is read, so that equal files are equal robots."""
 
 
 class BadXml(Exception):
