@@ -282,6 +282,9 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
         held = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
         if not held.any() and standing.support(body.name) is None:  # a box is in itself: it may be in the air
             found.append(_unsupported(body, scene, thing.span))
+        for shelf in (boxes[index] for index in np.flatnonzero(held).tolist()):
+            stated = semantic_map.find(shelf.iri)
+            found += _over_board(body, shelf, () if stated is None else stated.boards, thing.span)
 
 
 def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
@@ -301,6 +304,16 @@ def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
     message = f"{body.name} stands on nothing: its lowest point is {where}"
     help = f"a pose is that of the middle: with {z + top - low:.3f} as its height {body.name} stands on {name}"
     return warning("M015", message, span, help)
+
+
+def _over_board(body: Body, shelf: Body, boards: Sequence[float], span: Span | None) -> Iterator[Diagnostic]:
+    """Yield the warning about a thing between the boards of a shelf that stands on none of them."""
+    floor, low = (float(corners(one.pose, one.size)[:, 2].min()) for one in (shelf, body))
+    below = [board for board in boards if floor + board <= body.pose.position[2]]
+    if below and (gap := low - floor - below[-1]) > GAP:
+        message = f"{body.name} stands on nothing: its lowest point is {gap:.3f} m over a board of {shelf.name}"
+        help = f"a pose is that of the middle: {gap:.3f} m lower {body.name} stands on the board at {below[-1]} m"
+        yield warning("M015", message, span, help)
 
 
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:

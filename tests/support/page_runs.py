@@ -130,7 +130,7 @@ class PageRun:
     def _write(self, block: Block) -> None:
         self.found.kinds["files written"] += 1
         self._texts.append(block.text)
-        path = self._folder / block.title
+        path = Path(block.title)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.text, encoding="utf-8")
 
@@ -167,7 +167,9 @@ class PageRun:
     def _command(self, command: Command, scenario_only: bool) -> None:
         words = shlex.split(command.words, comments=True)
         name = words[0].removeprefix(".venv/bin/")
-        if name in UNTRIED or self._is_measurement(words):
+        if name == "cd" and len(words) == 2:
+            self._enter(words[1])
+        elif name in UNTRIED or self._is_measurement(words):
             self._untried(command, name, words)
         elif name == "planlang" and (scenario_only or words[1] in WITHOUT_END):
             self.found.kinds["commands of scenarios, or without end"] += 1
@@ -184,6 +186,11 @@ class PageRun:
             self._prepare(command.words)
             status, printed = self._planlang(command, words[1:]) if name == "planlang" else self._shell(command, name)
             self._ended(command, status, printed)
+
+    def _enter(self, folder: str) -> None:
+        """Go on in a folder that an earlier command has made."""
+        if not self._dry:
+            os.chdir(folder)
 
     def _ended(self, command: Command, status: int, printed: str) -> None:
         self.found.kinds["commands run, outputs compared"] += 1
@@ -218,7 +225,8 @@ class PageRun:
         text = command.words.removeprefix(".venv/bin/")
         if name == "python":
             text = shlex.quote(sys.executable) + text.removeprefix("python")
-        environment = {**os.environ, "PYTEST_ADDOPTS": "-p no:cacheprovider", "PYTHONDONTWRITEBYTECODE": "1"}
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # for a python within the command
+        environment = {**os.environ, "PATH": path, "PYTEST_ADDOPTS": "-p no:cacheprovider", "PYTHONDONTWRITEBYTECODE": "1"}
         ran = subprocess.run(
             ["bash", "-c", text],
             stdout=subprocess.PIPE,

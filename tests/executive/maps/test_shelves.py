@@ -81,6 +81,15 @@ def test_what_lies_on_a_board_is_within_reach(map_of: Read, thing: Write, seen: 
     assert [one.message for one in found] == ["tool1 inside shelf1, which is hollow at shelf1"]
 
 
+def test_what_hangs_in_the_air_over_a_board_is_reported_with_the_board(map_of: Read, thing: Write, seen: Write) -> None:
+    found: list[Diagnostic] = []
+    frames = (thing("shelf1", "Shelves", SIZE), thing("tool1", "Screwdriver", (0.22, 0.03, 0.03)))
+    scene_of(map_of(*frames, seen("shelf1", (0.0, 0.0, 0.9)), seen("tool1", (0.0, 0.0, 1.015))), found)
+    (air,) = (one for one in found if one.code == "M015")
+    assert air.message == "tool1 stands on nothing: its lowest point is 0.100 m over a board of shelf1"
+    assert air.help == "a pose is that of the middle: 0.100 m lower tool1 stands on the board at 0.9 m"
+
+
 def test_a_toolbox_is_open_above(body: Callable[..., Body]) -> None:
     box = body("Toolbox", size=(0.22, 0.42, 0.2))
     assert is_open(box, 2, 1)
