@@ -31,6 +31,7 @@ LONG = tuple(
             for one in ("compiling", "cooking", "knowledge", "modules", "published_recipes", "recording")
         ),
         *(f"guides/{one}" for one in ("report", "resuming", "running", "searching", "sweeping", "testing")),
+        "first_steps/own_robot",
         "reference/formats",
     )
 )

@@ -35,6 +35,7 @@ from tests.support.extras import HAS_PR2
 from tests.support.pages import (
     CHECKOUT,
     ENDS_WITH_STATUS,
+    FIRST_RUN_ONLY,
     Block,
     Command,
     agrees,
@@ -46,8 +47,6 @@ from tests.support.pages import (
 )
 from tests.support.scenarios import CORPUS, Judged, judged_run, run_by
 
-FIRST_RUN_ONLY = "building the reachability map"
-"""How lines about what is kept for later runs begin; pages show a second run."""
 NEEDS: tuple[tuple[str, Callable[[], bool], str], ...] = (
     (r"\w@\w|\bcorpus/", CORPUS.is_dir, "published files are not beside this checkout"),
     (r"--robot pr2\b", lambda: HAS_PR2, "the PR2's URDF is in the extra pr2"),
@@ -226,14 +225,14 @@ class PageRun:
         if name == "python":
             text = shlex.quote(sys.executable) + text.removeprefix("python")
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # for a python within the command
-        environment = {**os.environ, "PATH": path, "PYTEST_ADDOPTS": "-p no:cacheprovider", "PYTHONDONTWRITEBYTECODE": "1"}
+        settings = {"PATH": path, "PYTEST_ADDOPTS": "-p no:cacheprovider", "PYTHONDONTWRITEBYTECODE": "1"}
         ran = subprocess.run(
             ["bash", "-c", text],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             check=False,
-            env=environment,
+            env={**os.environ, **settings},
         )
         return ran.returncode, ran.stdout
 
