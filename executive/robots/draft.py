@@ -225,7 +225,7 @@ class _Maker:
         loose = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
         if loose:
             return True, f"{loose[0]} lets it go anywhere"
-        return False, "the URDF shows no wheel: false if it stands on a base that drives"
+        return False, "no wheel in the URDF, false if it stands on a base that drives"
 
     def _radius(self) -> tuple[float, str, Status]:
         """Return the radius of what no joint lifts."""
