@@ -1,4 +1,4 @@
-"""The plan language: the names a plan author imports; and the functions of planlang as a library."""
+"""The names that plans import, and the functions of planlang as a library."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -222,7 +222,7 @@ __all__ = [
 ]
 
 
-# The functions of the library are no names of a plan, which would hide Python's compile: they are not in __all__.
+# The library's functions stay out of __all__: `from planlang import *` in a plan would hide Python's own compile.
 if TYPE_CHECKING:
     from executive.library import check as check
     from executive.library import compile as compile
@@ -238,7 +238,7 @@ if TYPE_CHECKING:
     from planlang.runs.run_tree import TaskNode
 
     __version__: str
-else:  # for mypy every name would be one of planlang's
+else:  # with a __getattr__ in its sight, mypy would accept any name
     _LATER = {
         **dict.fromkeys(("check", "compile", "locate", "simulate", "sweep"), "executive.library"),
         "BadInput": "planlang.diagnostics",
@@ -255,7 +255,7 @@ else:  # for mypy every name would be one of planlang's
     }
 
     def __getattr__(name: str) -> object:
-        """Look up what few plans need when it is asked for: orders, constraints, process modules, the library."""
+        """Import on first use what few plans need: partial orders, constraints, process modules, the library."""
         if name in _LATER:
             return getattr(import_module(_LATER[name]), name)
         if name != "__version__":

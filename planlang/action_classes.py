@@ -1,4 +1,4 @@
-"""The classes above a class of actions, by what the plan states and what the vocabulary knows."""
+"""Superclasses of action classes, from the plan's own statements and from the vocabulary."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from itertools import zip_longest
 from planlang.designators import ActionClass, local_name
 
 Known = Callable[[str], Sequence[str]]
-"""Returns a class of the vocabulary itself, then what is above it, nearest first."""
+"""Maps a class of the vocabulary to itself and its superclasses, nearest first."""
 
 
 def stated_levels(cls: str) -> Iterator[tuple[str, ...]]:
-    """Yield a class, then what the plan states directly above it, and so on, each class once."""
+    """Yield a class, then the superclasses that the plan states for it, level by level; each class once."""
     seen: set[str] = set()
     level: tuple[str, ...] = (cls,)
     while level:
@@ -23,15 +23,16 @@ def stated_levels(cls: str) -> Iterator[tuple[str, ...]]:
 
 
 def nearest_unstated(cls: str) -> tuple[str, ...]:
-    """Return the class, or the classes nearest above it, of which the plan states no superclasses."""
+    """Return the nearest classes, from ``cls`` upwards, for which the plan states no superclasses."""
     return tuple(one for level in stated_levels(cls) for one in level if not isinstance(one, ActionClass))
 
 
 def levels_above(cls: str, known: Known) -> Iterator[tuple[str, ...]]:
-    """Yield a class, then what is directly above it, and so on; ``known`` tells what the plan does not state.
+    """Yield a class, then its superclasses level by level; ``known`` provides those that the plan does not state.
 
-    What is above classes of the vocabulary comes after all that is stated, one by one, as ``known`` gives no distances.
-    Beside the IRI of a class stands its local name, unless that means another class of the vocabulary.
+    The levels that the plan states come first. Superclasses from the vocabulary follow one at a time, because
+    ``known`` gives no distances. Each level has the IRI of a class and its local name, unless the local name means
+    another class of the vocabulary.
     """
     seen: set[str] = set()
     for level in stated_levels(cls):
@@ -46,11 +47,11 @@ def levels_above(cls: str, known: Known) -> Iterator[tuple[str, ...]]:
 
 
 def _names(cls: str, known: Known) -> tuple[str, ...]:
-    """Return the IRI of a class and, if that means nothing else, its local name."""
+    """Return the IRI of a class and, if unambiguous, its local name."""
     short = local_name(cls)
     return (cls, short) if short != cls and len(known(short)) < 2 else (cls,)
 
 
 def ancestors_of(cls: str, known: Known) -> tuple[str, ...]:
-    """Return a class itself, then what is above it, nearest first."""
+    """Return a class and its superclasses, nearest first."""
     return tuple(one for level in levels_above(cls, known) for one in level)

@@ -1,4 +1,4 @@
-"""What actions need, bring about and end, as ontologies declare it of their classes (see primitives.omn)."""
+"""Preconditions and effects of action classes, as ontologies declare them (see primitives.omn)."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from planlang.ontology import Literal, Ontology, Term
 from planlang.records import dataclass
 
 Named = Callable[[str], Iterable[str]]
-"""Returns the names of the things and places that fill a property of an action."""
+"""Maps a property of an action to the names of the things and places that fill it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A predicate of things (names); of anything if they are not stated."""
+    """A predicate that holds for things, given by name; an empty set means any thing."""
 
     predicate: str
     about: frozenset[str]
 
     def matches(self, other: Condition) -> bool:
-        """Return True if both may be about the same."""
+        """Check whether the two conditions can be the same: one predicate, and a thing in common."""
         return self.predicate == other.predicate and (
             not self.about or not other.about or not self.about.isdisjoint(other.about)
         )
@@ -33,25 +33,25 @@ class Condition:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """A condition of actions of a class: a predicate of the fillers of their properties (names of the vocabulary)."""
+    """A condition for every action of a class: a predicate applied to properties of the action (local names)."""
 
     predicate: str
     properties: tuple[str, ...]
 
     @classmethod
     def of(cls, text: str) -> Pattern:
-        """Return what is written ``predicate(property, ...)``."""
+        """Parse ``predicate(property, ...)``."""
         predicate, _, inside = text.partition("(")
         return cls(predicate.strip(), tuple(part.strip() for part in inside.rstrip(") ").split(",") if part.strip()))
 
     def filled(self, fillers: Named) -> Condition:
-        """Return the condition about what fills the first of the properties."""
+        """Apply the predicate to the fillers of its first property."""
         return Condition(self.predicate, frozenset(fillers(self.properties[0]) if self.properties else ()))
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """A condition that comes about if what is given holds."""
+    """A condition that becomes true if all of ``given`` hold."""
 
     condition: Condition
     given: tuple[Condition, ...]
@@ -59,13 +59,13 @@ class Effect:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """The conditions that an ontology declares of action classes (IRIs)."""
+    """Conditions that an ontology declares, by action class (IRI)."""
 
     needs: dict[str, list[Pattern]] = field(default_factory=dict)
     goals: dict[str, Pattern] = field(default_factory=dict)
-    """What actions of a class are performed for; they bring it about, too."""
+    """Purpose of the actions of a class; reaching it is one of their effects."""
     effects: dict[str, list[tuple[Pattern, tuple[Pattern, ...]]]] = field(default_factory=dict)
-    """What comes about, each with what has to hold before."""
+    """Conditions that become true, each with its own preconditions."""
     ends: dict[str, list[Pattern]] = field(default_factory=dict)
 
     def needed(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
@@ -73,22 +73,22 @@ class Declared:
         return [one.filled(fillers) for cls in classes for one in self.needs.get(cls, ())]
 
     def brought(self, classes: Iterable[str], fillers: Named) -> list[Effect]:
-        """Return what an action of these classes brings about."""
+        """Return the effects of an action of these classes."""
         found = (one for cls in classes for one in self.effects.get(cls, ()))
         return [Effect(one.filled(fillers), tuple(other.filled(fillers) for other in given)) for one, given in found]
 
     def ended(self, classes: Iterable[str], fillers: Named) -> list[Condition]:
-        """Return what no longer holds after an action of these classes."""
+        """Return the conditions that an action of these classes ends."""
         return [one.filled(fillers) for cls in classes for one in self.ends.get(cls, ())]
 
     def ending(self, predicate: str) -> Mapping[str, tuple[str, ...]]:
-        """Return the classes after whose actions a predicate no longer holds, each with the properties it is about."""
+        """Map each class of actions that ends a predicate to the properties that the predicate applies to."""
         found = ((cls, [one for one in ended if one.predicate == predicate]) for cls, ended in self.ends.items())
         return {cls: tuple(name for one in ended for name in one.properties) for cls, ended in found if ended}
 
 
 def declared(ontology: Ontology) -> Declared:
-    """Return what an ontology declares; it is read once."""
+    """Return the declared conditions; an ontology is read once."""
     if "planlang.conditions" not in ontology.kept:
         found = ontology.kept["planlang.conditions"] = Declared()
         for actions, one in _stated(ontology, "Precondition"):
@@ -109,19 +109,19 @@ def declared(ontology: Ontology) -> Declared:
 
 
 def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:
-    """Return the values of a property as written: text of literals, local names of IRIs."""
+    """Return the values of a property as text; see :func:`text_of`."""
     return tuple(map(text_of, ontology.values(subject, property_name)))
 
 
 def text_of(term: Term) -> str:
-    """Return the text of a literal, the local name of an IRI, nothing of a nameless node."""
+    """Return the text of a literal, the local name of an IRI, or "" for a blank node."""
     if isinstance(term, Literal):
         return term.value
     return local_name(term) if isinstance(term, str) else ""
 
 
 def _stated(ontology: Ontology, kind: str) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the individuals of a class, each after the classes of actions that it is about."""
+    """Yield the individuals of a class, each with the action classes that it applies to."""
     return ((ontology.iris(one, "ofAction"), one) for one in ontology.individuals(kind))
 
 

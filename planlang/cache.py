@@ -1,10 +1,10 @@
 """Results kept between processes.
 
-A :class:`Cache` keeps what is costly to compute and follows from its inputs alone, in the user's cache folder. An entry
-is named by a key that its user makes of everything it depends on, so it never needs to be invalidated, and it begins
-with a digest of its key and content: whatever is damaged, incomplete or another entry's counts as not kept and is
-computed anew. An entry is written under a temporary name and then renamed, so that other processes see all of it or
-nothing. Without a writable folder nothing is kept.
+A :class:`Cache` stores results that are costly and depend on nothing but their inputs, in the user's cache folder.
+The caller builds the key from everything that the result depends on, so entries never have to be invalidated. Each
+entry starts with a digest of key and content; an entry that is damaged, incomplete or belongs to another key is ignored
+and computed again. Entries are written under a temporary name and renamed, so that other processes see a whole entry
+or none. Without a writable folder nothing is stored.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from planlang.files import open_regular, read_at_most
 from planlang.records import dataclass
 
 _DIGEST_BYTES = 64
-"""Length of the digest, in hexadecimal digits, in front of the content; arrays behind it are aligned."""
+"""Length of the digest before the content, in hexadecimal digits; arrays that follow it stay aligned."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cache:
-    """The kept entries of one kind, in a folder of their own.
+    """Entries of one kind, in a folder of their own.
 
-    ``most`` is how many entries are kept, the most recent ones; one of more than ``largest`` bytes is not of this kind.
+    The ``most`` recent entries are kept; an entry has at most ``largest`` bytes.
     """
 
     kind: str
@@ -36,7 +36,7 @@ class Cache:
     largest: int = 64_000_000
 
     def load(self, key: str) -> bytes | None:
-        """Return what was kept under a key; None if nothing was, or if it is not exactly that any more."""
+        """Return the content stored under a key; None if there is none or it was altered."""
         entry = self._entry(key)
         if entry is None or not _is_ours_alone(entry.parent):
             return None
@@ -50,7 +50,7 @@ class Cache:
         return unsealed(key, content)
 
     def keep(self, key: str, content: bytes) -> bool:
-        """Keep content under a key, in the place of whatever is there; False if that cannot be done."""
+        """Store content under a key, replacing an earlier entry; return False if that is impossible."""
         entry = self._entry(key)
         if entry is None or len(content) > self.largest:
             return False
@@ -82,7 +82,7 @@ class Cache:
     def _forget_oldest(self, newest: Path) -> None:
         found = []
         for path in newest.parent.iterdir():
-            with suppress(OSError):  # another process forgot it
+            with suppress(OSError):  # another process has deleted it
                 found.append((path.lstat().st_mtime, path))
         for _, path in sorted(found)[: max(0, len(found) - self.most)]:
             if path != newest:
@@ -91,18 +91,18 @@ class Cache:
 
 
 def sealed(key: str, content: bytes) -> bytes:
-    """Return content behind a digest of it and of its key."""
+    """Prefix content with the digest of its key and itself."""
     return hashlib.sha256(f"{key}\n".encode() + content).hexdigest().encode() + content
 
 
 def unsealed(key: str, content: bytes) -> bytes | None:
-    """Return what was sealed with a key; None if that is damaged, or was sealed with another."""
+    """Check the digest written by :func:`sealed` and remove it; None for other keys and altered content."""
     inner = content[_DIGEST_BYTES:]
     return inner if content == sealed(key, inner) else None
 
 
 def cache_folder(kind: str) -> Path | None:
-    """Return the folder for entries of a kind, which need not exist; None if the user has no home."""
+    """Return the folder for entries of a kind, which need not exist; None for a user without a home."""
     root = os.environ.get("XDG_CACHE_HOME")
     if root and Path(root).is_absolute():
         return Path(root) / "planlang" / kind
@@ -113,7 +113,7 @@ def cache_folder(kind: str) -> Path | None:
 
 
 def _is_ours_alone(folder: Path) -> bool:
-    """Return True for this user's folder in which nobody else may write: digests do not help against planted files."""
+    """Check that only this user may write to the folder: a digest does not protect against planted files."""
     try:
         found = folder.stat()
     except OSError:
@@ -122,7 +122,7 @@ def _is_ours_alone(folder: Path) -> bool:
 
 
 def _close_to_others(folder: Path) -> None:
-    """Take back a folder of this user that others may write, as a lax umask made it, without what they could plant."""
+    """Close a folder that a lax umask left writable for others, and delete its files, which they may have planted."""
     found = folder.stat()
     if found.st_uid == os.getuid() and found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
         folder.chmod(0o700)

@@ -1,7 +1,7 @@
-"""Changes of what there is, as plain data: what an action brings about, with names resolved.
+"""Changes that an action makes to the world, as plain data with names resolved.
 
-Executives work them out of what classes of actions declare (:mod:`planlang.effects`), and do the same to the world and
-to what they believe.
+Executives derive them from the declared effects of action classes (:mod:`planlang.effects`), and apply the same change
+to the world and to the belief.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Something that comes into being: its name and class; of a food, how much there is of it usually [ml]."""
+    """A new thing: its name, its class and, for food, the usual amount [ml]."""
 
     name: str
     type: str
@@ -22,27 +22,27 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class Transformed:
-    """Things are destroyed, contents of things used up, and something comes into being of them."""
+    """Things are destroyed and contents used up, and new things made of them."""
 
     things: tuple[tuple[str, float], ...]
-    """Names, and how much there is usually of what has no amount [ml]."""
+    """Names, each with the usual amount [ml] in case none is stated."""
     used: tuple[tuple[str, str], ...]
-    """Things, and the class of what is used up of their contents."""
+    """Containers, each with the class of the contents that are used up."""
     outputs: tuple[Output, ...]
     vessel: str | None
-    """The thing in which the outputs come into being, if they have amounts."""
+    """The vessel that holds the outputs, if they have amounts."""
 
 
 @dataclass(frozen=True, slots=True)
 class TurnedOver:
-    """A thing lies upside down."""
+    """A thing is turned upside down."""
 
     name: str
 
 
 @dataclass(frozen=True, slots=True)
 class Switched:
-    """A device is in another state, such as ``DeviceStateOn``."""
+    """A device changes to a state, such as ``DeviceStateOn``."""
 
     name: str
     state: str
@@ -50,7 +50,7 @@ class Switched:
 
 @dataclass(frozen=True, slots=True)
 class Poured:
-    """An amount [ml] of what is in a thing is on or in another one."""
+    """An amount [ml] of the contents of one thing moves onto or into another."""
 
     source: str
     target: str
@@ -62,14 +62,14 @@ Change = Transformed | TurnedOver | Switched | Poured
 
 @runtime_checkable
 class Physics(Protocol):
-    """A world in which the effects of actions come about because they are declared: a simulated one."""
+    """A world that applies declared effects itself, as a simulator does; a real robot's world does not."""
 
     @property
     def changed(self) -> int:
-        """The number of changes of what there is, by whomever."""
+        """Number of changes made so far, whoever made them."""
 
     def do(self, change: Change) -> float:
-        """Make a change; return how much has flowed [ml]. What is not there is let alone."""
+        """Apply a change; return the amount that flowed [ml]. Things that do not exist are skipped."""
 
     def is_free(self, name: str) -> bool:
-        """Return whether nothing has or had a name."""
+        """Check that no thing has the name, nor ever had it."""

@@ -1,4 +1,4 @@
-"""What is reached from some nodes of a graph that nobody has written down."""
+"""Breadth-first search in an implicit graph."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ T = TypeVar("T")
 
 
 def reached(starts: Iterable[T], following: Callable[[T], Iterable[T]]) -> Iterator[T]:
-    """Yield nodes and everything that ``following`` leads to from them: breadth first, each once, the starts first.
+    """Yield ``starts`` and every node reachable from them by ``following``, breadth first, each once.
 
-    A node is followed only when the one after it is asked for, so that a search can end early.
+    A node is expanded only when the next one is requested, so that a search can end early.
     """
     found = dict.fromkeys(starts)
     waiting = list(found)

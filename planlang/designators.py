@@ -20,7 +20,7 @@ from planlang.records import dataclass
 from planlang.relations import RELATIONS, measured, named
 
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")
-"""Classes of grasps, by where the hand comes from."""
+"""Classes of grasps, by the direction from which the hand approaches."""
 
 _OBJECT = Usage("an_object", {"type": '"DrinkingBottle"'}, {"iri": '"http://example.org/room.owl#bottle1"'})
 _RELATION = Usage("Relation", {"name": '"near"', "reference": "table"}, {"within": "0.5", "beyond": "0.1"})
@@ -47,9 +47,9 @@ _POSTURE = Usage("a_posture", {"name": '"carrying"'})
 
 @dataclass(frozen=True, slots=True)
 class Object:
-    """An object or a device, told by its class and, when known, by the individual that it is.
+    """An object, described by its class and, if known, its individual.
 
-    ``iri`` binds first (rules: a map individual of the same IRI); else class and relations decide.
+    An executive looks for an individual of the map with this ``iri`` first, else for one of the class.
     """
 
     type: str
@@ -76,16 +76,15 @@ class Person(Object):
 
 @dataclass(frozen=True, slots=True)
 class Device(Object):
-    """A part of the robot, e.g. a gripper; no side in its name or type means any side."""
+    """A part of the robot, e.g. a gripper; without a side in its name or class, either side will do."""
 
 
 @dataclass(frozen=True, slots=True)
 class Relation:
     """One conjunct of a location: ``name`` is a key of ``planlang.relations.RELATIONS``.
 
-    A relation that has a distance may be bounded: at most ``within`` and at least ``beyond`` [m], between the outlines
-    seen from above; for ``above`` the height. A ``negated`` relation holds where the relation, with its bounds, does
-    not.
+    ``within`` and ``beyond`` bound the distance of a relation that has one [m]: between the outlines seen from above,
+    or for ``above`` the height. A ``negated`` relation holds where the relation, bounds included, does not.
     """
 
     name: str
@@ -103,7 +102,7 @@ class Relation:
         _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
 
     def __invert__(self) -> Relation:
-        """Return the relation that holds where this one does not."""
+        """The complement."""
         return replace(self, negated=not self.negated)
 
     def __str__(self) -> str:
@@ -117,10 +116,10 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A set of poses: the conjunction of its relations. Without relations: a posture of the robot, by ``name``.
+    """A set of poses: the conjunction of its relations.
 
-    ``device`` narrows what reaches: "in reach of the bottle with the right gripper"; ``grasp``, one of
-    ``GRASPS``, how.
+    ``device`` and ``grasp`` (one of ``GRASPS``) restrict how the robot reaches: "in reach of the bottle with the right
+    gripper, by a side grasp".
     """
 
     relations: tuple[Relation, ...] = ()
@@ -139,15 +138,13 @@ class Location:
             raise _LOCATION.wrong("grasp", self.grasp, f"one of {', '.join(GRASPS)}", WrongValue)
 
     def __and__(self, other: Location) -> Location:
-        """Return the poses in both; raises ValueError for two arms, two grasps, and for a posture."""
+        """Intersect two locations; raises ValueError for two arms, two grasps, and for postures."""
         if not isinstance(other, Location):
             code = written(other)
             message = f"& joins two locations, not a location and {code}"
             raise WrongType(contrast(message, f"near & {code}", "near & a_location(in_reach_of=bottle)"))
         if isinstance(self, Posture | FixedPose) or isinstance(other, Posture | FixedPose):
-            raise ValueError(
-                f"a posture, or one pose, is no set of poses that can be joined with another: {self} & {other}"
-            )
+            raise ValueError(f"a posture or a fixed pose cannot be joined with another location: {self} & {other}")
         if None not in (self.device, other.device) and self.device != other.device:
             raise ValueError(
                 f"one location names two arms: {self.device} and {other.device}. A base from which "
@@ -159,13 +156,13 @@ class Location:
         return Location(self.relations + more, self.name, self.device or other.device, self.grasp or other.grasp)
 
     def __invert__(self) -> Location:
-        """Return the poses that are not in it; ValueError unless it is one relation, with any arm and any grasp."""
+        """The complement; raises ValueError unless it is a single relation without arm and grasp."""
         if len(self.relations) != 1 or self.device is not None or self.grasp is not None:
-            raise ValueError(f"only a location of one relation, whatever reaches, can be negated; this is {self}")
+            raise ValueError(f"only a location of one relation, without arm and grasp, can be negated; this is {self}")
         return Location((~self.relations[0],))
 
     def things(self) -> Iterator[Object]:
-        """Yield the things that the location is about, those of nested locations included."""
+        """Yield the things that the location refers to, including those of nested locations."""
         for relation in self.relations:
             if isinstance(relation.reference, Location):
                 yield from relation.reference.things()
@@ -182,14 +179,14 @@ class Location:
 
 @dataclass(frozen=True, slots=True)
 class Posture(Location):
-    """A named posture of the robot's own, e.g. ``carrying``."""
+    """A named posture of the robot, e.g. ``carrying``."""
 
     name: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class FixedPose(Location):
-    """One pose in the map, told by its numbers: position [m] and heading [rad] about the vertical."""
+    """A pose in the map: position [m] and heading about the vertical [rad]."""
 
     x: float = 0.0
     y: float = 0.0
@@ -201,14 +198,14 @@ class FixedPose(Location):
 
 
 class Filler:
-    """A value type of another file whose values may fill a property."""
+    """Base class of value types from other modules that may fill a property."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """Any situation of a class in which properties, in snake case, sorted by name, are filled like this."""
+    """A situation of a class; ``properties`` are (snake case name, filler), sorted by name."""
 
     type: str
     properties: tuple[tuple[str, Value], ...] = ()
@@ -275,14 +272,14 @@ class Condition:
 
 
 def _told(value: object) -> str:
-    """Return the text of a filler: of several constraints or features their names."""
+    """Format a filler; constraints and features in a tuple by their names."""
     if not isinstance(value, tuple) or not any(isinstance(part, Filler) for part in value):
         return str(value)
     return f"({', '.join(str(getattr(part, 'name', None) or part) for part in value)})"
 
 
 def _check_described(usage: Usage, type_: object, properties: object) -> None:
-    """Refuse what describes no action and no situation."""
+    """Check the class and the properties of an action or a situation."""
     usage.text("type", type_)
     pairs = properties if isinstance(properties, tuple) else (None,)
     if not all(isinstance(pair, tuple) and len(pair) == 2 and isinstance(pair[0], str) for pair in pairs):
@@ -322,10 +319,10 @@ def a_location(
 ) -> Location:
     """Describe a location by relations, e.g. ``a_location(in_reach_of=bottle, using=RIGHT_GRIPPER)``.
 
-    A relation to several references is written with a tuple. ``within`` and ``beyond`` bound the one relation of the
-    call that has a distance: ``a_location(near=door, within="30 cm")``, numbers are metres; bounds of several relations
-    are joined with ``&``. ``not_`` takes locations of one relation each that must not hold:
-    ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for what is none of these.
+    A tuple relates to several references. ``within`` and ``beyond`` bound the distance of the one relation in the call
+    that has a distance, in metres or as a text: ``a_location(near=door, within="30 cm")``. Join several bounded
+    relations with ``&``. ``not_`` takes locations of one relation each that must not hold:
+    ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for invalid relations and bounds.
     """
     conjuncts: list[Relation] = []
     for keyword, references in relations.items():
@@ -351,7 +348,7 @@ def a_location(
 
 
 def resting_on(where: Location | Object) -> Location:
-    """Return where something is put that is brought to a place, onto a thing, or to a person."""
+    """Return the location for putting an object down: at a place, on a thing, or within a person's reach."""
     if isinstance(where, Location):
         return where
     return a_location(in_reach_of=where) if isinstance(where, Person) else a_location(on=where)
@@ -360,10 +357,10 @@ def resting_on(where: Location | Object) -> Location:
 def _bounded(relations: list[Relation], within: float | str | None, beyond: float | str | None) -> list[Relation]:
     bounded = [relation for relation in relations if RELATIONS[relation.name].measured]
     if len(bounded) != 1:
-        here = ", ".join(map(str, bounded)) or "none"
+        here = ", ".join(map(str, bounded)) or "no such relation"
         raise ValueError(
-            f"within and beyond bound one relation, of {', '.join(measured())}; here there are: {here}. Join bounds of "
-            "several with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
+            f"within and beyond bound one relation of {', '.join(measured())}; this location has {here}. Join several "
+            "bounded relations with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
         )
     at_most, at_least = _length("within", within), _length("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
@@ -386,13 +383,13 @@ def _length(bound: str, length: float | str | None) -> float | None:
 
 
 def a_posture(name: str) -> Posture:
-    """Describe a named posture of the robot's own."""
+    """Describe a named posture of the robot."""
     _POSTURE.text("name", name)
     return Posture((), name)
 
 
 def a_pose(name: str | None = None, *, x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> FixedPose:
-    """Describe one pose in the map: position [m], heading [rad]. Raises ValueError for what is no finite number."""
+    """Describe a pose in the map: position [m], heading [rad]. Raises ValueError unless all are finite numbers."""
     for key, value in {"x": x, "y": y, "z": z, "yaw": yaw}.items():
         if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
             raise _POSE.wrong(key, value, "a finite number", WrongValue)
@@ -400,24 +397,24 @@ def a_pose(name: str | None = None, *, x: float, y: float, z: float = 0.0, yaw: 
 
 
 class ActionClass(str):
-    """The IRI of a class of actions, or its bare name, with the classes directly above it; see :func:`action_class`."""
+    """The IRI or local name of an action class, with its direct superclasses; see :func:`action_class`."""
 
     __slots__ = ("below",)
     below: tuple[str, ...]
 
 
 def action_class(iri: str, *, below: str | Iterable[str]) -> ActionClass:
-    """State a class of actions: ``STIR_SOUP = action_class(RECIPE + "StirSoup", below="Stirring")``.
+    """Define an action class: ``STIR_SOUP = action_class(RECIPE + "StirSoup", below="Stirring")``.
 
-    ``below`` are its superclasses, the most telling first: names of the vocabulary, or classes stated like this. A
-    process module for the class or for one above it performs ``action(STIR_SOUP)``; the nearest is chosen.
+    ``below`` lists its superclasses, most specific first: names of the vocabulary, or classes defined like this one.
+    ``action(STIR_SOUP)`` is performed by the process module of the nearest class, itself or a superclass.
     """
     _ACTION_CLASS.text("iri", iri)
     if not isinstance(below, str):
         _ACTION_CLASS.iterable("below", below, "classes of actions")
     above = (below,) if isinstance(below, str) else tuple(below)
     if not above:
-        raise _ACTION_CLASS.wrong("below", below, "the class above it, or several")
+        raise _ACTION_CLASS.wrong("below", below, "at least one superclass")
     for one in above:
         _ACTION_CLASS.text("below", one)
     stated = ActionClass(iri)
@@ -430,7 +427,7 @@ def action(
 ) -> Action:
     """Describe an action: ``action("Reaching", to_location=approach_pose, device_used=RIGHT_GRIPPER)``.
 
-    With ``below`` the class is one that the vocabulary does not know, stated here as by :func:`action_class`:
+    ``below`` defines a class that the vocabulary does not have, as :func:`action_class` does:
     ``action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose)``.
     """
     cls = type if below is None else action_class(type, below=below)
@@ -438,18 +435,18 @@ def action(
 
 
 def a_situation(type: str, **properties: Value) -> Situation:
-    """Describe what may be the case: ``a_situation("VisualPerception", detected_object=bottle)``."""
+    """Describe a situation: ``a_situation("VisualPerception", detected_object=bottle)``."""
     return Situation(type, tuple(sorted(properties.items())))
 
 
 def holding(what: Object) -> Condition:
-    """Return the condition that the robot holds the object."""
+    """Condition: the robot holds the object."""
     _HOLDING.instance("what", what, Object, "an object")
     return Condition("holding", (what,))
 
 
 def located(where: Location, what: Object | None = None) -> Condition:
-    """Return the condition that the robot's base, or a hand (given as a device), or an object, is at a location."""
+    """Condition: ``what`` is at a location; an object, a hand given as a device, or by default the robot's base."""
     _LOCATED.instance("where", where, Location, "a location")
     if what is not None:
         _LOCATED.instance("what", what, Object, "an object")
@@ -462,9 +459,10 @@ def local_name(iri: str) -> str:
 
 
 def snake_case(name: str) -> str:
-    """Return ``MoveBaseToGraspPose`` as ``move_base_to_grasp_pose``; characters Python does not allow become ``_``.
+    """Convert ``MoveBaseToGraspPose`` to ``move_base_to_grasp_pose``, a valid Python identifier.
 
-    Digits stay with the word before them (``bottle1``); a leading digit gets an underscore before it.
+    Digits stay with the word before them (``bottle1``). Other characters become ``_``, as does the place before a
+    leading digit.
     """
     text = unicodedata.normalize("NFKC", name)
     parts: list[str] = []
@@ -481,12 +479,12 @@ def snake_case(name: str) -> str:
 
 
 def unused_name(wanted: str, taken: Container[str]) -> str:
-    """Return ``wanted``, or the first of ``wanted_2``, ``wanted_3``, ... that is not taken."""
+    """Return the first of ``wanted``, ``wanted_2``, ``wanted_3``, ... that is not taken."""
     every = chain([wanted], (f"{wanted}_{number}" for number in count(2)))
     return next(name for name in every if name not in taken)
 
 
 def told_apart(first: str, second: str) -> tuple[str, str]:
-    """Return what two things (IRIs) are called beside each other: local names, or the whole IRIs if these are equal."""
+    """Return distinct names of two things (IRIs): their local names or, if these are equal, the whole IRIs."""
     short = local_name(first), local_name(second)
     return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")

@@ -11,7 +11,7 @@ from planlang.records import dataclass
 
 
 class Severity(Enum):
-    """The severity of a diagnostic. Only errors stop."""
+    """Severity of a diagnostic; only errors stop the work."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -31,7 +31,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Rename:
-    """Write one name (IRI) for another that nothing defines; ``is_sure`` if no third is nearly as like it."""
+    """Replace an undefined name (IRI) by a similar one; ``is_sure`` if no other name is nearly as similar."""
 
     written: str
     meant: str
@@ -46,7 +46,7 @@ class Rename:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """State in a task that one step comes before another (all IRIs)."""
+    """Add an ordering to a task: one step before another (all IRIs)."""
 
     task: str
     before: str
@@ -55,7 +55,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class Declaration:
-    """Declare an entity of XML; ``is_sure`` if no other value of it is known."""
+    """Declare an XML entity; ``is_sure`` if only one value is known for it."""
 
     entity: str
     value: str
@@ -66,14 +66,14 @@ class Declaration:
 
 
 Suggestion = Rename | Order | Declaration
-"""A change of the file that a help proposes."""
+"""A change to the file that the help proposes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnostic:
-    """One message about the user's input. ``code`` stands in docs/reference/codes.md.
+    """One message about the user's input; docs/reference/codes.md explains each ``code``.
 
-    ``suggestion`` is what the help says as a change of the file, where that can be said so.
+    ``suggestion`` is the help as a change to the file, if it can be expressed as one.
     """
 
     severity: Severity
@@ -89,7 +89,7 @@ class Diagnostic:
         return f"{text}\n    help: {self.help}" if self.help else text
 
     def as_json(self) -> dict[str, object]:
-        """Return severity, code, message, span and help (or null), and the suggestion if there is one, for JSON."""
+        """Convert to a JSON object; span and help may be null, the suggestion may be missing."""
         suggestion = {"suggestion": asdict(self.suggestion)} if self.suggestion is not None else {}
         return {
             "severity": self.severity.value,
@@ -109,7 +109,7 @@ class BadInput(Exception):
         super().__init__("\n".join(map(str, diagnostics)))
 
     def _render_traceback_(self) -> list[str]:
-        """Return what a notebook shows: the diagnostics, as the code below the call says nothing about the input."""
+        """Show the diagnostics alone in a notebook: the stack below the call says nothing about the input."""
         return [str(self)]
 
 
@@ -120,7 +120,7 @@ def error(
     help: str | None = None,
     suggestion: Suggestion | None = None,
 ) -> Diagnostic:
-    """Return an error: the input cannot be used."""
+    """Make an error: the input cannot be used."""
     return Diagnostic(Severity.ERROR, code, message, span, help, suggestion)
 
 
@@ -131,15 +131,15 @@ def warning(
     help: str | None = None,
     suggestion: Suggestion | None = None,
 ) -> Diagnostic:
-    """Return a warning: usable, but probably not what was meant."""
+    """Make a warning: the input can be used, but is probably not what its author meant."""
     return Diagnostic(Severity.WARNING, code, message, span, help, suggestion)
 
 
 def note(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
-    """Return a note: what was repaired or assumed."""
+    """Make a note: something was repaired or assumed."""
     return Diagnostic(Severity.NOTE, code, message, span, help)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Return True if any of them is an error."""
+    """Check whether any diagnostic is an error."""
     return any(d.severity is Severity.ERROR for d in diagnostics)

@@ -1,4 +1,4 @@
-"""Effects of classes of actions, and of heat, as ontologies declare it (see object_change.omn)."""
+"""Effects of action classes and of heat, as ontologies declare them (see object_change.omn)."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ Classes = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """Changes that an action makes; classes and states are IRIs, a rate is in ml/s, an amount in ml."""
+    """Effects of an action; classes and states are IRIs, ``flow_rate`` is in ml/s, ``amount`` in ml."""
 
     destroyed: Classes = ()
-    """Classes of objects that are destroyed when the action acts on them."""
+    """Classes of input objects that the action destroys."""
     created: Classes = ()
-    """One thing of each comes into being."""
+    """Classes of objects that the action creates, one of each."""
     turned: Classes = ()
-    """Classes of objects that are turned over when the action acts on them."""
+    """Classes of input objects that the action turns over."""
     states: Classes = ()
-    """The states that the device is put in, the nearest first."""
+    """States that the device is put in, most specific first."""
     flow_rate: float | None = None
     amount: float | None = None
     vessels: Classes = ()
-    """Classes of vessels in which that comes into being, unless the action or its inputs are in another."""
+    """Classes of vessels that hold the outputs, unless the action names another or its inputs are in one."""
 
     completes: Classes = ()
-    """Classes of actions that are done with it: the changes of the nearest one around it are made, too."""
+    """Classes of enclosing actions that this one completes: the effects of the innermost are applied as well."""
 
     def __bool__(self) -> bool:
-        """Return True if the action changes anything."""
+        """Check whether the action changes anything."""
         return self != Effects()
 
     @property
     def lasts(self) -> bool:
-        """True if doing it a second time changes something a second time; a device is merely on again."""
+        """True if repeating the action changes something again; a device that is on stays on."""
         return bool(self.destroyed or self.created or self.turned or self.flow_rate)
 
 
 @dataclass(frozen=True, slots=True)
 class HeatEffect:
-    """A thing of ``inputs`` is of ``output``, once a side of it was for ``duration`` [s] over a device that is on."""
+    """A thing of class ``inputs`` becomes ``output`` after a side was over a running device for ``duration`` [s]."""
 
     inputs: Classes
     output: str
@@ -58,11 +58,11 @@ _NOTHING = Effects()
 
 
 def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None) -> Effects:
-    """Return what actions of a class change: what is declared for it, and for the classes above it.
+    """Collect the effects declared for a class of actions and its superclasses.
 
-    ``ancestors`` are these, the class itself and the nearest first, where the ontology does not know them all. Of what
-    is created the narrowest classes count. A rate, an amount or a state that is nearer replaces a farther one. Raises
-    BadInput for a number that is none.
+    ``ancestors`` lists the class and its superclasses, nearest first, for classes that the ontology does not define.
+    Of the created classes only the most specific count. A rate, an amount or a state of a nearer class overrides that
+    of a farther one. Raises BadInput for an invalid number.
     """
     table, levels = _declared(ontology), ontology.ancestors(action_class) if ancestors is None else ancestors
     found = [effects for cls in levels if cls in table for effects in table[cls]]
@@ -81,7 +81,7 @@ def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] |
 
 
 def heat_effects(ontology: Ontology) -> tuple[HeatEffect, ...]:
-    """Return what heat changes, in the order of the files; raises BadInput for a number that is none."""
+    """Return the effects of heat, in the order of the files; raises BadInput for an invalid number."""
     found = []
     for individual in ontology.individuals(expand("HeatChange")):
         inputs, devices = (ontology.iris(individual, name) for name in ("inputsDestroyed", "deviceUsed"))
@@ -93,15 +93,15 @@ def heat_effects(ontology: Ontology) -> tuple[HeatEffect, ...]:
 
 
 def narrowest(ontology: Ontology, classes: Iterable[str]) -> Classes:
-    """Return those of some classes that have no other one below them."""
+    """Drop classes that have a subclass among the others."""
     every = tuple(dict.fromkeys(classes))
     return tuple(cls for cls in every if not any(cls != one and ontology.is_a(one, cls) for one in every))
 
 
 def number_of_class(ontology: Ontology, classes: Iterable[str], name: str) -> float | None:
-    """Return the number that the first of some classes, or the nearest above it, states for a property.
+    """Look up a numeric property in the first of the classes that has it, itself or by inheritance.
 
-    Raises BadInput for what is no number from 0 on.
+    Raises BadInput unless it is a finite number >= 0.
     """
     for cls in classes:
         for restriction in ontology.inherited_restrictions(cls, expand(name)):
@@ -110,13 +110,13 @@ def number_of_class(ontology: Ontology, classes: Iterable[str], name: str) -> fl
 
 
 def number_of_individual(ontology: Ontology, individual: str, name: str) -> float | None:
-    """Return the number that is stated last of an individual, as :func:`number_of_class` does of a class."""
+    """Look up a numeric property of an individual, like :func:`number_of_class`; the last statement counts."""
     found = tuple(ontology.triples(individual, expand(name)))
     return _checked(found[-1].object, name, found[-1].span) if found else None
 
 
 def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
-    """Return what is declared for each class of actions; it is read once."""
+    """Return the declared effects by class of actions; an ontology is read once."""
     key = "planlang.effects"
     if key not in ontology.kept:
         table: dict[str, list[Effects]] = {}
@@ -151,5 +151,5 @@ def _checked(term: Term, name: str, span: Span | None) -> float:
         number = -1.0
     if not (math.isfinite(number) and number >= 0):
         text = term.value if isinstance(term, Literal) else str(term)
-        raise BadInput([error("M002", f"{name} is {text!r}, not a finite number from 0 on", span)])
+        raise BadInput([error("M002", f"{name} is {text!r}, not a finite number >= 0", span)])
     return number

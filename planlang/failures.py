@@ -1,7 +1,7 @@
 """Failures of plans: one root, two levels, typed fields.
 
-Process modules raise low-level failures; plans handle them or raise high-level ones from them. Whatever is not a
-:class:`PlanFailure` is a programming error, which no construct and no recovery catches.
+Process modules raise low-level failures; plans handle them or raise high-level failures from them. Any other exception
+is a programming error, which no construct and no recovery catches.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class LowLevelFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class NavigationFailure(LowLevelFailure):
-    """The base did not get where it should; ``target`` is (x, y, yaw) in the map [m, rad]."""
+    """The base did not reach its target; ``target`` is (x, y, yaw) in the map [m, rad]."""
 
     target: tuple[float, float, float] | None = field(default=None, kw_only=True)
     blocked_by: str | None = field(default=None, kw_only=True)
@@ -54,7 +54,7 @@ class NavigationGoalInCollision(NavigationFailure):
 
 @dataclass(eq=False, repr=False)
 class PerceptionFailure(LowLevelFailure):
-    """Perception did not give what was asked for; ``what`` names the object."""
+    """Perception did not deliver what was requested; ``what`` names the object."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -62,19 +62,19 @@ class PerceptionFailure(LowLevelFailure):
 
 
 class ObjectNotFound(PerceptionFailure):
-    """The object is not seen where it was looked for."""
+    """The camera does not see the object where it looked."""
 
     text: ClassVar[str] = "object not found"
 
 
 class RecognitionModelMissing(ObjectNotFound):
-    """There is no recognition model of the object's class: it would not be recognised wherever it is."""
+    """No recognition model exists for the object's class, so it cannot be recognised anywhere."""
 
     text: ClassVar[str] = "no recognition model"
 
 
 class ObjectLost(PerceptionFailure):
-    """An object that was seen is not where it was."""
+    """An object that was seen before is no longer there."""
 
     text: ClassVar[str] = "object lost"
 
@@ -90,7 +90,7 @@ class AmbiguousPerception(PerceptionFailure):
 
 @dataclass(eq=False, repr=False)
 class LookingFailure(LowLevelFailure):
-    """The camera could not be pointed; ``what`` names what it should look at."""
+    """The camera could not be pointed at its target; ``what`` names the target."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -105,7 +105,7 @@ class LookingGoalUnreachable(LookingFailure):
 
 @dataclass(eq=False, repr=False)
 class ManipulationFailure(LowLevelFailure):
-    """An arm did not do what it should; ``what`` is what it was about, ``blocked_by`` what was in the way."""
+    """A motion of an arm failed; ``what`` names the object concerned, ``blocked_by`` the obstacle."""
 
     arm: str | None = field(default=None, kw_only=True)
     what: str | None = field(default=None, kw_only=True)
@@ -133,20 +133,20 @@ class ManipulationGoalInCollision(ManipulationFailure):
 
 
 class ObjectNotTurned(ManipulationFailure):
-    """A thing that was to be turned over still lies as it did."""
+    """The object still lies the same way up."""
 
     text: ClassVar[str] = "the object did not turn over"
 
 
 class VesselEmpty(ManipulationFailure):
-    """Nothing is known to be in a vessel that was to be poured from or stirred; ``what`` names it."""
+    """The vessel to pour from or stir in has no known contents; ``what`` names it."""
 
     text: ClassVar[str] = "the vessel is empty"
 
 
 @dataclass(eq=False, repr=False)
 class AmountNotPoured(ManipulationFailure):
-    """Another amount was poured than asked for, or the amount asked for cannot be poured [ml]."""
+    """The poured amount differs from the requested one, or the requested one cannot be poured [ml]."""
 
     asked: float | None = field(default=None, kw_only=True)
     poured: float | None = field(default=None, kw_only=True)
@@ -155,7 +155,7 @@ class AmountNotPoured(ManipulationFailure):
 
 
 class GripperFailure(ManipulationFailure):
-    """A gripper did not do what it should."""
+    """A gripper command failed."""
 
     text: ClassVar[str] = "the gripper failed"
 
@@ -180,7 +180,7 @@ class GripperGoalNotReached(GripperFailure):
 
 @dataclass(eq=False, repr=False)
 class TorsoFailure(ManipulationFailure):
-    """The torso did not do what it should; ``height`` is the commanded joint position [m]."""
+    """A motion of the torso failed; ``height`` is the commanded joint position [m]."""
 
     height: float | None = field(default=None, kw_only=True)
 
@@ -195,7 +195,7 @@ class TorsoGoalUnreachable(TorsoFailure):
 
 @dataclass(eq=False, repr=False)
 class EnvironmentManipulationFailure(LowLevelFailure):
-    """A container or handle did not move as it should."""
+    """A container or handle did not move as commanded."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -216,7 +216,7 @@ class HandleNotReachable(EnvironmentManipulationFailure):
 
 @dataclass(eq=False, repr=False)
 class CommunicationFailure(LowLevelFailure):
-    """A person did not do what the robot waited for."""
+    """A person did not respond as the robot expected."""
 
     what: str | None = field(default=None, kw_only=True)
     recipient: str | None = field(default=None, kw_only=True)
@@ -225,17 +225,17 @@ class CommunicationFailure(LowLevelFailure):
 
 
 class HandoverNotTaken(CommunicationFailure):
-    """The person did not take what was offered."""
+    """The person did not take the offered object."""
 
     text: ClassVar[str] = "the object was not taken"
 
 
-# -- raised by plans from low-level ones
+# -- raised by plans from low-level failures
 
 
 @dataclass(eq=False, repr=False)
 class HighLevelFailure(PlanFailure):
-    """A purpose of the plan cannot be served; ``what`` names the object it was about."""
+    """The plan cannot achieve a purpose; ``what`` names the object concerned."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -255,13 +255,13 @@ class ObjectUnfetchable(HighLevelFailure):
 
 
 class ObjectUndeliverable(HighLevelFailure):
-    """The robot holds the object and finds no place to deliver it from."""
+    """The robot holds the object, but finds no place from which to deliver it."""
 
     text: ClassVar[str] = "the object cannot be delivered"
 
 
 class ObjectNowhereToBeFound(HighLevelFailure):
-    """The object was looked for from all places tried."""
+    """The object was not seen from any of the places tried."""
 
     text: ClassVar[str] = "the object is nowhere to be found"
 
@@ -272,12 +272,12 @@ class EnvironmentUnreachable(HighLevelFailure):
     text: ClassVar[str] = "the furniture cannot be reached"
 
 
-# -- descriptions that cannot be grounded
+# -- descriptions that match nothing
 
 
 @dataclass(eq=False, repr=False)
 class DesignatorFailure(PlanFailure):
-    """A description cannot be grounded; ``designator`` is its text."""
+    """A description matches nothing in the world; ``designator`` is its text."""
 
     designator: str | None = field(default=None, kw_only=True)
 
@@ -292,10 +292,10 @@ class DesignatorFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class LocationUnresolvable(DesignatorFailure):
-    """No candidate is left; ``counts`` says how many were rejected for which reason, ``blocking`` which bodies.
+    """Every candidate was rejected; ``counts`` has their number by reason, ``blocking`` by body in the way.
 
-    ``figures``: a sentence about the most frequent reason, with what was measured and what would do. ``after``: how
-    many places had been found, and did not do either.
+    ``figures`` is a sentence about the most frequent reason: the measured value and the value that is needed. ``after``
+    is the number of places that were found before and failed as well.
     """
 
     counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
@@ -317,13 +317,13 @@ class LocationUnresolvable(DesignatorFailure):
         return f"{text} ({'; '.join(parts)})" if parts else text
 
     def because(self) -> str:
-        """Return the reason in a sentence, "" if there are only counts."""
+        """The reason as a sentence, "" if there are only counts."""
         return self.figures
 
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The thing to be reached is behind a door, or in a drawer, that is closed; ``door`` names it."""
+    """The target is behind a closed door or in a closed drawer; ``door`` names it."""
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
@@ -335,7 +335,7 @@ class BehindClosedDoor(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class TooHeavy(LocationUnresolvable):
-    """The thing to be grasped is heavier than ``hands`` free hands, 1 or 2, may carry; ``mass``, ``payload`` in kg."""
+    """The object is heavier than the payload of ``hands`` free hands, 1 or 2; ``mass`` and ``payload`` in kg."""
 
     what: str | None = field(default=None, kw_only=True)
     mass: float = field(default=0.0, kw_only=True)
@@ -350,9 +350,9 @@ class TooHeavy(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The thing to be grasped takes more hands than are there for it: ``needed`` and ``hands`` are their numbers.
+    """The object takes ``needed`` hands, but only ``hands`` are available.
 
-    ``alone``: there are enough, but one alone was asked for.
+    ``alone``: there are enough, but the action is for one hand.
     """
 
     what: str | None = field(default=None, kw_only=True)
@@ -370,7 +370,7 @@ class HandsLacking(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class HandsFull(LocationUnresolvable):
-    """No hand that may grasp the thing is free; ``held``: what they hold, by hand."""
+    """No hand that may grasp the object is free; ``held`` maps each hand to the object in it."""
 
     what: str | None = field(default=None, kw_only=True)
     held: Mapping[str, Object] = field(default_factory=dict, kw_only=True)
@@ -388,7 +388,7 @@ class ObjectUnresolvable(DesignatorFailure):
 
 
 class ActionUnresolvable(DesignatorFailure):
-    """Nothing is registered that performs the action."""
+    """No registered process module performs the action."""
 
     text: ClassVar[str] = "nothing performs this action"
 
@@ -423,7 +423,7 @@ class CompositeFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class Timeout(PlanFailure):
-    """A body took longer than it was given."""
+    """A body exceeded its time limit."""
 
     seconds: float | None = field(default=None, kw_only=True)
     construct: str | None = field(default=None, kw_only=True)
@@ -435,7 +435,7 @@ class Timeout(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class BudgetExceeded(PlanFailure):
-    """The allowance of a body is used up: where the time went, by action [s], and the attempts, by construct."""
+    """A budget is used up; ``spent`` is the time by action [s], ``used`` the number of attempts by construct."""
 
     seconds: float | None = field(default=None, kw_only=True)
     attempts: int | None = field(default=None, kw_only=True)
@@ -472,7 +472,7 @@ class PolicyViolated(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class GoalNotAchieved(PlanFailure):
-    """The body ended, and the goal does not hold."""
+    """The body ended, but its goal does not hold."""
 
     goal: str | None = field(default=None, kw_only=True)
 

@@ -1,6 +1,6 @@
-"""Files that are read: those that a user names (regular and bounded in size), and those that come with planlang.
+"""Reading files: a user's files, which must be regular and of bounded size, and the bundled ones.
 
-Bundled files are beside the packages in a checkout, inside planlang in a wheel.
+Bundled files lie beside the packages in a checkout and inside planlang in a wheel.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.spelling import guess
 
 LARGEST = 16_000_000
-"""Bytes of a file unless its reader says otherwise: robot descriptions and maps in use have up to 0.7 MB."""
+"""Default limit in bytes: robot descriptions and maps in use have up to 0.7 MB."""
 PIECE = 1_000_000
-"""Bytes that are read at a time."""
+"""Bytes read at a time."""
 
 
 def open_regular(path: Path) -> BinaryIO:
     """Open a regular file for reading, following links. Raises OSError for anything else, with the reason in strerror.
 
-    Nothing that blocks or has no end is ever opened: no FIFO, device or socket, also if it takes the file's place
-    between the look and the opening.
+    FIFOs, devices and sockets, which may block or never end, are not read, even if one replaces the file between the
+    check and the opening.
     """
     try:
-        _check_regular(path, os.stat(path))  # opening a device may have an effect, looking at it has none
+        _check_regular(path, os.stat(path))  # opening a device may have side effects, stat has none
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except ValueError as problem:  # a null character in the name
         raise OSError(errno.EINVAL, str(problem), str(path)) from None
@@ -51,7 +51,7 @@ def _check_regular(path: Path, found: os.stat_result) -> None:
 
 
 def read_at_most(file: BinaryIO, most: int) -> bytes:
-    """Read a file up to ``most`` bytes, with memory for what there is: ``file.read(most)`` reserves all of it first."""
+    """Read at most ``most`` bytes in pieces: ``file.read(most)`` would reserve memory for all of them."""
     parts = []
     while most > 0 and (part := file.read(min(most, PIECE))):
         parts.append(part)
@@ -60,9 +60,9 @@ def read_at_most(file: BinaryIO, most: int) -> bytes:
 
 
 def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if_large: str | None = None) -> bytes:
-    """Return the content of a file that a user named. Raises BadInput with one error of the given code.
+    """Read a file named by the user. Raises BadInput with one error of the given code.
 
-    A file of more than ``largest`` bytes is refused, with ``code_if_large`` if that is given, and never read whole.
+    A file of more than ``largest`` bytes is refused without reading all of it, with ``code_if_large`` if given.
     """
     span = Span(str(path))
     name = printable(path.name[:80] or "the file")
@@ -82,17 +82,17 @@ def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if
 
 
 def printable(name: str) -> str:
-    """Return a file's name as text that every file and terminal takes; bytes that are not UTF-8 are written as %E9."""
+    """Convert a file name to valid UTF-8: bytes that are not UTF-8 become escapes like %E9."""
     return re.sub("[\udc80-\udcff]", lambda byte: f"%{ord(byte[0]) - 0xDC00:02X}", name)
 
 
 def from_printable(name: str) -> str:
-    """Return the file's name that :func:`printable` wrote."""
+    """Convert the result of :func:`printable` back to the file name."""
     return os.fsdecode(unquote_to_bytes(name))
 
 
 LARGEST_ONTOLOGY = 64_000_000
-"""Bytes of an ontology: room for 100,000 orderings in RDF/XML; the largest of its kind in use has 0.7 MB."""
+"""Limit for ontologies in bytes: 100,000 orderings in RDF/XML; the largest in use has 0.7 MB."""
 
 _DECLARATION = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
@@ -100,9 +100,9 @@ _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1",
 
 
 def decode(content: bytes | str, file: str) -> str:
-    """Return the text of an XML or Manchester file, line ends unchanged. Raises BadInput if it cannot be decoded.
+    """Decode an XML or Manchester file; line ends stay. Raises BadInput if it cannot be decoded.
 
-    The encoding is told by a byte order mark, else by the XML declaration, else it is UTF-8.
+    A byte order mark decides the encoding, else the XML declaration, else it is UTF-8.
     """
     if isinstance(content, str):
         return content
@@ -136,13 +136,13 @@ def decode(content: bytes | str, file: str) -> str:
 
 
 def position_of(text: str, offset: int, file: str) -> Span:
-    """Return the position of a character."""
+    """Convert the offset of a character to a position."""
     line = text.count("\n", 0, offset) + 1
     return Span(file, line, offset - text.rfind("\n", 0, offset))
 
 
 def offset_of(text: str, span: Span) -> int:
-    """Return the offset of a position, at most the length of the text."""
+    """Convert a position to an offset, at most the length of the text."""
     offset = 0
     for _ in range(span.line - 1):
         offset = text.find("\n", offset) + 1
@@ -152,18 +152,18 @@ def offset_of(text: str, span: Span) -> int:
 
 
 SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in", ".toml")
-"""Suffixes that a bundled file may have; a user's own file may have any."""
+"""Suffixes of bundled files; a user's file may have any."""
 
 
 def bundled(folder: str) -> Path:
-    """Return the folder "ontologies" or "recipes" that came with this installation."""
+    """Return the folder "ontologies" or "recipes" of this installation."""
     here = Path(__file__).resolve().parent
     installed = here / "data" / folder
     return installed if installed.is_dir() else here.parent / folder
 
 
 class Bundled(Enum):
-    """A kind of file that comes with planlang; the value is the word for it in messages."""
+    """Kinds of bundled files; the value is the word for it in messages."""
 
     RECIPE = "recipe"
     ROBOT = "robot"
@@ -171,7 +171,7 @@ class Bundled(Enum):
 
     @property
     def folder(self) -> Path:
-        """The folder that holds the files of this kind."""
+        """Folder of the files of this kind."""
         return bundled("recipes") if self is Bundled.RECIPE else bundled("ontologies") / f"{self.value}s"
 
     def names(self) -> tuple[str, ...]:
@@ -180,9 +180,9 @@ class Bundled(Enum):
         return tuple(sorted(found))
 
     def find(self, name: str) -> Path:
-        """Return the file called ``name``: an existing path, or a bundled file of that name.
+        """Find the file ``name``: an existing path, or the name of a bundled file.
 
-        Raises BadInput when there is none, listing the bundled ones.
+        Raises BadInput, which lists the bundled files, if there is none.
         """
         if not name.strip():
             raise BadInput([error("C001", f"the name of the {self.value} is empty", help=self._advice())])
@@ -200,9 +200,9 @@ class Bundled(Enum):
                 if candidate.is_file():
                     return candidate
         if is_folder:
-            raise BadInput([error("C001", f"{name} is a folder", help=f"name the {self.value}'s file in it")])
+            raise BadInput([error("C001", f"{name} is a folder", help=f"name the {self.value} file in it")])
         if is_stream:
-            why = f"{name} is a pipe or device; the {self.value} is read more than once"
+            why = f"{name} is a pipe or device, but the {self.value} is read more than once"
             raise BadInput([error("C001", why, help=f"write it to a file first: ... > {self.value}.owl")])
         advice = guess(name, self.names()) + self._advice()
         raise BadInput([error("C001", f"no such {self.value}: {name}", help=advice)])

@@ -1,4 +1,4 @@
-"""Lengths as numbers of metres, and as texts with a unit."""
+"""Lengths: numbers of metres, and texts with a unit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from decimal import Decimal
 
 UNITS: dict[str, str] = {"mm": "0.001", "cm": "0.01", "dm": "0.1", "m": "1", "in": "0.0254", "ft": "0.3048"}
-"""Unit -> metres, as decimal fractions: a float of them would make 35 cm another number than 0.35 m."""
+"""Metres per unit, as decimal fractions: with floats 35 cm and 0.35 m would be different numbers."""
 _PREFIXES = {"milli": "0.001", "centi": "0.01", "deci": "0.1", "": "1"}
 for _end, _inch, _foot in (("", "inch", "foot"), ("s", "inches", "feet")):
     UNITS |= {f"{prefix}{word}{_end}": value for word in ("metre", "meter") for prefix, value in _PREFIXES.items()}
@@ -17,9 +17,9 @@ _LENGTH = re.compile(r"\s*([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:e[+-]?\d{1,3})?)\s*([A
 
 
 def metres(length: float | str) -> float:
-    """Return a length in metres, from metres or from a number with a unit: 0.3, "30 cm", "1 ft".
+    """Convert a length to metres, from a number of metres or a text with a unit: 0.3, "30 cm", "1 ft".
 
-    Raises ValueError for what is no length, is negative or not finite, telling the units there are.
+    Raises ValueError, which lists the units, for anything else and for negative or infinite lengths.
     """
     if isinstance(length, str):
         match = _LENGTH.fullmatch(length)

@@ -1,6 +1,6 @@
-"""Misuse of the language: errors that show the wrong and the right code, and the checks of arguments that raise them.
+"""Argument checks of the plan language, whose errors show the wrong and the right code.
 
-A function says once, as a :class:`Usage`, how it is called; what is wrong with an argument is shown in that call.
+Each function declares its call once, as a :class:`Usage`; errors show the bad argument in that call.
 """
 
 from __future__ import annotations
@@ -15,31 +15,30 @@ from types import FunctionType, MethodType
 from typing import Any
 
 LONGEST = 60
-"""Characters of a value that are shown."""
+"""Characters of a value shown in a message."""
 
 
 class PlanStructureError(Exception):
-    """The plan breaks a rule of the language; the message names the rule and the right form."""
+    """The plan breaks a rule of the language; the message states the rule and shows the right code."""
 
 
 class WrongType(PlanStructureError, TypeError):
-    """An argument is not of the kind that is meant."""
+    """An argument has the wrong type."""
 
 
 class WrongValue(PlanStructureError, ValueError):
-    """An argument is of the right kind, but makes no sense."""
+    """An argument has the right type and an invalid value."""
 
 
 def contrast(message: str, wrong: str, right: str) -> str:
-    """Return a message that shows the wrong and the right code."""
+    """Append the wrong and the right code to a message."""
     return f"{message}\n  wrong: {wrong}\n  right: {right}"
 
 
 class Usage:
-    """A function and how it is called: code for each argument that is required, and for those that may be given.
+    """A function and example code for its required and its optional arguments.
 
-    The name of a required argument that is given by keyword ends with ``=``, that of an optional one that is not begins
-    with ``*``.
+    The names of required keyword arguments end with ``=``; those of optional positional arguments begin with ``*``.
     """
 
     def __init__(self, function: str, required: Mapping[str, str], optional: Mapping[str, str] | None = None) -> None:
@@ -50,7 +49,7 @@ class Usage:
         self._further = frozenset(key.strip("*") for key in optional or {} if key.startswith("*"))
 
     def shown(self, parameter: str, code: str | None = None) -> str:
-        """Return the call with this code for one argument; without code, as it may be right."""
+        """Return a call of the function with ``code`` for one argument, by default a valid example."""
         example = self._examples.get(parameter) or next(iter(self._examples.values()))
         codes = {**self._examples, parameter: example if code is None else code}
         names = {key.rstrip("="): key if key.endswith("=") else "" for key in self._required}
@@ -62,28 +61,28 @@ class Usage:
     def wrong(
         self, parameter: str, value: object, meant: str, kind: type[WrongType] | type[WrongValue] = WrongType
     ) -> WrongType | WrongValue:
-        """Return the error of an argument that is not what is meant; a coroutine is closed."""
+        """Make the error for an argument that is not ``meant``; a coroutine is closed."""
         code = written(value)
         message = f"{parameter} of {self.name} has to be {meant}, not {code}"
         return kind(contrast(message, self.shown(parameter, code), self.shown(parameter)))
 
     def instance(self, parameter: str, value: object, kinds: Any, meant: str) -> None:
-        """Refuse what is of none of these classes."""
+        """Require an instance of the given classes."""
         if not isinstance(value, kinds):
             raise self.wrong(parameter, value, meant)
 
     def text(self, parameter: str, value: object) -> None:
-        """Refuse what is no string with something in it."""
+        """Require a nonempty string."""
         self.instance(parameter, value, str, "a string")
         if not value:
             raise self.empty(parameter)
 
     def empty(self, parameter: str) -> WrongType | WrongValue:
-        """Return the error of an empty string."""
+        """Make the error for an empty string."""
         return self.wrong(parameter, "", "a string with something in it", WrongValue)
 
     def whole(self, parameter: str, value: object, least: int | None, what: str) -> int:
-        """Return a number of whatever class as int; raises for what is not whole, or less than ``least``."""
+        """Convert a whole number of any type to int; raises for others and for numbers below ``least``."""
         number = whole_number(value)
         if number is not None and (least is None or number >= least):
             return number
@@ -91,22 +90,22 @@ class Usage:
         raise self.wrong(parameter, value, meant, WrongValue if _is_number(value) else WrongType)
 
     def seconds(self, parameter: str, value: object) -> None:
-        """Refuse what is no duration."""
+        """Require a duration [s]."""
         if amount(value) is None:
             raise self.not_seconds(parameter, value)
 
     def not_seconds(self, parameter: str, value: object) -> WrongType | WrongValue:
-        """Return the error of an argument that is no duration."""
+        """Make the error for an invalid duration."""
         kind = WrongValue if _is_number(value) and not isinstance(value, bool) else WrongType
         return self.wrong(parameter, value, "a duration, a finite number of seconds >= 0", kind)
 
     def iterable(self, parameter: str, value: object, meant: str) -> None:
-        """Refuse what has nothing in it to take, and a string, which has letters."""
+        """Require an iterable other than a string."""
         if isinstance(value, str) or not is_iterable(value):
             raise self.wrong(parameter, value, meant)
 
     def mapping(self, parameter: str, value: object, what: str) -> None:
-        """Refuse what is no mapping from names to branches."""
+        """Require a mapping from names to branches."""
         if not isinstance(value, Mapping):
             raise self.wrong(parameter, value, f"a mapping from names to {what}")
         for key, branch in value.items():
@@ -120,31 +119,31 @@ class Usage:
                 raise self._no_branch(parameter, branch, f"{{{key!r}: %s}}")
 
     def refused(self, parameter: str, message: str, value: object) -> WrongValue:
-        """Return the error of an argument with something wrong in it, as the message says."""
+        """Make the error with this message, and show the argument in the call."""
         return WrongValue(contrast(message, self.shown(parameter, written(value)), self.shown(parameter)))
 
     def at_once(self, parameter: str, function: object, result: object) -> None:
-        """Refuse a result that has to be awaited, of a function whose results are used as they are."""
+        """Refuse a coroutine as the result of a function that must not be async."""
         if inspect.iscoroutine(result):
             result.close()
             raise self.wrong(parameter, function, "a function that gives its result at once, without await")
 
     def plain(self, parameter: str, value: object, meant: str, arguments: int | None = None) -> None:
-        """Refuse what is no function that gives its result at once, or one that does not take so many arguments."""
+        """Require a function that is not async, and takes this number of arguments if one is given."""
         if not callable(value) or inspect.iscoroutinefunction(value):
             raise self.wrong(parameter, value, meant)
         if arguments is not None and not takes(value, arguments):
             raise self.wrong(parameter, value, meant)
 
     def branch(self, parameter: str, *values: object) -> None:
-        """Refuse what is no branch; coroutines are closed, with the right form in the message."""
+        """Require branches; coroutines are closed, and the message shows the right form."""
         for value in values:
             if value.__class__ not in _USUAL and not _is_branch(value):
                 discard(values)
                 raise self._no_branch(parameter, value)
 
     def branches(self, **values: object) -> None:
-        """Refuse what is no branch, as :meth:`branch` does, for several parameters."""
+        """Require branches for several parameters; see :meth:`branch`."""
         for parameter, value in values.items():
             if value.__class__ not in _USUAL and not _is_branch(value):
                 discard(values.values())
@@ -169,7 +168,7 @@ def _is_branch(value: object) -> bool:
 
 
 def amount(value: Any) -> float | None:
-    """Return a number of whatever class as float, None unless it is finite and at least 0."""
+    """Convert a number of any type to float; None unless it is finite and >= 0."""
     if not hasattr(type(value), "__float__") or type(value).__name__ in _TRUTHS:
         return None
     try:
@@ -180,7 +179,7 @@ def amount(value: Any) -> float | None:
 
 
 def whole_number(value: Any) -> int | None:
-    """Return a whole number of whatever class as int; None for anything else, and for True and False."""
+    """Convert a whole number of any type to int; None for anything else, including True and False."""
     if type(value).__name__ in _TRUTHS:
         return None
     try:
@@ -190,7 +189,7 @@ def whole_number(value: Any) -> int | None:
 
 
 _TRUTHS = ("bool", "bool_")
-"""Classes of True and False, Python's and numpy's."""
+"""Names of the classes of True and False in Python and numpy."""
 
 
 def _is_number(value: object) -> bool:
@@ -198,12 +197,12 @@ def _is_number(value: object) -> bool:
 
 
 def is_iterable(value: object) -> bool:
-    """Return True if the value can be iterated."""
+    """Check whether a value can be iterated."""
     return isinstance(value, Iterable) or (hasattr(type(value), "__getitem__") and not isinstance(value, type))
 
 
 def written(value: object) -> str:
-    """Return a value as it may stand in the plan, the same in each run; a coroutine is closed."""
+    """Format a value as code of the plan, the same in each run; a coroutine is closed."""
     if inspect.iscoroutine(value):
         value.close()
         return f"{value.__name__}()"
@@ -217,7 +216,7 @@ def written(value: object) -> str:
 
 
 def _inside(value: object) -> str:
-    """Return ``repr(value)``, with the items of containers as they may stand in the plan; empty if that raises."""
+    """Return ``repr(value)``, with the items of containers formatted as code; "" if that raises."""
     try:
         if value.__class__ is dict:
             return f"{{{', '.join(f'{written(key)}: {written(item)}' for key, item in value.items())}}}"
@@ -231,13 +230,13 @@ def _inside(value: object) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str], alike: float = 0.7) -> str:
-    """Return ``; did you mean 'Reaching'?`` for a misspelt name, or nothing if no known name is like it."""
+    """Return ``; did you mean 'Reaching'?`` for a misspelt name, or "" if no known name is similar."""
     close = get_close_matches(name, sorted(known), 1, alike)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def takes(function: Callable[..., object], arguments: int) -> bool:
-    """Return True if a function can be called with so many arguments, or does not say what it takes."""
+    """Check whether a function takes this number of arguments; True if its signature is unknown."""
     try:
         inspect.signature(function).bind(*[None] * arguments)
     except TypeError:
@@ -248,7 +247,7 @@ def takes(function: Callable[..., object], arguments: int) -> bool:
 
 
 def discard(values: Iterable[object]) -> None:
-    """Close what coroutines there are: what was called with them is refused, so nobody awaits them."""
+    """Close the coroutines among the arguments of a refused call, since nobody will await them."""
     for value in values:
         if inspect.iscoroutine(value):
             value.close()

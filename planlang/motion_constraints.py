@@ -1,8 +1,8 @@
-"""Motion constraints: what a motion of a tool is to keep relative to the world, as plain data.
+"""Constraints on the motion of a tool relative to the world, as plain data.
 
-A constraint bounds a function of two features, one of a tool and one of the world. ``ConstraintKind`` is the one table
-of these functions; an executive computes each :class:`Measure` of it. With p and d the position and the direction of a
-feature, t for the tool and o for the world, v = p_t - p_o and n = d_o / |d_o|.
+A constraint bounds a function of two features, one of a tool and one of the world. The table of these functions is
+``ConstraintKind``; an executive implements each :class:`Measure`. In the formulas p and d are the position and the
+direction of a feature, index t for the tool and o for the world, v = p_t - p_o and n = d_o / |d_o|.
 
 Source: G. Bartels, I. Kresse, M. Beetz, Constraint-based movement representation grounded in geometric features
 (Humanoids 2013). The classes are those of KnowRob's motion-constraints.owl.
@@ -50,7 +50,7 @@ _CONSTRAINT = Usage(
 
 
 class _Named(Enum):
-    """An Enum whose members are shown by their names, not their values."""
+    """An Enum whose repr shows the names of members, not their values."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}.{self.name}"
@@ -88,13 +88,13 @@ class ConstraintType:
     unit: str
     """"m", or "" for sines and cosines."""
     range: tuple[float, float] = (-math.inf, math.inf)
-    """The values that the function can have; limits outside of them bind nothing."""
+    """Range of the function; limits outside of it have no effect."""
     tool_direction: bool = False
-    """True if the tool feature must have a direction, so that it is no point."""
+    """True if the tool feature needs a direction, so that a point is not enough."""
     world_direction: bool = False
-    """The same of the world feature."""
+    """True if the world feature needs a direction."""
     axis: Vector = (0.0, 0.0, 0.0)
-    """Direction in the reference frame in which an offset, or a height over a point, is measured."""
+    """Axis in the reference frame along which an offset, or a height over a point, is measured."""
 
 
 class ConstraintKind(_Named):
@@ -137,13 +137,13 @@ class ConstraintKind(_Named):
 
     @staticmethod
     def of_owl_class(owl: str) -> ConstraintKind | None:
-        """Return the kind of a class, given by its IRI or local name; None for a class of no kind."""
+        """Look up a kind by the IRI or local name of its OWL class; None if there is none."""
         return next((kind for kind in ConstraintKind if kind.value.owl == local_name(owl)), None)
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Greatest speeds of the feature of a tool: of moving [m/s] and of turning [rad/s]."""
+    """Maximum speeds of a tool feature: linear [m/s] and angular [rad/s]."""
 
     owl: str
     linear: float
@@ -159,18 +159,17 @@ class Speed(_Named):
 
     @staticmethod
     def of_owl_class(owl: str) -> Speed | None:
-        """Return the speed of a class, given by its IRI or local name; None for a class of none."""
+        """Look up a speed by the IRI or local name of its OWL class; None if there is none."""
         return next((speed for speed in Speed if speed.value.owl == local_name(owl)), None)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Feature(Filler):
-    """A point, line or plane that is a part of an object or a tool, or that thing itself.
+    """A point, line or plane on an object or a tool.
 
-    ``position`` [m] and ``direction`` (of any length but 0) are in the frame of ``of``, the whole thing. A feature
-    whose ``kind`` is None is described only: ``path`` names the classes of the parts that lead to it, the nearest to
-    the whole first, and it is looked up in the model of the thing when the thing is known. ``held_by`` says which thing
-    is meant where a description fits several.
+    ``position`` [m] and ``direction`` (any nonzero length) are in the frame of the object ``of``. With ``kind`` None
+    the feature is looked up in the object's model once the object is known: ``path`` names the classes of nested
+    parts, outermost first. ``held_by`` selects the object by the hand that holds it, if several match.
     """
 
     kind: FeatureKind | None
@@ -205,7 +204,7 @@ class Feature(Filler):
 
     @property
     def is_grounded(self) -> bool:
-        """Return True if its position in the thing is known."""
+        """True if its position on the object is known."""
         return self.kind is not None
 
     def __str__(self) -> str:
@@ -217,7 +216,7 @@ class Feature(Filler):
 
 @dataclass(eq=False, repr=False)
 class ConstraintsUnsatisfied(ManipulationFailure):
-    """Constraints of a motion cannot hold, or did not hold when it ended; ``constraints`` are these, by name."""
+    """Constraints of a motion cannot be satisfied, or were violated at its end; ``constraints`` has their names."""
 
     constraints: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -225,17 +224,17 @@ class ConstraintsUnsatisfied(ManipulationFailure):
 
 
 STANDING_FOR = {"ObjectActedOn": "objectActedOn", "TargetOfMotion": "toLocation", "DeviceUsed": "deviceUsed"}
-"""Class that stands for what a motion is about -> the property of the motion that says what that is."""
+"""Placeholder classes in constraints -> the property of the motion that fills them."""
 LEAST_LENGTH = 1e-6
-"""Shorter directions have none."""
+"""Length below which a direction counts as zero."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class MotionConstraint(Filler):
-    """Bounds of a function of two features: lower <= f <= upper [m, or no unit]; a limit that is None binds nothing.
+    """Bounds on a function of two features: lower <= f <= upper [m, or no unit]; None is no limit.
 
-    ``frame`` names the reference frame, by default the robot's torso with z up. ``weight`` 0 makes it inactive; of
-    constraints that cannot all hold those of higher weight do. ``name`` is that of the recipe.
+    ``frame`` names the reference frame, by default the robot's torso with z up. If not all constraints can hold, those
+    of higher weight prevail; ``weight`` 0 disables a constraint. ``name`` is its name in the recipe.
     """
 
     kind: ConstraintKind
@@ -272,12 +271,12 @@ class MotionConstraint(Filler):
 
     @property
     def is_active(self) -> bool:
-        """Return True unless its weight is 0: else it is neither solved nor tested."""
+        """False if its weight is 0: it is then neither solved nor checked."""
         return self.weight > 0
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Return what binds: infinite where there is no limit, or where none can matter (a distance >= -0.1)."""
+        """Effective limits: infinite without a limit, and for a limit outside the range (a distance >= -0.1)."""
         least, most = self.kind.value.range
         lower = -math.inf if self.lower is None or self.lower <= least else self.lower
         upper = math.inf if self.upper is None or self.upper >= most else self.upper
@@ -292,12 +291,12 @@ class MotionConstraint(Filler):
         speed: Speed | str | None = None,
         name: str | None = None,
     ) -> MotionConstraint:
-        """Return the constraint with these limits, weight and speed, and by the same name unless another is given."""
+        """Copy the constraint with other limits, weight and speed; it keeps its name unless one is given."""
         pace = None if speed is None else _member(_CONSTRAINT, "speed", Speed, speed)
         return replace(self, lower=lower, upper=upper, weight=weight, speed=pace, name=name or self.name)
 
     def asks_the_same(self, other: MotionConstraint) -> bool:
-        """Return True if both bound the same function by the same limits."""
+        """Check whether both bound the same function by the same limits."""
         mine, others = (replace(one, weight=1.0, speed=None) for one in (self, other))
         return mine == others
 
@@ -323,7 +322,7 @@ def a_feature(
 ) -> Feature:
     """Describe a point, line or plane of a thing: ``a_feature("LINE", of=cup, position=(0, 0, 0), direction=...)``.
 
-    Without ``kind`` it is looked up by the classes of parts: ``a_feature(of=spatula, path=("Blade", "FrontSide"))``.
+    Without ``kind`` it is looked up by classes of parts: ``a_feature(of=spatula, path=("Blade", "FrontSide"))``.
     """
     known = None if kind is None else _member(_FEATURE, "kind", FeatureKind, kind)
     _FEATURE.iterable("path", path, "a tuple of classes")
@@ -343,14 +342,14 @@ def a_constraint(
     frame: str | None = None,
     name: str | None = None,
 ) -> MotionConstraint:
-    """Describe a constraint of a motion: ``a_constraint("HEIGHT", blade, pan, lower=0.1, upper=0.15)``."""
+    """Describe a constraint on a motion: ``a_constraint("HEIGHT", blade, pan, lower=0.1, upper=0.15)``."""
     known = _member(_CONSTRAINT, "kind", ConstraintKind, kind)
     pace = None if speed is None else _member(_CONSTRAINT, "speed", Speed, speed)
     return MotionConstraint(known, tool, world, lower, upper, weight, pace, frame, name)
 
 
 def _call(maker: Callable[..., object], value: Feature | MotionConstraint, positional: Sequence[object]) -> str:
-    """Return the call of a maker that makes an equal value; what is as it would be by itself is left out."""
+    """Format the call of ``maker`` that makes an equal value, without arguments that have their defaults."""
     parts = [repr(one) for one in positional]
     for parameter in signature(maker).parameters.values():
         given = getattr(value, parameter.name)
@@ -363,7 +362,7 @@ _E = TypeVar("_E", bound=Enum)
 
 
 def _member(usage: Usage, parameter: str, kind: type[_E], value: _E | str) -> _E:
-    """Return a member of an Enum, which may be given by its name."""
+    """Convert a member of an Enum, or its name, to the member."""
     if isinstance(value, str) and value in kind.__members__:
         return kind[value]
     if not isinstance(value, kind):

@@ -1,4 +1,4 @@
-"""How results show themselves in a notebook: sources with colours, pages in a frame, diagnostics and rows as tables."""
+"""HTML for results in a notebook: highlighted source, pages in frames, lists of diagnostics, tables."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ HEIGHT = 720
 
 
 def highlighted(source: str) -> str:
-    """Return Python source as HTML with colours, which need no style sheet."""
-    from pygments import highlight  # plans that run in no notebook do not need it
+    """Highlight Python source as HTML with inline colours."""
+    from pygments import highlight  # needed in notebooks only
     from pygments.formatters import HtmlFormatter
     from pygments.lexers import PythonLexer
 
-    # a grey behind the text would be unreadable in a dark notebook, whose own text is light
+    # set text and background together: the light text of a dark notebook would be unreadable on this grey
     formatter = HtmlFormatter(noclasses=True, style="default", cssstyles="background: #f8f8f8; color: #1b1b1b")
     return str(highlight(source, PythonLexer(), formatter))
 
 
 def framed(page: str, title: str) -> str:
-    """Return a whole HTML page in a frame of its own; its scripts run, and reach nothing of the notebook."""
+    """Embed an HTML page in a sandboxed frame: its scripts run without access to the notebook."""
     attributes = f'title="{escape(title)}" width="100%" height="{HEIGHT}" style="border: 0" sandbox="allow-scripts"'
     return f'<iframe {attributes} srcdoc="{escape(page)}"></iframe>'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return rows as an HTML table; everything in it is text."""
+    """Format rows as an HTML table, with every cell escaped."""
     cells = "".join(f"<th>{escape(one)}</th>" for one in head)
     body = "".join(f"<tr>{''.join(f'<td>{escape(str(one))}</td>' for one in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def listed(diagnostics: Iterable[Diagnostic]) -> str:
-    """Return diagnostics as an HTML list, in their order, with colours by severity."""
+    """Format diagnostics as an HTML list, coloured by severity."""
     items = "".join(_item(one) for one in diagnostics)
     return f'<ul style="list-style: none; padding-left: 0">{items}</ul>' if items else ""
 

@@ -1,6 +1,6 @@
-"""Conditions about what actions change: contents, heat, devices, things that are destroyed or come into being.
+"""Conditions on what actions change: contents, baking, devices, destroyed and created objects.
 
-As goals they are looked up in the executive's belief, as :func:`planlang.holding` is.
+As goals they are evaluated in the executive's belief, like :func:`planlang.holding`.
 """
 
 from __future__ import annotations
@@ -18,43 +18,43 @@ _TRANSFORMED = Usage("transformed_into", {"what": "egg", "result": "dough"})
 
 
 def contains(what: Object, substance: Object, at_least: float | None = None) -> Condition:
-    """Return the condition that a substance is in a thing, or lies on it: any, or at least an amount [ml]."""
+    """Condition: an object contains a substance or has it on top; any amount, or ``at_least`` [ml]."""
     _CONTAINS.instance("what", what, Object, "an object")
     _CONTAINS.instance("substance", substance, Object, "an object")
     return Condition("contains", (what, substance, *_number(_CONTAINS, "at_least", at_least)))
 
 
 def baked(what: Object, seconds: float | None = None) -> Condition:
-    """Return the condition that both sides were over heat: for some time [s], or as long as its class takes."""
+    """Condition: both sides were heated for ``seconds``, by default as long as its class takes."""
     _BAKED.instance("what", what, Object, "an object")
     return Condition("baked", (what, *_number(_BAKED, "seconds", seconds)))
 
 
 def switched_on(device: Object) -> Condition:
-    """Return the condition that a device is on."""
+    """Condition: a device is on."""
     _SWITCHED_ON.instance("device", device, Object, "an object")
     return Condition("switched_on", (device,))
 
 
 def state_word(state: str) -> str:
-    """Return what people call a state in which an action puts a thing: on, off, else its name (Clean)."""
+    """Return the everyday word for a state: on, off, or else its local name (Clean)."""
     return _DEVICES.get(local_name(state), local_name(state))
 
 
 def destroyed(what: Object) -> Condition:
-    """Return the condition that an object, or one of its class, is not there any more."""
+    """Condition: an object, or one of its class, no longer exists."""
     _DESTROYED.instance("what", what, Object, "an object")
     return Condition("destroyed", (what,))
 
 
 def created(what: Object) -> Condition:
-    """Return the condition that an object, or one of its class, has come into being and is there."""
+    """Condition: an object, or one of its class, was created and exists."""
     _CREATED.instance("what", what, Object, "an object")
     return Condition("created", (what,))
 
 
 def transformed_into(what: Object, result: Object) -> Condition:
-    """Return the condition that an object has become a part of another one, maybe in several steps."""
+    """Condition: an object has become part of another one, perhaps in several steps."""
     _TRANSFORMED.instance("what", what, Object, "an object")
     _TRANSFORMED.instance("result", result, Object, "an object")
     return Condition("transformed_into", (what, result))

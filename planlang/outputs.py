@@ -1,16 +1,16 @@
-"""Files that planlang writes: complete or not at all, and never over a file that it did not write.
+"""Writing files: completely or not at all, and never over a file that planlang did not write.
 
-Every kind of output carries a mark near an end: plans their header, traces their first record, pictures a text chunk
-(PNG) or a comment (SVG, DOT, Mermaid), videos their metadata. A file with a mark may be replaced; any other needs
+Every output carries a mark near its start or end: plans their header, traces their first record, pictures a text chunk
+(PNG) or a comment (SVG, DOT, Mermaid), videos their metadata. A file with the mark may be replaced; any other needs
 ``--force``.
 
-The header of a plan is its first docstring: what it was compiled from and how, and a digest that tells edits::
+The header of a plan is its first docstring: its origin, the compiler's options, and a digest that reveals edits::
 
     Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a...), task ServeADrink.
     Compiled with --no-scopes.
     What follows has sha256 91c0... unless it was edited.
 
-The digest is that of everything after the docstring, lines ended by a line feed, whatever ends them in the file.
+The digest covers everything after the docstring, with line feeds as line ends, whatever the file has.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from planlang.records import dataclass
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
 _RECORDING, _APPLICATION = b"RRF", 200
-"""How a recording begins, and in how many bytes the name of what wrote it comes."""
+"""First bytes of a recording, and the number of bytes in which the name of its writer must appear."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _RIFF, _WEBP = b"RIFF", b"WEBP"
 PNG, PNG_OR_SVG, WEBP = (".png",), (".png", ".svg"), (".webp",)
 """Suffixes of pictures and videos."""
 _TAIL = 200
-"""Bytes at the end of an animated WebP in which its mark is."""
+"""Bytes at the end of an animated WebP that hold its mark."""
 _AFTER_IHDR = 33
 """Bytes of a PNG up to the end of its first chunk: signature (8), and IHDR with 13 bytes of data (12 + 13)."""
 _COMMENTS = {".svg": "<!-- {} -->", ".dot": "// {}", ".gv": "// {}", ".mmd": "%% {}"}
-"""Suffix of a graph -> how its format writes a comment."""
+"""Comment syntax of graph formats, by suffix."""
 
 
 def check_outputs(
@@ -51,11 +51,11 @@ def check_outputs(
     formats: Mapping[str, Sequence[str]] | None = None,
     force: bool = False,
 ) -> list[Diagnostic]:
-    """Return what would keep files from being written, before the work starts.
+    """Find problems with output files before the work starts.
 
-    ``outputs`` and ``inputs`` map what the user calls a file (``--trace``) to its path, or to None when it was not
-    asked for; ``formats`` are the suffixes that some outputs may have, the first one for a name without any. With
-    ``force``, files of other origin may be replaced, inputs never.
+    ``outputs`` and ``inputs`` map options (``--trace``) to paths, or to None if not given. ``formats`` restricts the
+    suffixes of some outputs; the first is the default. ``force`` allows replacing files that planlang did not write,
+    but never inputs.
     """
     problems: list[Diagnostic] = []
     taken = {_real(path): name for name, path in inputs.items() if path is not None}
@@ -96,9 +96,9 @@ def _problem(
 
 
 def is_replaceable(path: Path) -> bool:
-    """Return whether nothing is lost by writing to a path: no file, an empty one, a device, or one with a mark.
+    """Check that writing to a path loses nothing: no file, an empty file, a device, or a file with the mark.
 
-    At most the first 10,000 bytes are read, and nothing of a device or pipe, which may have no end.
+    At most 10,000 bytes are read, and nothing from devices and pipes, which may never end.
     """
     if not path.is_file():
         return True
@@ -121,11 +121,11 @@ def is_replaceable(path: Path) -> bool:
 
 
 def replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``path``, then rename it; on any failure ``path`` is as before.
+    """Let ``write`` fill a temporary file beside ``path``, then rename it; after a failure ``path`` is unchanged.
 
-    The temporary file keeps the suffix of ``path``, by which some writers choose the format; a PNG gets its mark.
-    Links are followed. A device or pipe gets the content once it is complete.
-    Raises BadInput when the system does not let the file be written.
+    The temporary file keeps the suffix of ``path``, from which some writers infer the format; a PNG gets its mark.
+    Links are followed. A device or pipe receives the content once it is complete.
+    Raises BadInput if the file cannot be written.
     """
     temporary: Path | None = None
     try:
@@ -154,7 +154,7 @@ def replace(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a whole text file, or leave the old one as it was; graphs get their mark as a comment."""
+    """Write a text file, whole or not at all; graphs get their mark as a comment."""
     comment = _COMMENTS.get(path.suffix.lower())
     first, newline, rest = text.partition("\n")
     whole = text if comment is None else f"{first}\n{comment.format(MARK)}{newline}{rest}"
@@ -162,13 +162,13 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_plan(path: Path, source: str, *, force: bool) -> None:
-    """Write a compiled plan, unless that would lose a person's work.
+    """Write a compiled plan, unless that would overwrite hand-written work.
 
-    A file that is no compiled plan, or one that was edited since, is refused without ``force``. Raises BadInput.
+    Without ``force``, raises BadInput for a file that is not a compiled plan or was edited since.
     """
     if path.is_file() and not force:
         try:
-            # one character more than the new plan is enough to tell whether the old one is the same
+            # a bounded read suffices to see whether the old plan is the same
             with path.open(encoding="utf-8", errors="replace", newline="") as file:
                 old = file.read(max(len(source), LONGEST) * 2 + 1)
         except OSError as problem:
@@ -200,14 +200,14 @@ def _mark_png(path: Path) -> None:
 
 
 def is_device(path: Path) -> bool:
-    """Return True for what exists and is neither file nor folder: a device or pipe."""
+    """Check for a device or pipe: a path that exists and is neither file nor folder."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _real(path: Path) -> Path:
     try:
         return path.resolve()
-    except (OSError, RuntimeError):  # a loop of links is itself
+    except (OSError, RuntimeError):  # a loop of links stays as it is
         return path.absolute()
 
 
@@ -218,13 +218,13 @@ def _umask() -> int:
 
 
 LARGEST_PLAN = 10_000_000
-"""Bytes of a plan that are read at most."""
+"""Largest plan that is read [bytes]."""
 
 LONGEST = 10_000
-"""Characters at the start of a plan among which its header is looked for."""
+"""Characters at the start of a plan that are searched for its header."""
 
 DIGITS = 16
-"""Digits of the recipe's digest that a plan states: enough to tell that the recipe has changed."""
+"""Digits of the recipe's digest in the header: enough to notice a changed recipe."""
 
 NO_SCOPES, NO_DATA_FLOW = "--no-scopes", "--no-dataflow"
 
@@ -243,23 +243,23 @@ class PlanHeader:
     recipe: str
     """File name of the recipe, without its folder."""
     sha256: str
-    """Digest of the recipe's bytes, maybe only its first digits."""
+    """Digest of the recipe's bytes, or its first digits."""
     task: str
     options: tuple[str, ...] = ()
-    """Options of the compiler that shape the plan, other than the task."""
+    """Compiler options that shape the plan, without the task."""
     digest: str | None = None
-    """Digest of what follows the docstring as it was compiled; None if the header does not tell it."""
+    """Digest of the plan as compiled, without the docstring; None if the header has none."""
 
     def matches(self, content: bytes) -> bool:
-        """Return True if these are the bytes of the recipe from which the plan was compiled."""
+        """Check whether the plan was compiled from a recipe with this content."""
         return hashlib.sha256(content).hexdigest().startswith(self.sha256)
 
     def is_edited(self, source: str) -> bool:
-        """Return True if the plan's source is not as it was compiled, or that cannot be told."""
+        """Check whether the plan was edited since it was compiled; True if the header has no digest."""
         return self.digest != digest(source)
 
     def find_recipe(self, plan: Path, folders: Iterable[Path] = ()) -> Path | None:
-        """Return the recipe: the first file of its name beside the plan, in ``folders``, among the bundled ones."""
+        """Find the recipe by its file name: beside the plan, then in ``folders``, then among the bundled ones."""
         names = dict.fromkeys((self.recipe, from_printable(self.recipe)))
         for path in (folder / name for folder in (plan.parent, *folders, bundled("recipes")) for name in names):
             try:
@@ -279,14 +279,14 @@ class PlanHeader:
 
 
 def digest(source: str) -> str:
-    """Return the sha256 of what follows the first docstring of a plan's source; of everything if there is none."""
+    """Compute the sha256 of a plan's source after its docstring; of all of it if there is none."""
     parts = source.split('"""', 2)
     text = "\n".join(parts[-1].splitlines())
     return hashlib.sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
 
 
 def header(source: str) -> PlanHeader | None:
-    """Return the origin that a plan's source states at its start, or None. The source need not be valid."""
+    """Read the header of a plan's source, which need not be valid Python; None if there is none."""
     found = _HEADER.search(" ".join(source[:LONGEST].split()))
     if found is None:
         return None

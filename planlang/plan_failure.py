@@ -1,4 +1,4 @@
-"""The root of the failures of plans: its message, the place and the causes, and what failed beside it."""
+"""Root class of plan failures: message, place, causes, and failures of sibling branches."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """The place in the plan where a failure arose: task path, source line, revision of the belief if known."""
+    """Place in the plan where a failure arose: task path, source line and, if known, revision of the belief."""
 
     path: str
     file: str = ""
@@ -26,9 +26,9 @@ class Where:
 class PlanFailure(Exception):
     """A failure that a plan may handle.
 
-    The message is ``message``, or else is built from the fields. ``where`` is filled in by the first construct that
-    the failure passes; ``siblings`` are failures of other branches that died at the same decision, by branch name;
-    ``cleanup_failures`` are those of branches that were evaporated because of this one, each named in a note, too.
+    The text is ``message`` or, without one, built from the fields. The first construct that the failure passes sets
+    ``where``. ``siblings`` are the failures of other branches that ended in the same decision, by branch name;
+    ``cleanup_failures`` those of branches that were evaporated because of this failure, also attached as notes.
     """
 
     message: str = ""
@@ -45,18 +45,18 @@ class PlanFailure(Exception):
         return f"{type(self).__name__}({str(self)!r})"
 
     def describe(self) -> str:
-        """Return the message that the fields make."""
+        """Build the message from the fields."""
         details = in_words(self.details())
         return f"{self.text}: {details}" if details else self.text
 
     def details(self) -> dict[str, Any]:
-        """Return the typed fields that are known, by name, in order of definition."""
+        """Return the fields that have a value, by name, in order of definition."""
         skipped = {"message", "where", "siblings", "cleanup_failures"}
         own = ((f.name, getattr(self, f.name)) for f in fields(self) if f.name not in skipped)
         return {name: value for name, value in own if value not in (None, (), "") and value != {}}
 
     def chain(self) -> Iterator[BaseException]:
-        """Yield the failure itself, then what it was raised from, and so on."""
+        """Yield the failure, its cause, the cause of that, and so on."""
         seen: set[int] = set()
         link: BaseException | None = self
         while link is not None and id(link) not in seen:
@@ -66,25 +66,25 @@ class PlanFailure(Exception):
 
     @classmethod
     def caused_by(cls, failure: PlanFailure) -> Self:
-        """Return a failure of this class that has the fields it shares with ``failure``, and that as its cause."""
+        """Make a failure of this class from ``failure``: copy the fields that both have, and set it as the cause."""
         names = (f.name for f in fields(cls) if f.init and f.name != "message" and hasattr(failure, f.name))
         raised = cls(**{name: getattr(failure, name) for name in names})
         raised.__cause__ = failure
         return raised
 
 
-PlanFailure.__module__ = "planlang.failures"  # where plans import it from, and as what traces name it
+PlanFailure.__module__ = "planlang.failures"  # plans import it from there, and traces name it so
 
 
 def in_words(details: Mapping[str, Any]) -> str:
-    """Return fields of a failure as a message states them, first the object that it is about, which needs no name."""
+    """Format the fields of a failure for its message: ``what`` first, without its name."""
     about = [_plain(details["what"])] if "what" in details else []
     others = (f"{name.replace('_', ' ')} {_plain(value)}" for name, value in details.items() if name != "what")
     return ", ".join([*about, *others])
 
 
 def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> None:
-    """Attach failures of cleanups to what is raised: a note for each, and in a plan failure ``cleanup_failures``."""
+    """Attach failures of cleanups to an exception, as notes and, for a plan failure, as ``cleanup_failures``."""
     others = tuple(failure for failure in failures if failure is not error)
     if isinstance(error, PlanFailure):
         error.cleanup_failures += others

@@ -1,7 +1,7 @@
-"""The versions of a compiled plan: as it was compiled, as a person edited it, as its recipe compiles now.
+"""Versions of a compiled plan: as compiled before, as edited by hand, as its recipe compiles now.
 
-``planlang compile -o plan.py`` writes beside the plan what was compiled, as ``plan.py.base``. From this follow the
-edits of a person and the changes of the recipe, each by itself, and a merge that keeps both.
+``planlang compile -o plan.py`` writes the compiled plan a second time, to ``plan.py.base``. Compared with that base,
+hand edits and changes of the recipe can be told apart, and merged.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from planlang.three_way import OURS, Merged, has_conflicts, merged
 
 
 def base_path(plan: Path) -> Path:
-    """Return the file beside a plan that holds what was compiled."""
+    """Path of the copy that holds a plan as compiled."""
     return plan.with_name(f"{plan.name}.base")
 
 
 def backup_path(plan: Path) -> Path:
-    """Return the file beside a plan that holds it as it was before the last merge."""
+    """Path of the copy that holds a plan as it was before the last merge."""
     return plan.with_name(f"{plan.name}.orig")
 
 
 def write_versions(path: Path, source: str, *, force: bool) -> None:
-    """Write a compiled plan, and beside it what was compiled; raises BadInput rather than lose a person's work."""
+    """Write a compiled plan and its base; raises BadInput rather than overwrite hand edits."""
     if is_device(path):
         write_plan(path, source, force=force)
         return
@@ -35,10 +35,10 @@ def write_versions(path: Path, source: str, *, force: bool) -> None:
 
 
 def compiled_before(path: Path, plan: str, fresh: str | None) -> str | None:
-    """Return a plan as it was compiled; None if that is not known any more.
+    """Return a plan as it was compiled; None if that can no longer be determined.
 
-    It is the plan itself if nobody has edited it, else the base beside it, else what its recipe compiles to now, if its
-    header says that it was compiled to the same.
+    That is the plan itself if it is unedited, else the base beside it, else the fresh output of its recipe, provided
+    that the digest in the header matches.
     """
     origin = header(plan)
     if origin is None or origin.digest is None:
@@ -54,10 +54,10 @@ def compiled_before(path: Path, plan: str, fresh: str | None) -> str | None:
 
 
 def merge_plan(path: Path, fresh: str, recipe: str) -> tuple[int, ...]:
-    """Merge the edits of a plan with what its recipe compiles to now; return the lines at which conflicts begin.
+    """Merge hand edits into the plan that the recipe compiles to now; return the lines at which conflicts begin.
 
-    A plan that nobody has edited becomes the new one. The plan before the merge is kept as ``plan.py.orig``. Raises
-    BadInput, and changes nothing, if it is not known what was edited.
+    An unedited plan is replaced by the new one. The plan before the merge is kept as ``plan.py.orig``. Raises BadInput,
+    and changes nothing, if the base is unknown.
     """
     content, span = read_file(path, "C001", largest=LARGEST_PLAN), Span(str(path))
     try:
@@ -70,8 +70,8 @@ def merge_plan(path: Path, fresh: str, recipe: str) -> tuple[int, ...]:
         raise BadInput([error("C005", f"{path} is not a compiled plan", span, "-o writes to another file")])
     base = compiled_before(path, plan, fresh)
     if base is None:
-        advice = f"compile to another file with -o, and merge by hand; or bring {base_path(path).name} back"
-        message = f"{path} cannot be merged: what it was compiled to before the edits is not known"
+        advice = f"compile to another file with -o and merge by hand, or restore {base_path(path).name}"
+        message = f"{path} cannot be merged: its version before the edits is unknown"
         raise BadInput([error("C023", message, span, advice)])
     our_name, their_name = f"{path.name} as edited", f"what {recipe} compiles to now"
     result: Merged = merged(base, _with_line_feeds(plan), fresh, our_name=our_name, their_name=their_name)
@@ -85,11 +85,11 @@ def merge_plan(path: Path, fresh: str, recipe: str) -> tuple[int, ...]:
 
 
 def unresolved(plan: str, span: Span) -> Diagnostic:
-    """Return an error for a plan with conflicts of an earlier merge, at the first one."""
+    """Make the error for a plan with conflicts of an earlier merge, at the first one."""
     lines = plan.splitlines()
     line = next(number for number, text in enumerate(lines, 1) if text.startswith(OURS))
-    advice = "edit the lines between <<<<<<< and >>>>>>>, and remove the marks"
-    return error("C023", "the plan has conflicts of a merge that are not resolved", span._replace(line=line), advice)
+    advice = "edit the lines between <<<<<<< and >>>>>>> and remove the markers"
+    return error("C023", "the plan has unresolved merge conflicts", span._replace(line=line), advice)
 
 
 def _refuse_foreign(name: str, path: Path, *, force: bool = False) -> None:

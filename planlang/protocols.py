@@ -1,6 +1,6 @@
-"""Interface of a robot for the layers above it, and the value types that cross the borders between layers.
+"""The robot interface for the layers above it, and the value types that these layers exchange.
 
-What the language asks of an executive and its process modules is :mod:`planlang.language.executive`.
+The interface between the language and an executive is :mod:`planlang.language.executive`.
 
 Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in metres, angles in radians.
 """
@@ -20,7 +20,7 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """The position of a robot: base (x, y, yaw) in the map and its actuated joints by name."""
+    """Configuration of a robot: its base (x, y, yaw) in the map and its actuated joints by name."""
 
     base: tuple[float, float, float]
     joints: Mapping[str, float]
@@ -28,7 +28,7 @@ class Configuration:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """A penetration: a link of the robot (or a held object, by name) and what it touches; ``depth`` > 0 [m]."""
+    """A penetration: a link of the robot or a held object, the body that it touches, and the ``depth`` > 0 [m]."""
 
     part: str
     body: str
@@ -37,18 +37,18 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A touch that a link of the robot feels on its surface; it tells where it is touched, not by what."""
+    """A touch that a link of the robot feels: the robot knows where it is touched, not by what."""
 
     link: str
     point: tuple[float, float, float]
     """The touched point, in the map."""
     normal: tuple[float, float, float]
-    """Unit vector from what touches towards the link, in the map."""
+    """Unit vector from the touching body towards the link, in the map."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Positions sampled at the world's rate: row k is reached k world steps after the start, row 0 is the start.
+    """Positions sampled at the world's rate: row 0 is the start, row k is reached k world steps later.
 
     ``names`` are joint names, or ("x", "y", "yaw") for the base; ``positions`` is (n, len(names)).
     """
@@ -63,29 +63,29 @@ class MotionState(StrEnum):
     MOVING = "moving"
     DONE = "done"
     BLOCKED = "blocked"
-    """It ended where it would have touched something."""
+    """It stopped just before a contact."""
     HALTED = "halted"
-    """It was stopped by command, or by a newer motion of the same joints."""
+    """It was stopped by a command or by a newer motion of the same joints."""
     FAILED = "failed"
-    """The robot did not make it, for a reason of its own: a motor that is off, a following error."""
+    """The robot could not execute it: a motor was off, or the following error too large."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """State of a commanded motion, and what blocks it."""
+    """State of a commanded motion, with its obstacle if it was blocked."""
 
     state: MotionState
     blocked_by: str | None = None
-    """Its name for messages; nothing is concluded from it, and a robot that cannot know it leaves it out."""
+    """Name of the obstacle, for messages only; None for a robot that cannot know it."""
     touch: Touch | None = None
-    """The contact that blocked the robot, or what it holds."""
+    """The contact that blocked the robot or its load."""
     reason: str | None = None
-    """Why it failed, for messages."""
+    """Reason of a failure, for messages only."""
 
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """The camera's result for an object: its name, its pose and the visible share of its pixels (0..1)."""
+    """A recognised object: its name, its pose and the visible share of its pixels (0..1)."""
 
     name: str
     pose: Pose
@@ -93,69 +93,69 @@ class Detection:
 
 
 class RobotInterface(Protocol):
-    """Commands and senses of a robot: motions, grippers, camera, time: what a real robot has, and no more.
+    """Commands and sensors of a robot: motions, grippers, camera, time; nothing that a real robot does not have.
 
-    Only the camera names things, those that it recognises. Contacts elsewhere, lines of sight and room for the base are
-    questions to the world that planning has for itself (``sim.PlanningWorld``), which is another object. The link of a
-    hand is the one whose frame is its grip point.
+    Only the camera names things, those that it recognises. Hypothetical contacts, lines of sight and free space for the
+    base are computed in the planner's own world (``sim.PlanningWorld``). The link of a hand is the one whose frame is
+    the grip point.
     """
 
     rate: int
-    """Steps per second in which motions are given."""
+    """World steps per second; trajectories are sampled at this rate."""
 
     def configuration(self) -> Configuration:
-        """Return where the robot is."""
+        """Return the current configuration."""
 
     def link_pose(self, link: str) -> Pose:
         """Return the pose of a link frame of the robot in the map."""
 
     def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
-        """Begin a motion of a group ("base", an arm, ...); it ends by itself, at an obstacle, or by :meth:`halt`.
+        """Start a motion of a group ("base", an arm, ...); it ends at its goal, at an obstacle, or by :meth:`halt`.
 
-        ``pushes`` is a link whose hand pushes meanwhile what it meets and can be moved; else that stops it.
+        ``pushes`` is the link of a hand that pushes movable obstacles aside; otherwise every obstacle stops the motion.
         """
 
     def motion(self, group: str) -> Motion:
-        """State of the group's last motion."""
+        """Return the state of the group's last motion."""
 
     def halt(self, group: str) -> None:
         """Stop the group where it is."""
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """Return what the camera sees, unoccluded and within its limits, in the order of the scene."""
+        """Return the objects that the camera recognises within its limits, in the order of the scene."""
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[Any]]:
-        """Return where lines through the camera's pixels end (n, 3) in the map, and whether at a surface, (n,)."""
+        """Return the end points (n, 3) of rays through the camera's pixels, in the map, and whether each hit, (n,)."""
 
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
-        """Return what links of a hand feel on their skins, or by the currents of their motors."""
+        """Return the touches that links feel, with tactile skin or by the currents of their motors."""
 
     def grip(self, link: str) -> None:
-        """Press the closed fingers of the hand at a link on what is between them: what can move goes with the hand."""
+        """Press the closed fingers of a hand on the object between them; a movable object then moves with the hand."""
 
     def loosen(self, link: str) -> None:
-        """Take the force off the fingers of the hand at a link: they hold nothing any more. They open by a motion.
+        """Release the force of the fingers of a hand, and with it the object; opening them takes a motion.
 
-        Fingers that open without it hold nothing either, once they are off what they held.
+        Fingers that open under force lose the object as well, once they no longer touch it.
         """
 
     def feels(self, link: str) -> bool:
-        """Return whether something still keeps the fingers apart that grip; False if they do not grip."""
+        """Check that an object still keeps the gripping fingers apart; False if they do not grip."""
 
     def pulled(self, link: str) -> bool:
-        """Return whether somebody pulls at what the hand at a link grips, by the forces at its wrist."""
+        """Check by the forces at the wrist whether somebody pulls at the object in the hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """One place for the base that satisfies a location: the planar pose and what was chosen with it."""
+    """A base pose that satisfies a location, and the choices made with it."""
 
     base: tuple[float, float, float]
     revision: int
-    """Revision of the belief it was computed from."""
+    """Revision of the belief from which it was computed."""
     detail: Mapping[str, Any]
-    """JSON-like: which arm, grasp, torso height; for the trace."""
+    """The choices, as JSON-like data for the trace: arm, grasp, torso height."""
     before: tuple[Action, ...] = ()
-    """Actions to be done before going there: looking at what cannot be seen from there."""
+    """Actions to perform before driving there: looking at objects that are not visible from there."""
     provisional: bool = False
-    """True if there is nothing but these actions: after them it is looked for a place once more."""
+    """True if only these actions are known yet: perform them, then search again."""

@@ -1,8 +1,8 @@
-"""Dataclasses whose methods are not compiled as their module is imported.
+"""Dataclasses that compile nothing when their module is imported.
 
-The standard library writes up to seven methods of each dataclass as text and compiles them: for all classes of a short
-run that takes a tenth of its time. Here closures serve instead, and ``__init__`` is compiled with the first instance.
-``fields``, ``replace``, ``match`` and type checkers see a dataclass.
+The standard library generates the source of up to seven methods for each dataclass and compiles it, which takes a tenth
+of a short run. Here the methods are closures, except for ``__init__``, which is compiled for the first instance. For
+``fields``, ``replace``, ``match`` and type checkers the classes are ordinary dataclasses.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 else:
 
     def dataclass(cls: type | None = None, /, **options: Any) -> Any:
-        """Make a dataclass, with options of the standard library's decorator: not ``order``, nor ``InitVar`` fields."""
+        """Make a dataclass, as the standard library's decorator does, but without ``order`` and ``InitVar``."""
         return _made(cls, **options) if cls is not None else lambda cls: _made(cls, **options)
 
 
@@ -30,7 +30,7 @@ _set = object.__setattr__
 
 def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False, **options: bool) -> Any:
     own = set(vars(cls))
-    # the class body made no hash for an __eq__ of its own: Python sets None
+    # Python sets __hash__ to None in a class that defines __eq__; that is not a hash of its own
     own -= {"__hash__"} if "__eq__" in own and vars(cls)["__hash__"] is None else set()
     made: Any = dataclasses.dataclass(init=False, repr=False, eq=False, **options)(cls)
     fields = dataclasses.fields(made)
@@ -52,7 +52,7 @@ def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False,
 
 
 class _FirstInit:
-    """Stands for a constructor until the first instance is made, or somebody asks for its signature."""
+    """Placeholder for a constructor until the first instance, or the first look at its signature."""
 
     def __init__(self, made: Any, frozen: bool) -> None:
         self._made, self._frozen = made, frozen
@@ -73,9 +73,9 @@ class _FirstInit:
 
 
 def _compiled_init(made: Any, frozen: bool) -> Any:
-    """Return the constructor of a class, with defaults, factories and a call of ``__post_init__`` if there is one."""
+    """Compile the constructor of a class, with defaults, factories and ``__post_init__``."""
     every: Sequence[Field[Any]] = dataclasses.fields(made)
-    # no name of a field makes one of these: those of fields begin with _default_ and _make_
+    # these cannot clash with names made from fields, which begin with _default_ and _make_
     known: dict[str, Any] = {"__name__": __name__, "_set": _set, "_given": (given := object())}
     parameters, keywords, body = ["self"], list[str](), list[str]()
     for one in every:
@@ -103,7 +103,7 @@ def _compiled_init(made: Any, frozen: bool) -> Any:
 
 
 def _values(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
-    """Return what reads attributes of an object, as a tuple."""
+    """Make a function that reads attributes of an object as a tuple."""
     if len(names) > 1:
         return attrgetter(*names)
     return lambda one: tuple([getattr(one, name) for name in names])
@@ -133,7 +133,7 @@ def _refuse(verb: str) -> Callable[..., NoReturn]:
 
 
 def _state(names: Sequence[str]) -> dict[str, Callable[..., Any]]:
-    """Return how an object with slots, to which nothing can be assigned, is copied and pickled."""
+    """Make the methods that copy and pickle a frozen object with slots."""
 
     def state_of(self: Any) -> list[Any]:
         return [getattr(self, name) for name in names]

@@ -1,10 +1,10 @@
-"""Strategies of recovery: what is done between a failure and the next attempt, registered by name.
+"""Recovery strategies: actions between a failure and the next attempt, registered by name.
 
-A plan author passes a strategy as ``do`` of a :class:`Recovery`. The compiler does so where a recovery of an ontology
-names the strategy (``ontologies/recovery.omn``), which is why each is registered with its name there. A strategy is
-added in this file, or without a fork: in an installed package with an entry point of the group ``planlang.recoveries``,
-which names the function, or the Python module that it is in. Trying the next base pose is no strategy: ``at_location``
-does that by itself.
+Plans pass a strategy as ``do`` of a :class:`Recovery`. So does the compiler when a recovery of an ontology names the
+strategy (``ontologies/recovery.omn``), which is why strategies are registered under the names used there. Add a
+strategy to this file or, without a fork, in an installed package with an entry point of the group
+``planlang.recoveries`` that names the function or its module. Trying the next base pose is not a strategy:
+``at_location`` does that itself.
 """
 
 from __future__ import annotations
@@ -62,13 +62,12 @@ _STRATEGY = Usage(
 class Strategy:
     """A registered strategy.
 
-    ``name`` is what ontologies call it. ``function`` is what plans write as ``do`` of a Recovery; with
-    ``about_object`` they write a call of it with the object that the step handles. ``moves_base`` says that it leaves
-    the base pose of a location scope, so that it has to surround the scope. Without a function the failure escalates
-    at once. ``goes_back`` says that the failure may arise later on and undoes what the step has achieved, so that it
-    is written around the steps that follow, too, until what it is about is let go; there the function also gets a
-    branch that runs the step again. ``otherwise`` is raised when the attempts are used up, unless a Recovery says
-    else.
+    ``name``: its name in ontologies. ``function``: the ``do`` of a Recovery; with ``about_object`` plans call it with
+    the object that the step handles; without a function the failure escalates at once. ``moves_base``: it drives away
+    from the base pose of a location scope, so the Recovery has to surround the scope. ``goes_back``: the failure may
+    arise later and undo the step's result, so the Recovery also surrounds the following steps, until the object is
+    released; there the function also gets a branch that runs the step again. ``otherwise``: the failure raised after
+    the last attempt, unless the Recovery names one.
     """
 
     name: str
@@ -80,9 +79,9 @@ class Strategy:
 
     @property
     def origin(self) -> tuple[str, str] | None:
-        """The module that plans import the function from, and its name there; None if they need none.
+        """Module and name from which plans import the function; None if a Recovery needs no function.
 
-        A Recovery repeats by itself, and with no attempts it escalates.
+        A Recovery repeats the body without one, and escalates with zero attempts.
         """
         if self.function is None or self.function is retry:
             return None
@@ -105,12 +104,11 @@ def recovery_strategy(
 ) -> Callable[[F], F]:
     """Register a function as the strategy that ontologies call ``name``.
 
-    Without ``about_object`` it is a ``do`` of :class:`Recovery` itself: an async function of the failure. With it, a
-    function of an object that returns one. ``moves_base`` says that it drives, ``goes_back`` that it repeats what the
-    step has achieved, whenever that is undone; such strategies are about an object. ``otherwise`` is the failure that a
-    Recovery raises when its attempts are used up, if it says nothing else: for a strategy whose end means the same
-    whatever it recovers from.
-    Raises ValueError if another function has the name, or if plans cannot import the function.
+    The function is a ``do`` of :class:`Recovery`: an async function of the failure. With ``about_object`` it takes an
+    object and returns such a function. ``moves_base``: it drives. ``goes_back``: it restores the result of the step
+    whenever that is undone. Both need ``about_object``. ``otherwise`` is the failure that a Recovery raises after the
+    last attempt if it names none: for strategies whose exhaustion means the same for every failure.
+    Raises ValueError if the name is taken, or if plans cannot import the function.
     """
     _STRATEGY.text("name", name)
     if otherwise is not None and not (isinstance(otherwise, type) and issubclass(otherwise, PlanFailure)):
@@ -121,7 +119,7 @@ def recovery_strategy(
 
     def register(function: F) -> F:
         name_in_module = getattr(function, "__qualname__", "")
-        if not name_in_module.isidentifier():  # a lambda, a method, a function inside another, or no function
+        if not name_in_module.isidentifier():  # a lambda, a method, a nested function, or not a function
             message = f"plans cannot import {written(function)}; write it at the top of a module"
             raise _STRATEGY.refused("function", message, function)
         strategy = Strategy(name, function, about_object, moves_base, goes_back, otherwise)
@@ -135,9 +133,9 @@ def recovery_strategy(
 
 
 def _ending(function: F, otherwise: type[PlanFailure], *, about_object: bool) -> F:
-    """Return a strategy that tells a Recovery what it raises in the end."""
+    """Attach the failure that a Recovery raises after the last attempt."""
     if not about_object:
-        setattr(function, "otherwise", otherwise)  # noqa: B010 - of a function that is called with the failure itself
+        setattr(function, "otherwise", otherwise)  # noqa: B010 - mypy knows no attributes of functions
         return function
 
     @wraps(function)
@@ -150,9 +148,9 @@ def _ending(function: F, otherwise: type[PlanFailure], *, about_object: bool) ->
 
 
 def find_strategy(name: str) -> Strategy | None:
-    """Return the strategy that ontologies call ``name``, None if there is none; packages are asked if need be.
+    """Look up a strategy by its name in ontologies, if necessary in installed packages; None if there is none.
 
-    Raises what a package raises when it is imported, with a note that names its entry point.
+    An exception from importing a package is passed on, with a note that names the entry point.
     """
     if name not in _registered:
         _load_installed()
@@ -160,7 +158,7 @@ def find_strategy(name: str) -> Strategy | None:
 
 
 def registered_strategies() -> tuple[Strategy, ...]:
-    """Return the strategies that are registered so far, in the order of registration."""
+    """Return the strategies registered so far, in order of registration."""
     return tuple(_registered.values())
 
 
@@ -168,7 +166,7 @@ def registered_strategies() -> tuple[Strategy, ...]:
 def _load_installed() -> None:
     for point in entry_points(group=GROUP):
         try:
-            point.load()  # importing a module registers what it marks
+            point.load()  # importing a module registers its strategies
         except Exception as error:
             error.add_note(f"while loading {point.value}, an entry point of the group {GROUP}")
             raise
@@ -176,11 +174,12 @@ def _load_installed() -> None:
 
 @recovery_strategy("LookFromAnotherPlace", about_object=True, moves_base=True, otherwise=ObjectNowhereToBeFound)
 def look_from_another_place(what: Object) -> Do:
-    """Look for the object once more from here, else from where it should be visible, then run the body again.
+    """Look for the object from here, then from a place where it should be visible; run the body again.
 
-    The base does not move if it is seen from here. Not finding it elsewhere either is no failure yet: the body will
-    tell. If it is not known where it is, it is looked for wherever it is likely. Raises ObjectNowhereToBeFound when
-    there is no other place to look from; so does a Recovery when it is used up, if it says nothing else.
+    If the object is seen from here, the base does not move. If it is not seen from the other place either, the body
+    runs all the same and may fail. An object of unknown place is searched for wherever it is likely to be. Raises
+    ObjectNowhereToBeFound if there is no other place to look from; a Recovery raises the same after its last attempt
+    unless it names another failure.
     """
 
     Usage("look_from_another_place", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -201,7 +200,7 @@ def look_from_another_place(what: Object) -> Do:
 
 @recovery_strategy("LookAndRepeat", about_object=True)
 def look_and_repeat(what: Object) -> Do:
-    """Look for the object from here, which may correct where it is believed to be, then run the body again."""
+    """Look at the object from here, which may correct its believed pose, then run the body again."""
 
     Usage("look_and_repeat", {"what": "bottle"}).instance("what", what, Object, "an object")
 
@@ -215,9 +214,9 @@ def look_and_repeat(what: Object) -> Do:
 
 @recovery_strategy("OpenWhatIsInTheWay", about_object=True, moves_base=True)
 def open_what_is_in_the_way(what: Object) -> Do:
-    """Open the closed door behind which the object is, or the drawer in which it is, then run the body again.
+    """Open the closed door or drawer that hides the object, then run the body again.
 
-    A failure that has another reason goes outward.
+    A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -236,10 +235,10 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
 @recovery_strategy("StepBackAndRepeat", about_object=True, moves_base=True)
 def step_back_and_repeat(what: Object) -> Do:
-    """Drive a step back with the arms in their posture for driving, look at the object, then run the body again.
+    """Drive one step back with the arms in their driving posture, look at the object, then run the body again.
 
-    What was felt and seen meanwhile changes what is planned: how far a door has come, what is in its way. A failure of
-    a search that finds the same once more goes outward: nothing has changed.
+    Touches and sightings on the way change the next plan: how far a door has opened, what blocks it. If a search fails
+    twice with the same result, nothing has changed, and the failure propagates.
     """
 
     Usage("step_back_and_repeat", {"what": "cabinet"}).instance("what", what, Object, "an object")
@@ -252,7 +251,7 @@ def step_back_and_repeat(what: Object) -> Do:
                 if found in searched:
                     return PROPAGATE
                 searched.add(found)
-        with suppress(LowLevelFailure):  # the body will tell whether there is room enough
+        with suppress(LowLevelFailure):  # without room to step back the body may still succeed
             await perform(action("SteppingBack"))
         await _sees(what)
         return RETRY
@@ -262,11 +261,12 @@ def step_back_and_repeat(what: Object) -> Do:
 
 @recovery_strategy("FetchAgain", about_object=True, moves_base=True, goes_back=True, otherwise=ObjectUnfetchable)
 def fetch_again(what: Object, again: Branch | None = None) -> Do:
-    """Look for an object that has left the hand, grasp it by the branch ``again``, then run the body again.
+    """Find an object that has left the hand, grasp it with the branch ``again``, then run the body again.
 
-    Without ``again`` the body itself grasps. The object is looked for from here first, as it may lie beside the hand,
-    and from another place with the arms in their posture for driving. A failure about something else goes outward: then
-    the object is still held. A Recovery that is used up raises ObjectUnfetchable, if it says nothing else.
+    Without ``again`` the body itself grasps. The robot looks from here first, since the object may lie beside the hand,
+    then from another place with the arms in their driving posture. If the object is still held, the failure is about
+    something else and propagates. After the last attempt a Recovery raises ObjectUnfetchable unless it names another
+    failure.
     """
 
     fetching = Usage("fetch_again", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -291,11 +291,11 @@ def fetch_again(what: Object, again: Branch | None = None) -> Do:
 
 @recovery_strategy("PutDownAndRegrasp", about_object=True, moves_base=True, goes_back=True)
 def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
-    """Put a held object down on whatever is near, grasp it by another grip by the branch ``again``, run the body again.
+    """Put the held object down nearby, grasp it differently with the branch ``again``, then run the body again.
 
-    Without ``again`` the body itself grasps. If it cannot be put down, or not be grasped otherwise, the failure goes
-    outward: in the latter case the object stands where it was put. If it is not held as no hand is free for it, what
-    one of them holds is put down instead; it is grasped again by the step that needs it next.
+    Without ``again`` the body itself grasps. If the object cannot be put down, or not grasped differently, the failure
+    propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, the robot
+    puts down what one hand holds; the step that needs that object next grasps it again.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -306,7 +306,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     async def regrasp(failure: PlanFailure) -> RecoveryResult:
         full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
         is_held = executive_for("put_down_and_regrasp").holds(Condition("holding", (what,)))
-        if is_held == (full is not None):  # about something else, or no failure of a hand
+        if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
         if full is not None:
             return await _one_put_down(full.held.values())
@@ -322,7 +322,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
 
 
 async def _one_put_down(held: Iterable[Object]) -> RecoveryResult:
-    """Put one of these down, the first that can be: then a hand is free."""
+    """Put down the first of the held objects for which that succeeds, to free a hand."""
     for one in held:
         with suppress(PlanFailure):
             await perform(action("SettingAsideAnObject", object_acted_on=one))
@@ -332,7 +332,7 @@ async def _one_put_down(held: Iterable[Object]) -> RecoveryResult:
 
 @recovery_strategy("Ignore")
 async def ignore(failure: PlanFailure) -> RecoveryResult:
-    """Go on as if the body had succeeded, with None."""
+    """Continue as if the body had returned None."""
     return Return(None)
 
 

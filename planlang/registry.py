@@ -1,10 +1,9 @@
-"""Process modules by registration: those that come with planlang, of installed packages, and of files a user names.
+"""Registry of process modules: bundled, from installed packages, and from files that the user names.
 
-A process module is a class marked with :func:`planlang.process_module`. Packages announce theirs as entry points of the
-group ``planlang.modules``, each naming such a class or a Python module that holds some; users name files by
-``planlang run --modules FILE.py``. An action goes to the module of its most specific class. Where two modules perform
-the same class, a user's file outranks an installed package, and that outranks planlang; two of the same rank are an
-error.
+A process module is a class marked with :func:`planlang.process_module`. Packages declare theirs as entry points of the
+group ``planlang.modules``, each naming a class or a Python module with classes; users name files with
+``planlang run --modules FILE.py``. An action goes to the module for its most specific class. If two modules perform the
+same class, a user's file outranks an installed package, which outranks planlang; two of the same rank are an error.
 """
 
 from __future__ import annotations
@@ -31,29 +30,29 @@ from planlang.records import dataclass
 GROUP = "planlang.modules"
 """Entry-point group of installed process modules."""
 LARGEST = 10_000_000
-"""Bytes of a file of process modules that are read at most."""
+"""Largest file of process modules that is read [bytes]."""
 _ADVICE = "mark the class with @planlang.process_module"
 
 
 @dataclass(frozen=True, slots=True)
 class OnDemand:
-    """A process module that is imported when it is first asked to do something: most runs need few of them."""
+    """A process module that is imported when it first has to act, since most runs need few of them."""
 
     place: str
-    """Written as an entry point: ``package.module:Class``."""
+    """The class, in the syntax of entry points: ``package.module:Class``."""
     name: str
     actions: tuple[str, ...]
     failures: tuple[type[Exception], ...] = ()
     performs: Callable[[Any, Action], bool] | None = None
-    """Says of a platform and an action whether it performs that; None: it performs all of its classes."""
+    """Decides for a platform and an action whether to perform it; None performs every action of its classes."""
 
     def __call__(self, platform: Any) -> ProcessModule:
-        """Return the module; it is imported later."""
+        """Make the module without importing its class yet."""
         return _Demanded(self, platform)
 
 
 class _Demanded(WrappedModule):
-    """A module that is imported when something is asked that its statement does not tell."""
+    """A module that imports its class when more is needed than the statement of :class:`OnDemand`."""
 
     def __init__(self, what: OnDemand, platform: Any) -> None:
         self._what, self._platform = what, platform
@@ -89,7 +88,7 @@ class _Demanded(WrappedModule):
 
 
 class Rank(IntEnum):
-    """The origin of a process module; a higher rank wins."""
+    """Origin of a process module; the higher rank wins."""
 
     BUNDLED = 0
     INSTALLED = 1
@@ -98,18 +97,18 @@ class Rank(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """A class of process modules and where it comes from."""
+    """A class of process modules and its origin."""
 
     factory: Callable[[Any], ProcessModule]
     actions: tuple[str, ...]
     origin: str
     rank: Rank
     selects: bool = False
-    """True if it performs some actions of its classes only: it comes first, and others perform the rest."""
+    """True if it performs only some actions of its classes: it is asked first, and others perform the rest."""
 
 
 class ModuleRegistry:
-    """The process modules of one run. ``identity`` names those that planlang did not bring, for the trace's header."""
+    """The process modules of a run; ``identity`` lists those that are not bundled, for the header of the trace."""
 
     def __init__(self) -> None:
         self._registered: list[Registered] = []
@@ -117,30 +116,30 @@ class ModuleRegistry:
 
     @property
     def actions(self) -> frozenset[str]:
-        """The classes of actions that the registered modules name, all actions of which they perform."""
+        """Classes of actions that the registered modules perform without selecting among them."""
         return frozenset(name for one in self._registered if not one.selects for name in one.actions)
 
     def add(self, module: ModuleType, origin: str, rank: Rank) -> int:
-        """Register the marked classes that a Python module or package defines; return how many there are."""
+        """Register the marked classes of a Python module or package; return their number."""
         found = list(marked(module))
         self._registered += [_registered(cls, origin, rank) for cls in found]
         return len(found)
 
     def add_on_demand(self, module: OnDemand, origin: str, rank: Rank) -> None:
-        """Register a class that is imported when it is needed."""
+        """Register a class that is imported on demand."""
         origin = f"{module.place.rpartition(':')[2]} of {origin}"
         selects = module.performs is not None
         self._registered.append(Registered(module, module.actions, origin, rank, selects))
 
     def add_file(self, path: Path) -> None:
-        """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be used."""
+        """Register the process modules of a user's file; raises BadInput, with the line, if it cannot be imported."""
         module = _imported(path)
         if not self.add(module, path.name, Rank.NAMED):
             raise BadInput([error("X011", "this file has no process module", Span(str(path)), _ADVICE)])
         self.identity[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
 
     def add_installed(self) -> None:
-        """Register those of installed packages; raises BadInput if one cannot be imported."""
+        """Register the process modules of installed packages; raises BadInput if one cannot be imported."""
         for entry in sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value)):
             package = f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown"
             found = _loaded(entry, package)
@@ -153,9 +152,9 @@ class ModuleRegistry:
             self.identity[f"{GROUP}: {entry.name}"] = package
 
     def resolve(self, found: list[Diagnostic]) -> tuple[Callable[[Any], ProcessModule], ...]:
-        """Return the classes, the highest rank first; what outranks another is noted in ``found``.
+        """Return the classes by rank, highest first; add a note to ``found`` where one outranks another.
 
-        Raises BadInput where two of one rank perform the same action class.
+        Raises BadInput if two of one rank perform the same action class.
         """
         ordered = sorted(self._registered, key=lambda one: (-one.rank, not one.selects))
         whole = [one for one in ordered if not one.selects]
@@ -178,10 +177,10 @@ def _registered(cls: Any, origin: str, rank: Rank) -> Registered:
 
 
 def marked(module: ModuleType) -> Iterator[Any]:
-    """Yield the process modules that a Python module or package defines."""
+    """Yield the marked classes that a Python module or package defines."""
     seen: dict[int, Any] = {}
     for value in vars(module).values():
-        # one that a file imports, to derive its own from it, is not registered a second time
+        # a class that a file imports as a base of its own belongs to another module
         if is_marked(value) and value.__module__.startswith(module.__name__):
             seen.setdefault(id(value), value)
     yield from seen.values()
@@ -197,7 +196,7 @@ def _loaded(entry: EntryPoint, package: str) -> Any:
 
 
 def _imported(path: Path) -> ModuleType:
-    """Import a file under a name of its own; it stays imported, as failures are found by their module's name."""
+    """Import a file under a unique name; it stays in sys.modules, where failures are looked up by module name."""
     name = f"planlang_modules_{path.stem}"
     try:
         code = compile(read_file(path, "X011", largest=LARGEST), str(path), "exec")
@@ -219,7 +218,7 @@ def _imported(path: Path) -> ModuleType:
 
 
 def _renamed(problem: BaseException) -> str | None:
-    """Return what to import in place of what has another name now."""
+    """Suggest the import that replaces a renamed one."""
     if not isinstance(problem, ImportError):
         return None
     if problem.name == "planlang.protocols" and "'World'" in problem.msg:

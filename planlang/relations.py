@@ -1,8 +1,8 @@
-"""The relations of locations: one table of how each is written, said and meant.
+"""The table of relations in locations: their names, phrases and meanings.
 
-A new relation is a new row, here and nowhere else: recipes read its OWL property, plans its name, phrases its forms,
-and the executive resolves it by the :class:`Sense` that it has for a base, a hand or a thing. A relation that no sense
-describes needs a new one, which executive/locations then has to implement.
+A new relation is one new row here: recipes use its OWL property, plans its name, phrases its forms, and the executive
+resolves it by its :class:`Sense` for a base, a hand or a thing. A relation that fits no existing sense needs a new one,
+implemented in executive/locations.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ Subject = Literal["base", "hand", "thing"]
 """Subject of a relation to X: the robot's base, a hand with the object in it, an object."""
 
 HEIGHTS: Bounds = (0.02, 0.15)
-"""Height of the lowest point over a top that counts as above it [m]: clear of it, and near enough to put down."""
+"""Height above a surface that counts as above it [m]: clear of it, and near enough for putting down."""
 BASE_SIDE: Bounds = (0.1, 1.1)
-"""Distance of a base on a side of X [m]: it does not touch X, and an arm of 0.7 m still reaches half a metre in."""
+"""Distance of a base at a side of X [m]: clear of X, and within reach for an arm of 0.7 m."""
 THING_SIDE: Bounds = (0.0, 0.3)
-"""Distance of a hand or a thing on a side of X [m]: about as far as things on one tray are from each other."""
+"""Distance of a hand or a thing at a side of X [m]: about that of things on one tray."""
 
 
 class Sense(Enum):
-    """Constraint of a relation to X; the executive has one implementation of each."""
+    """Geometric constraint behind a relation to X; the executive implements each once."""
 
     REACH = "reach"
-    """A hand can do what X is for: grasp it, give it something, be above it, be at a location."""
+    """A hand can reach X for its purpose: to grasp it, to hand something over, to be above it or at a location."""
     SIGHT = "sight"
     AREA = "area"
-    """Within bounds of X, on those sides of X that the relation names, or on any."""
+    """Within a distance of X, on the sides that the relation names or on any."""
     HEADING = "heading"
     CLEARANCE = "clearance"
     OVER = "over"
@@ -41,9 +41,9 @@ class Sense(Enum):
     CONTAINMENT = "containment"
     GRASP_POINT = "grasp point"
     PRE_GRASP = "pre-grasp"
-    """Pose in which the hand begins to grasp X; an area if X cannot be grasped."""
+    """Pose from which the hand starts to grasp X; an area if X cannot be grasped."""
     VIEWPOINT = "viewpoint"
-    """Whoever is at X has the left and right, before and behind, of the other conjuncts; it asks nothing by itself."""
+    """A viewer at X defines left and right, in front and behind in the other conjuncts; no constraint by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,59 +52,59 @@ class Meaning:
 
     sense: Sense
     text: str
-    """The same for people, as docs/guides/locations.md shows it."""
+    """Explanation for users, shown in docs/guides/locations.md."""
     bounds: Bounds | None = None
-    """Distances unless the location states others; None for what has no distance."""
+    """Default bounds of the distance; None for a relation without one."""
 
 
 @dataclass(frozen=True, slots=True)
 class RelationType:
-    """One row of the table; ``name`` is that of the keyword in ``a_location(...)``."""
+    """One row of the table; ``name`` is the keyword in ``a_location(...)``."""
 
     name: str
     owl: str
     """The OWL property: a local name of the KnowRob vocabulary, or a whole IRI."""
     forms: tuple[str, ...]
-    """Its forms in phrases, the written form first; "not F" makes F a form of the opposite."""
+    """Forms in phrases, the one that planlang writes first; "not F" makes F a form of the complement."""
     base: Meaning | None = None
     hand: Meaning | None = None
     thing: Meaning | None = None
     directions: tuple[float, ...] = ()
-    """Sides of X, relative to its front [rad, left is positive]; empty: all."""
+    """Sides of X relative to its front [rad], left positive; empty for all sides."""
     synonyms: tuple[str, ...] = ()
     """Other keywords for it."""
     of_locations: bool = False
     """X may be a location."""
     of_solids: bool = False
-    """X must have a size: it is no mere place."""
+    """X must have a size; a mere place has none."""
     of_rooms: bool = True
-    """X may be the room that everything is in."""
+    """X may be the room that contains everything."""
     from_outside: bool = False
-    """Nothing in X can have it to X."""
+    """Things inside X cannot have this relation to X."""
 
     def meaning(self, subject: Subject) -> Meaning | None:
-        """Return what it means for a subject, None if nothing."""
+        """Return the meaning for a subject; None if it has none."""
         return {"base": self.base, "hand": self.hand, "thing": self.thing}[subject]
 
     def sense(self, subject: Subject) -> Sense | None:
-        """Return what it asks of a subject, None if it means nothing for it."""
+        """Return the constraint on a subject; None if the relation has no meaning for it."""
         meaning = self.meaning(subject)
         return None if meaning is None else meaning.sense
 
     @property
     def measured(self) -> bool:
-        """Return True if it has a distance that a location can bound."""
+        """True if it has a distance that a location can bound."""
         return any(meaning is not None and meaning.bounds is not None for meaning in (self.base, self.hand, self.thing))
 
     def is_opposite(self, other: RelationType) -> bool:
-        """Return True if each names one side of X, and they are opposite."""
+        """Check whether the two relations name opposite sides of X."""
         if len(self.directions) != 1 or len(other.directions) != 1:
             return False
         return math.cos(self.directions[0] - other.directions[0]) < -1 + 1e-9
 
 
 def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float) -> RelationType:
-    """Return a relation that is only a side of X."""
+    """Make a relation that means a side of X."""
     where = "within 45 degrees of that side of X: in X's frame if X has a front, else in the viewer's"
     return RelationType(
         name,
@@ -112,7 +112,7 @@ def _side(name: str, owl: str, forms: tuple[str, ...], *directions: float) -> Re
         forms,
         base=Meaning(Sense.AREA, f"{where}, 0.1 to 1.1 m away", BASE_SIDE),
         hand=Meaning(Sense.AREA, where, THING_SIDE),
-        thing=Meaning(Sense.AREA, f"on the same support if no other is said, {where}", THING_SIDE),
+        thing=Meaning(Sense.AREA, f"on the same support unless another is stated, {where}", THING_SIDE),
         directions=directions,
         from_outside=True,
     )
@@ -129,14 +129,14 @@ _TABLE = (
         ("in reach of", "within reach of"),
         base=Meaning(
             Sense.REACH,
-            "X to grasp: pre-grasp, grasp and lift can be reached; a person: a place in their comfort zone; "
-            "a location of the hand: some pose of it; anything else: some pose above X",
+            "an object to grasp: pre-grasp, grasp and lift are reachable; a person: a point in their comfort zone; "
+            "a hand location: some pose of it; anything else: some pose above X",
         ),
         hand=Meaning(
             Sense.REACH,
-            "X a person: what the hand holds, or the hand, is inside their comfort zone; else what the base would need",
+            "a person: the held object, or the hand, is inside their comfort zone; else as for a base",
         ),
-        thing=Meaning(Sense.REACH, "X a person: inside their comfort zone"),
+        thing=Meaning(Sense.REACH, "a person: inside their comfort zone"),
         of_locations=True,
         of_rooms=False,
     ),
@@ -146,7 +146,7 @@ _TABLE = (
         ("visible from", "in view of", "in sight of", "seeing"),
         base=Meaning(
             Sense.SIGHT,
-            "the camera, turned to X as far as the neck can, sees at least 30 % of the side of X that faces it",
+            "the camera, turned to X as far as the neck allows, sees at least 30 % of the side of X that faces it",
         ),
         synonyms=("visible",),
         of_solids=True,
@@ -158,7 +158,7 @@ _TABLE = (
         ("above", "over"),
         hand=Meaning(
             Sense.OVER,
-            "level, lowest point of hand and held object 2 to 15 cm over X's top, what is held over X's footprint",
+            "level, the lowest point of hand and held object 2 to 15 cm above X's top, the object above X's footprint",
             HEIGHTS,
         ),
         of_rooms=False,
@@ -167,15 +167,17 @@ _TABLE = (
         "on",
         "on-Physical",
         ("on", "on top of"),
-        hand=Meaning(Sense.SUPPORT, "puts what it holds on X, from above"),
-        thing=Meaning(Sense.SUPPORT, "rests on X's level top, of a room on its floor, the whole footprint supported"),
+        hand=Meaning(Sense.SUPPORT, "puts the held object on X, from above"),
+        thing=Meaning(
+            Sense.SUPPORT, "rests on X's level top (in a room: on its floor), with its whole footprint supported"
+        ),
     ),
     RelationType(
         "in_",
         "in-ContGeneric",
         ("in", "inside", "inside of"),
-        hand=Meaning(Sense.CONTAINMENT, "puts what it holds into X, from above"),
-        thing=Meaning(Sense.CONTAINMENT, "inside X's volume, resting; in a solid box there is no room"),
+        hand=Meaning(Sense.CONTAINMENT, "puts the held object into X, from above"),
+        thing=Meaning(Sense.CONTAINMENT, "rests inside X's volume; a solid box has no room"),
     ),
     RelationType(
         "in_center_of",
@@ -183,8 +185,8 @@ _TABLE = (
         ("in the center of", "in the centre of", "in the middle of"),
         hand=Meaning(
             Sense.GRASP_POINT,
-            "the grip point within 1 cm of X's centre or of the line through it from halfway down up, "
-            "or where else X is gripped: the grasp",
+            "the grasp: the grip point within 1 cm of X's centre, or of the vertical through it from halfway down "
+            "upwards, or where else X is gripped",
         ),
         of_solids=True,
         of_rooms=False,
@@ -196,7 +198,7 @@ _TABLE = (
         base=_BEFORE.base,
         hand=Meaning(
             Sense.PRE_GRASP,
-            "the pre-grasp: 8 cm back along the approach; with X in hand: raised and back as well",
+            "the pre-grasp: 8 cm back along the approach; with X in the hand also raised",
             THING_SIDE,
         ),
         thing=_BEFORE.thing,
@@ -213,7 +215,7 @@ _TABLE = (
         ("near", "close to"),
         base=Meaning(Sense.AREA, "within 1 m", (0.0, 1.0)),
         hand=Meaning(Sense.AREA, "within 0.3 m", THING_SIDE),
-        thing=Meaning(Sense.AREA, "on the same support if no other is said, within 0.3 m", THING_SIDE),
+        thing=Meaning(Sense.AREA, "on the same support unless another is stated, within 0.3 m", THING_SIDE),
     ),
     RelationType(
         "far_from",
@@ -233,7 +235,7 @@ _TABLE = (
         "clear_of",
         "clearOf",
         ("clear of", "not blocking", "not touching"),
-        base=Meaning(Sense.CLEARANCE, "neither touches X nor stands in the sweep of X's doors"),
+        base=Meaning(Sense.CLEARANCE, "neither touches X nor stands in the sweep of its doors"),
         of_solids=True,
         from_outside=True,
     ),
@@ -249,11 +251,11 @@ _TABLE = (
 )
 
 RELATIONS: dict[str, RelationType] = {}
-"""Every relation by name. A negated relation is the complement; distances are defaults that a location may override."""
+"""All relations by name."""
 
 
 def add(relation: RelationType) -> None:
-    """Add a relation to the table; raises ValueError if it means nothing or its words mean another one already."""
+    """Add a relation to the table; raises ValueError if it has no meaning, or shares a word with another."""
     for other in RELATIONS.values():
         for mine, theirs in zip(_words(relation), _words(other), strict=True):
             if mine & theirs:
@@ -269,7 +271,7 @@ def add(relation: RelationType) -> None:
 
 
 def _words(relation: RelationType) -> tuple[set[str], ...]:
-    """Return its keywords, its OWL property and its spoken forms."""
+    """Return the keywords, the OWL property and the forms in phrases."""
     return {relation.name, *relation.synonyms}, {relation.owl}, set(relation.forms)
 
 
@@ -278,7 +280,7 @@ for _row in _TABLE:
 
 
 def named(keyword: str) -> RelationType | None:
-    """Return the relation that a keyword of ``a_location`` names, None if none does."""
+    """Look up a relation by a keyword of ``a_location``; None if there is none."""
     found = RELATIONS.get(keyword)
     return found or next((one for one in RELATIONS.values() if keyword in one.synonyms), None)
 
@@ -294,10 +296,10 @@ def owl_properties() -> tuple[str, ...]:
 
 
 def of_owl_property(owl: str) -> str | None:
-    """Return the name of the relation that an OWL property stands for, None if it stands for none."""
+    """Look up the name of a relation by its OWL property; None if there is none."""
     return next((name for name, one in RELATIONS.items() if one.owl == owl), None)
 
 
 def meaningful(subject: Subject) -> tuple[str, ...]:
-    """Return the names of the relations that mean something for a subject."""
+    """Return the names of the relations that have a meaning for a subject."""
     return tuple(name for name, one in RELATIONS.items() if one.meaning(subject) is not None)

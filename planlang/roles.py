@@ -1,4 +1,4 @@
-"""The roles of actions: the properties of the vocabulary in snake case, such as ``to_location``."""
+"""Roles of actions: properties of the vocabulary in snake case, such as ``to_location``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from planlang.files import bundled
 from planlang.spelling import similar
 
 SURE = 0.85
-"""Least similarity (difflib) for an unknown role to be taken for a slip: anything else may be a module's own."""
+"""Similarity (difflib) above which an unknown role is a misspelling; others may belong to a user's own module."""
 
 USUAL = (
     "amount", "condition_evaluated", "constrained_by", "device_used", "duration", "location_searched",
@@ -20,7 +20,7 @@ USUAL = (
 
 @cache
 def known_roles() -> frozenset[str]:
-    """Return the roles that the bundled vocabulary knows; it is read once, which takes about 0.4 s."""
+    """Return the roles of the bundled vocabulary; it is read once, which takes about 0.4 s."""
     from planlang.ontology import load, terms  # only for a role that looks misspelt
 
     ontology = load(bundled("ontologies") / "knowrob.omn")
@@ -30,9 +30,9 @@ def known_roles() -> frozenset[str]:
 
 
 def meant_role(written: str) -> str | None:
-    """Return the usual role that a misspelt one stands for; None for one that is known, or not like any that is.
+    """Find the role that a misspelt one stands for; None if it is a known role or similar to none.
 
-    The vocabulary is read only for one that is nearly a usual one.
+    The vocabulary is read only for a name that is similar to a usual role.
     """
     near = [] if written in USUAL else similar(written, USUAL, least=SURE)
     return near[0] if near and written not in known_roles() else None

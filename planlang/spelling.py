@@ -1,4 +1,4 @@
-"""Did you mean: the known names most similar to one that is unknown."""
+"""Suggestions for misspelt names: the most similar known ones."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 
 
 def are_opposite(one: str, other: str) -> bool:
-    """Return True if two names differ in the side or direction that they name: neither is a slip for the other."""
+    """Check whether two names differ in a side or direction, so that neither is a misspelling of the other."""
     first, second = (Counter(word.lower() for word in _WORD.findall(name)) for name in (one, other))
     here, there = first - second, second - first
     return any((a in here and b in there) or (b in here and a in there) for a, b in _OPPOSITES)
 
 
 def guess(written: str, names: Iterable[str]) -> str:
-    """Return ``did you mean NAME? `` for the name most similar to a written one, nothing if none is; advice follows."""
+    """Return ``did you mean NAME? `` with the most similar name, or "" if none is similar; advice may follow it."""
     alike = similar(written, names)
     return f"did you mean {alike[0]}? " if alike else ""
 
@@ -32,9 +32,9 @@ def guess(written: str, names: Iterable[str]) -> str:
 def similar(written: str, names: Iterable[str], *, n: int = 1, least: float = 0.6) -> list[str]:
     """Return the names most similar to a written one, best first.
 
-    Names such as ``Table-PieceOfFurniture`` come first for their first part: KnowRob adds the second one only to tell
-    namesakes apart. Others have to be at least as similar as ``least`` (difflib). Names that differ in a side, such as
-    left and right, are never similar.
+    ``Table`` matches ``Table-PieceOfFurniture`` first of all, because KnowRob adds the second part only to distinguish
+    namesakes. Other names need a similarity of at least ``least`` (difflib). Names that differ in a side, such as left
+    and right, are never similar.
     """
     known = [name for name in dict.fromkeys(names) if not are_opposite(written, name)]
     plain = written.lower()

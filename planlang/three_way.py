@@ -1,7 +1,7 @@
 """Three-way merge of texts by lines, as diff3 and git do it.
 
-Lines that neither side has changed divide the texts into chunks. Of each chunk the side that changed it counts; where
-both did, and differently, there is a conflict, which both versions are kept in. (S. Khanna, K. Kunal, B. C. Pierce, "A
+Lines that neither side changed divide the texts into chunks. A chunk that one side changed is taken from that side; if
+both changed it, differently, the result has a conflict with both versions. (S. Khanna, K. Kunal, B. C. Pierce, "A
 formal investigation of diff3", 2007.) The library for this, merge3, is under the GPL.
 """
 
@@ -19,14 +19,14 @@ OURS, MIDDLE, THEIRS = "<<<<<<<", "=======", ">>>>>>>"
 
 @dataclass(frozen=True, slots=True)
 class Merged:
-    """The merged text; ``conflicts`` are the lines, counted from 1, at which conflicts begin in it."""
+    """A merged text, and the lines, counted from 1, at which its conflicts begin."""
 
     text: str
     conflicts: tuple[int, ...] = ()
 
 
 class _Common(NamedTuple):
-    """A run of lines that all three texts have, from these places on."""
+    """A run of lines common to all three texts, with its start in each."""
 
     base: int
     ours: int
@@ -35,9 +35,9 @@ class _Common(NamedTuple):
 
 
 def merged(base: str, ours: str, theirs: str, *, our_name: str, their_name: str) -> Merged:
-    """Merge what was changed between a base and two texts made from it; lines end with a line feed.
+    """Merge two texts derived from a base; lines end with a line feed.
 
-    A conflict is marked as by git, with the names of the two sides.
+    Conflicts are marked as git does, with the names of the two sides.
     """
     texts = [text.splitlines(keepends=True) for text in (base, ours, theirs)]
     lines: list[str] = []
@@ -59,18 +59,18 @@ def merged(base: str, ours: str, theirs: str, *, our_name: str, their_name: str)
 
 
 def has_conflicts(text: str) -> bool:
-    """Return True if a text has the marks of a conflict that nobody has resolved yet."""
+    """Check whether a text has conflict markers."""
     starts = {line.split(" ")[0] for line in text.splitlines()}
     return {OURS, MIDDLE, THEIRS} <= starts
 
 
 def _ended(lines: Sequence[str]) -> list[str]:
-    """Return lines of which the last has an end, so that a mark may follow."""
+    """End the last line with a line feed, so that a marker can follow."""
     return [line if line.endswith("\n") else f"{line}\n" for line in lines]
 
 
 def _common(base: list[str], ours: list[str], theirs: list[str]) -> Iterator[_Common]:
-    """Yield the runs of lines that all three texts have in common, in order; the last is empty, at the ends."""
+    """Yield the runs of lines common to all three texts, in order; a last, empty one stands at their ends."""
     first, second = (
         [block for block in SequenceMatcher(None, base, other, autojunk=False).get_matching_blocks() if block.size]
         for other in (ours, theirs)

@@ -1,8 +1,8 @@
-"""Units of QUDT: what their names mean, and numbers in them as numbers in SI units, and back.
+"""Units of QUDT: their names, and conversion of numbers to and from SI units.
 
-The units are in ``ontologies/units.toml``; other names are composed of theirs: PoundForcePerSquareInch. What has
-a common dimension can be converted, whatever kind of quantity QUDT takes it for. Angles and information are dimensions
-of their own, in radians and natural units of information.
+``ontologies/units.toml`` defines the units; other names are composed of them: PoundForcePerSquareInch. Units of the
+same dimension can be converted, even if QUDT assigns them to different kinds of quantity. Angles and information are
+dimensions of their own, measured in radians and nats.
 """
 
 from __future__ import annotations
@@ -30,51 +30,51 @@ _POWER = re.compile(r"([A-Z])(-?\d*)")
 _BEFORE = {"Square": 2, "Cubic": 3, "Quartic": 4}
 _BEHIND = {"Squared": 2, "Cubed": 3}
 _LONGEST = 100
-"""Characters of the longest name that is read."""
+"""Longest name that is parsed [characters]."""
 
 
 class IncompatibleUnits(ValueError):
-    """A number has a unit of another dimension than is wanted."""
+    """A number has a unit of the wrong dimension."""
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """``value * factor + offset`` is the value in the SI unit of the dimension."""
+    """A unit: ``value * factor + offset`` is in the SI unit of the dimension."""
 
     dimension: Dimension
     factor: Fraction = Fraction(1)
     offset: Fraction = Fraction(0)
 
     def to(self, other: Unit, value: float) -> float:
-        """Convert a value in this unit to another unit of its dimension; only the result is rounded: 35 cm are 0.35 m.
+        """Convert a value to another unit of the same dimension; only the result is rounded: 35 cm are 0.35 m.
 
-        Raises OverflowError beyond a float.
+        Raises OverflowError for a result beyond the range of float.
         """
         return float((Fraction(str(value)) * self.factor + self.offset - other.offset) / other.factor)
 
 
-@lru_cache(maxsize=1024)  # names come from files of strangers
+@lru_cache(maxsize=1024)  # bounded, as names come from untrusted files
 def unit(name: str) -> Unit | None:
-    """Return the unit of a name, such as Centimeter, SquareMeter or MeterPerSecondSquared; None if it is unknown."""
+    """Look up a unit, such as Centimeter, SquareMeter or MeterPerSecondSquared; None if the name is unknown."""
     if len(name) > _LONGEST:
         return None
     return _table().scales.get(name) or _composed(name)
 
 
 def convert(value: float, source: str, target: str) -> float:
-    """Return a value in one unit as one in another, both by their names.
+    """Convert a value between two units given by name.
 
-    Raises IncompatibleUnits without a common dimension, ValueError for an unknown unit or a result beyond a float.
+    Raises IncompatibleUnits for different dimensions, ValueError for an unknown unit or a result beyond float.
     """
     old, new = known_unit(source), known_unit(target)
     try:
         return _fitting(old, source, new).to(new, value)
     except OverflowError:
-        raise ValueError(f"{value} {source} is no finite number of {target}") from None
+        raise ValueError(f"{value} {source} is too large for a number of {target}") from None
 
 
 def known_unit(name: str) -> Unit:
-    """Return the unit of a name; raises ValueError if it is unknown."""
+    """Look up a unit; raises ValueError if the name is unknown."""
     known = unit(name)
     if known is None:
         raise ValueError(f"{name} is an unknown unit; use one of QUDT, such as Meter, SecondTime or MeterPerSecond")
@@ -82,7 +82,7 @@ def known_unit(name: str) -> Unit:
 
 
 def unit_of(literal: Literal) -> str | None:
-    """Return the local name of the unit that types a literal; None for plain text and the datatypes of XML Schema."""
+    """Return the local name of a literal's unit; None for plain text and datatypes of XML Schema."""
     datatype = literal.datatype
     if datatype is None or datatype == RDF.langString or datatype.startswith(XSD) or "22-rdf-syntax-ns#" in datatype:
         return None
@@ -90,17 +90,17 @@ def unit_of(literal: Literal) -> str | None:
 
 
 def stated_number(literal: Literal, wanted: str | None = None) -> float:
-    """Return the number that a literal states, in the unit of a name; None: in the SI unit of its dimension.
+    """Read the number of a literal, converted to the ``wanted`` unit, by default the SI unit of its dimension.
 
-    A number without a unit, or in an unknown one, is returned as it is.
-    Raises IncompatibleUnits for a unit of another dimension, ValueError for what is no number, or not a finite one.
+    A number without a unit or with an unknown one is returned unchanged.
+    Raises IncompatibleUnits for a unit of another dimension, ValueError unless it is a finite number.
     """
     number, converted = literal.number(), conversion(literal, wanted)
     return number if converted is None else converted(number)
 
 
 def conversion(literal: Literal, wanted: str | None = None) -> Callable[[float], float] | None:
-    """Return what converts the numbers of a literal as :func:`stated_number` does; None if they stay as they are."""
+    """Return the conversion that :func:`stated_number` applies to a literal; None if there is nothing to convert."""
     name = unit_of(literal)
     old = None if name is None else unit(name)
     if name is None or old is None or name == wanted:
@@ -118,32 +118,32 @@ def conversion(literal: Literal, wanted: str | None = None) -> Callable[[float],
 
 
 def unit_of_property(name: str) -> str | None:
-    """Return the unit of the number or the numbers of a property (local name); None if it is unknown."""
+    """Return the unit of a property's number or numbers, by local name; None if it is unknown."""
     return _table().properties.get(name) or _table().vectors.get(name)
 
 
 def dimension_of(property_name: str) -> Dimension | None:
-    """Return the dimension of a property (local name) that states one number; None if it is unknown."""
+    """Return the dimension of a property with a single number, by local name; None if it is unknown."""
     name = _table().properties.get(property_name)
     return None if name is None else known_unit(name).dimension
 
 
 def si_unit(dimension: Dimension) -> str:
-    """Return the SI unit of a dimension in words, e.g. ``m s-1``."""
+    """Format the SI unit of a dimension, e.g. ``m s-1``."""
     return " ".join(f"{_SYMBOLS[base]}{power if power != 1 else ''}" for base, power in dimension) or "1"
 
 
 def _fitting(old: Unit, name: str, new: Unit) -> Unit:
-    """Return a unit of a name that can be converted to another one; raises IncompatibleUnits for one that cannot."""
+    """Return ``old`` if it can be converted to ``new``; raises IncompatibleUnits otherwise."""
     if old.dimension != new.dimension:
         raise IncompatibleUnits(f"{name} is measured in {si_unit(old.dimension)}, not in {si_unit(new.dimension)}")
     return old
 
 
 def chosen_units(names: Sequence[str]) -> dict[Dimension, str]:
-    """Return for each dimension the unit in which numbers are to be shown; BadInput for what is none, or one too many.
+    """Map each dimension to the unit that the user chose for output with ``--units``.
 
-    ``names`` are those that a user asks for.
+    Raises BadInput for an unknown unit, and for two units of one dimension.
     """
     chosen: dict[Dimension, str] = {}
     problems = []
@@ -161,7 +161,7 @@ def chosen_units(names: Sequence[str]) -> dict[Dimension, str]:
 
 
 def in_chosen_unit(literal: Literal, chosen: Mapping[Dimension, str]) -> Literal:
-    """Return a value with a unit in the chosen unit of its dimension; any other value, and no number, as it is."""
+    """Convert a literal to the chosen unit of its dimension; others are returned unchanged."""
     name = unit_of(literal)
     known = None if name is None else unit(name)
     target = None if known is None else chosen.get(known.dimension)
@@ -175,7 +175,7 @@ def in_chosen_unit(literal: Literal, chosen: Mapping[Dimension, str]) -> Literal
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """The statements of units.toml."""
+    """Content of units.toml."""
 
     bases: Mapping[str, Unit]
     units: Mapping[str, tuple[Fraction, str]]
@@ -202,7 +202,7 @@ def _table() -> _Table:
 
 @lru_cache(maxsize=1024)
 def _single(name: str) -> Unit | None:
-    """Return the unit of a name that is not composed, without its offset; None if there is none."""
+    """Look up a simple unit, without its offset; None if there is none."""
     table = _table()
     if name in table.bases:
         return table.bases[name]
@@ -218,7 +218,7 @@ def _single(name: str) -> Unit | None:
 
 
 def _prefixed(name: str) -> Unit | None:
-    """Return a unit with a prefix: KiloPascal, Kilowatt."""
+    """Look up a unit with a prefix: KiloPascal, Kilowatt."""
     table = _table()
     for prefix, factor in table.prefixes.items():
         rest = name.removeprefix(prefix)
@@ -230,7 +230,7 @@ def _prefixed(name: str) -> Unit | None:
 
 
 def _composed(name: str) -> Unit | None:
-    """Return a unit of the table, or one composed of them: what is behind a Per divides."""
+    """Look up a simple or composed unit; units after a Per divide."""
     if (single := _single(name)) is not None:
         return single
     above, *below = re.split(r"Per(?=[A-Z])", name)
@@ -250,9 +250,9 @@ def _product(powers: Iterable[tuple[Unit, int]]) -> Unit:
 
 
 def _powers(name: str, sign: int) -> list[tuple[Unit | None, int]]:
-    """Return the units whose names follow each other without anything between, with their powers.
+    """Split a product of units, written without separators, into units and their powers.
 
-    At each place the longest name that is known counts; what is none makes the whole unknown (None).
+    The longest known name is taken each time; an unknown one makes the whole unknown (None).
     """
     found: list[tuple[Unit | None, int]] = []
     power = 1
@@ -272,7 +272,7 @@ def _powers(name: str, sign: int) -> list[tuple[Unit | None, int]]:
 
 
 def _longest(name: str) -> tuple[str, Unit | None]:
-    """Return the longest known name that a text begins with, and its unit; the whole text and None without any."""
+    """Find the longest known unit at the start of a text; return the whole text and None if there is none."""
     ends = [match.start() for match in re.finditer(r"(?<=.)[A-Z]", name)]
     for end in (len(name), *reversed(ends)):
         if (known := _single(name[:end])) is not None:

@@ -1,7 +1,8 @@
-"""Belief: what the robot knows of the things of a map, and what planning asks of that.
+"""Belief: the robot's knowledge of the objects of a map, and the planning scene built from it.
 
-General layout: ``belief`` is what the robot knows, ``planning_scene`` is what planning asks (``believed_bodies``:
-shapes, ``scene_collisions``: room and contacts). ``map_updating`` and ``map_writing`` write maps of what is believed.
+General layout: ``belief`` holds the knowledge and changes it, ``planning_scene`` answers queries of planning
+(``believed_bodies``: shapes, ``scene_collisions``: free floor and contacts). ``map_updating`` writes the user's map
+with the robot's changes, ``map_writing`` a new map of the belief.
 """
 
 from executive.belief.belief import Belief

@@ -1,4 +1,4 @@
-"""The robot's belief about where things are: map poses until seen, then what it saw, felt and did itself."""
+"""The robot's belief about where objects are: poses of the map at first, then what it saw, felt and did itself."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from sim import PlanningWorld
 from sim.leaves import inside
 
 MOVED = 0.002
-"""A thing seen within this distance of where it was believed to be has not moved [m]."""
+"""Distance of a seen object from its believed position up to which it counts as not moved [m]."""
 TURNED = 0.01
-"""The same for its rotation [rad]."""
+"""The same limit for its rotation [rad]."""
 RESTING = 0.02
-"""A thing whose bottom is this near to the top of another one stands on it [m]."""
+"""Distance between the bottom of an object and the top of another up to which it stands on that [m]."""
 
 
 class Belief(KnownThings):
-    """Poses of the things of a map as the robot knows them. Only sensing and acting change it."""
+    """Believed poses of the objects of a map. Only sensing and acting change it."""
 
-    # Learning
+    # Updates
 
     def see(self, detections: Iterable[Detection]) -> None:
-        """Believe that what the camera recognised is where it saw it."""
+        """Move the recognised objects to the poses at which the camera detected them."""
         for detection in detections:
             if detection.name in self.unknown:
                 self._find_out(detection.name)
@@ -47,12 +47,12 @@ class Belief(KnownThings):
         self._changed("found", name=name)
 
     def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
-        """Record that a thing was looked for from here and not seen."""
+        """Record that an object was looked for from a base pose and not seen."""
         self._in_vain.setdefault(name, []).append(base)
         self._changed("not_seen", name=name, base=base)
 
     def not_there(self, name: str) -> None:
-        """Record that a thing is not where it was believed to be, so that it is not known where it is."""
+        """Record that an object is not at its believed pose, so that its place is unknown."""
         self.unknown[name] = self._poses.pop(name)
         for table in (self._known, self._in_vain):
             table.pop(name, None)
@@ -60,31 +60,31 @@ class Belief(KnownThings):
         self._changed("not there", name=name)
 
     def missed(self, name: str, arm: str, base: tuple[float, float, float]) -> None:
-        """Record that a hand closed on nothing where a thing was believed to be."""
+        """Record that a hand closed on nothing where an object was believed to be."""
         self.dropped[arm] = name
         self.not_seen(name, base)
 
     def bump(self, name: str, pose: Pose) -> None:
-        """Record that the robot ran into a thing, which is rather at a pose; it has to be looked at again."""
+        """Record that the robot touched an object, which must be about at ``pose``; it has to be looked at again."""
         self._know(name, Source.FELT)
         self._put(name, pose, "felt")
 
     def obstacle(self, pose: Pose, called: str | None = None) -> None:
-        """Record that the robot ran into something unknown, which failures call by the name that it was ``called``.
+        """Record that the robot touched something unknown; failures name it ``called``, if that is given.
 
-        Without an obstacle in store the oldest is forgotten.
+        Once all obstacles of the pool are used, the oldest one is moved.
         """
-        known = [name for name in self._poses if name in NAMES]
-        if not known:
+        pool = [name for name in self._poses if name in NAMES]
+        if not pool:
             return
-        name = next(iter(self._absent), known[0])
+        name = next(iter(self._absent), pool[0])
         self._absent.pop(name, None)
-        del self._poses[name]  # the oldest comes first
+        del self._poses[name]  # and insert it anew at the end, so that the oldest obstacle comes first
         self._poses[name], self.met = pose, called or name
         self._changed("felt", name=name, pose=pose)
 
     def forget(self, obstacles: Collection[str]) -> None:
-        """Record that there is no such obstacle: what was touched is known by now."""
+        """Return obstacles to the pool, because a known body explains the touch."""
         for name in obstacles:
             self._absent[name] = None
             self._changed("explained", name=name)
@@ -92,37 +92,37 @@ class Belief(KnownThings):
             self.met = None
 
     def moved(self, leaf: str, value: float, how: str = "moved") -> None:
-        """Record that a leaf is at a value of its joint: its parts, and what lies inside of it, move with it."""
+        """Record the position of a leaf's joint [rad, m]; its parts and the objects inside it move with it."""
         joint = self.joints[leaf]
         value = joint.within(value)
         if value == self._values[leaf]:
             return
         elsewhere = {*self.joints, *self.held, *self._taken}
-        content = [name for name in self._boxes if name in self._poses and name not in elsewhere]
-        at, places = self._poses[leaf], np.array([self._poses[name].position for name in content]).reshape(-1, 3)
-        within = np.flatnonzero(inside(at, self._boxes[leaf], places)).tolist()
-        offsets = {content[index]: at.inverse() @ self._poses[content[index]] for index in within}
+        loose = [name for name in self._boxes if name in self._poses and name not in elsewhere]
+        before, places = self._poses[leaf], np.array([self._poses[name].position for name in loose]).reshape(-1, 3)
+        within = np.flatnonzero(inside(before, self._boxes[leaf], places)).tolist()
+        offsets = {loose[index]: before.inverse() @ self._poses[loose[index]] for index in within}
         motion, self._values[leaf] = joint.motion(value), value
         self._poses |= {name: motion @ self._first[name] if value else self._first[name] for name in joint.bodies}
         self._poses |= {name: self._poses[leaf] @ offset for name, offset in offsets.items()}
         self._changed(how, name=leaf, value=value)
 
     def leads(self, leaf: str, link: str) -> None:
-        """Record that a hand has closed on a leaf's handle: the leaf moves with it."""
+        """Record that a hand has closed on a leaf's handle, so that they move together."""
         self.led[leaf] = link
         self._changed("leads", name=leaf, link=link)
 
     def let_go(self, leaf: str) -> None:
-        """Record that a leaf stays where it is."""
+        """Record that a hand has released a leaf, which stays where it is."""
         if self.led.pop(leaf, None) is not None:
             self._changed("let go", name=leaf)
 
     def base_moved(self) -> None:
-        """Record that the base has moved: things have to be looked at again before they are manipulated."""
+        """Record that the base has moved, so that objects must be looked at again before they are manipulated."""
         self._moves += 1
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
-        """Record that a hand holds a thing from now on, beside hands that hold it already."""
+        """Record that a hand has grasped an object, in addition to hands that hold it already."""
         self._taken.discard(name)
         self.dropped.pop(arm, None)
         self.dropped = {arm: dropped for arm, dropped in self.dropped.items() if dropped != name}
@@ -134,11 +134,11 @@ class Belief(KnownThings):
         self._changed("grasped", name=name, arm=arm)
 
     def loaded(self, name: str, riders: Iterable[str]) -> None:
-        """Record that things stand on a held one and go with it."""
+        """Record that objects stand on a held one and move with it."""
         self.held[name] = replace(self.held[name], riders=tuple(riders))
 
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
-        """Record that a thing was let go: to a person, or it came down at ``pose``, and with it what stands on it."""
+        """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
         self._came_down(name, pose)
         self.refused.pop(name, None)
         if to is not None:
@@ -146,17 +146,17 @@ class Belief(KnownThings):
         self._changed("released", name=name, pose=pose, to=to)
 
     def pushed(self, name: str, pose: Pose) -> None:
-        """Record that a hand has pushed a thing to where it now is."""
+        """Record that a hand has pushed an object to a pose."""
         self._know(name, Source.DONE)
         self._put(name, pose, "pushed")
 
     def refuse(self, name: str, grip: Grip) -> None:
-        """Record that a thing could not be used by a grip: until it is let go by another one, that is not taken."""
+        """Rule out a grip of an object for later grasps, until the object is released from another grip."""
         self.refused.setdefault(name, []).extend(hand.offset for hand in grip.hands)
         self._changed("grip refused", name=name)
 
     def lost(self, name: str, pose: Pose) -> None:
-        """Record that a thing has left the hand by itself and came down, as far as is known, at ``pose``."""
+        """Record that an object has slipped out of the hand; it is assumed to have fallen to ``pose``."""
         self.dropped |= dict.fromkeys(self.held[name].arms, name)
         self._came_down(name, pose)
         self._changed("lost", name=name, pose=pose)
@@ -170,7 +170,7 @@ class Belief(KnownThings):
             self._know(one, Source.DONE)
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:
-        """Record that a thing came into being."""
+        """Record that an object was created."""
         self._make(thing, pose)
         self._changed("created", name=thing.name, pose=pose)
 
@@ -180,7 +180,7 @@ class Belief(KnownThings):
         self._boxes[thing.name] = thing.size or (0.0, 0.0, 0.0)
 
     def destroyed(self, name: str) -> None:
-        """Record that a thing is not there any more; what it was called may mean another one."""
+        """Record that an object no longer exists; its designators may be bound to others."""
         self._lose(name)
         self._changed("destroyed", name=name)
 
@@ -191,16 +191,16 @@ class Belief(KnownThings):
         self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
 
     def turned_over(self, name: str, pose: Pose) -> None:
-        """Record that a thing lies with the other side up."""
+        """Record that an object has been turned over."""
         self._poses[name] = pose
         self._changed("turned over", name=name, pose=pose)
 
     def switched(self, name: str, state: str) -> None:
-        """Record that a device, or what was mixed or cleaned, is in a state."""
+        """Record the state of a device, or of an object that was mixed or cleaned."""
         self._changed("switched", name=name, state=state)
 
     def poured(self, source: str, target: str, amount: float) -> None:
-        """Record that an amount [ml] of what was in a thing is in or on another one."""
+        """Record that an amount [ml] was poured out of one object into or onto another."""
         self._changed("poured", name=source, into=target, amount=amount)
 
     def _know(self, name: str, source: Source) -> None:
@@ -224,21 +224,23 @@ class Belief(KnownThings):
             self._changed("went along", name=rider, pose=self._poses[rider])
 
     def _riders(self, name: str) -> list[str]:
-        """Return what stands on a thing, as far as the map alone tells: it is taken to go where that goes."""
-        on, loose = [name], [other for other in self._boxes if self._is_loose(other)]
-        for support in (one for one in on if one in self._boxes):
+        """Find the objects that stand on one, directly or stacked, and whose poses are only known from the map.
+
+        They are assumed to move with it.
+        """
+        stack, loose = [name], [other for other in self._boxes if self._is_loose(other)]
+        for support in (one for one in stack if one in self._boxes):  # grows in the loop: objects may be stacked
             x, y, z = self._boxes[support]
-            back = self._poses[support].inverse()
-            for other in (one for one in loose if one not in on):
-                ahead, aside, above = (
-                    back @ self._poses[other] @ Pose((0.0, 0.0, -self._boxes[other][2] / 2))
-                ).position
+            to_support = self._poses[support].inverse()
+            for other in (one for one in loose if one not in stack):
+                bottom = to_support @ self._poses[other] @ Pose((0.0, 0.0, -self._boxes[other][2] / 2))
+                ahead, aside, above = bottom.position
                 if abs(ahead) <= x / 2 and abs(aside) <= y / 2 and abs(above - z / 2) <= RESTING:
-                    on.append(other)
-        return on[1:]
+                    stack.append(other)
+        return stack[1:]
 
     def _is_loose(self, name: str) -> bool:
-        """Return True for a thing of which the map alone tells where it stands."""
+        """Check whether the pose of an object is only known from the map."""
         elsewhere = name in self.joints or name in self.held or name in self._taken or name not in self._poses
         return not elsewhere and self.knowledge(name).source in (Source.MAP, Source.TOLD)
 
@@ -246,10 +248,10 @@ class Belief(KnownThings):
         self.revision += 1
         self.tell("belief", {"revision": self.revision, "change": how, **details})
 
-    # Remembering
+    # Snapshots
 
     def snapshot(self) -> dict[str, Any]:
-        """Return what is believed, as JSON; poses that are still the map's are left out."""
+        """Convert the belief to JSON; poses that equal the map's are left out."""
         moved = {name: dump(pose) for name, pose in self._poses.items() if pose != self._first[name]}
         made = [
             [one.name, one.iri, list(one.types), list(one.size or ()), dump(self._first[one.name])]
@@ -286,7 +288,7 @@ class Belief(KnownThings):
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Believe what was believed; raises ValueError for what is no snapshot of a belief about this map."""
+        """Restore the belief of :meth:`snapshot`. Raises ValueError if it is malformed or belongs to another map."""
         try:
             dropped = {str(arm): str(name) for arm, name in state["dropped"].items()}
             unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
@@ -335,13 +337,13 @@ class Belief(KnownThings):
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
 
-    # Imagining
+    # Hypotheses
 
     @contextmanager
     def supposing(self, poses: Mapping[str, Pose | None]) -> Iterator[None]:
-        """Believe for the time of a ``with`` that things are at other poses, or (None) not there; no listener is told.
+        """Suppose within a ``with`` that objects are at other poses, or (None) absent, without notifying the listener.
 
-        Meanwhile the revision is another one than any before, as answers about the one belief are none about the other.
+        The revision is a new one meanwhile, so that cached answers about the real belief are not used.
         """
         kept = self._poses, self.unknown, dict(self._bound), self.revision
         self._poses, self.unknown = dict(self._poses), dict(self.unknown)
@@ -358,7 +360,7 @@ class Belief(KnownThings):
             self._poses, self.unknown, self._bound, self.revision = kept
 
     def sync(self, world: PlanningWorld, configuration: Configuration) -> None:
-        """Make a planning world equal to the belief: the robot, what it holds, everything else."""
+        """Copy the belief into a planning world: the robot's configuration, held objects, joints, and other poses."""
         riders = self.carried() - self.held.keys()
         for name in [name for name in world.attached() if name not in riders]:
             held = self.held[name].hands if name in self.held else ()
@@ -368,7 +370,7 @@ class Belief(KnownThings):
             if self.led.get(leaf) != world.led()[leaf]:
                 world.let_go(leaf)
         world.set_configuration(configuration)
-        for leaf in world.led():  # where the hand is, which the robot knows
+        for leaf in world.led():  # the robot knows where its hand is, and so the position of the leaf
             self.moved(leaf, world.joint(leaf), "led")
         for leaf, value in self._values.items():
             if world.joint(leaf) != value:
@@ -391,9 +393,9 @@ class Belief(KnownThings):
                 self._put_into_hands(world, name, grip)
 
     def _put_into_hands(self, world: PlanningWorld, name: str, grip: Grip) -> None:
-        """Attach a thing in a planning world; what stands on it goes with it."""
-        at = world.link_pose(grip.link) @ grip.offset
-        motion = at @ self._poses[name].inverse()
+        """Move an object, with all that stands on it, into the hands of a planning world, and attach it."""
+        held_at = world.link_pose(grip.link) @ grip.offset
+        motion = held_at @ self._poses[name].inverse()
         for one in (name, *grip.riders):
             world.set_pose(one, motion @ self._poses[one])
         for hand in grip.hands:

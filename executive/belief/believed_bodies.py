@@ -1,4 +1,4 @@
-"""The bodies of the believed world: their shapes and poses, and what they are to the robot."""
+"""Bodies of the believed world: shapes and poses, supports, people, doors and drawers."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from sim.leaves import inside
 from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
 
 LEANING = 0.05
-"""Greatest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
+"""Largest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
 
 MEANT = 0.03
-"""Distance up to which fingers are taken to feel a thing that was looked at [m]."""
+"""Distance from a touch of the fingers up to which a believed object explains it [m]."""
 SHIFTED = 0.15
-"""Distance up to which something that was touched is taken for a believed thing that has been moved [m]."""
+"""Distance from a touch up to which a body explains it by having been moved [m]."""
 PUSHED = 3.0
-"""Distance up to which movable furniture that nobody has seen may have been pushed [m]: across a room."""
+"""Distance by which movable furniture that has not been seen may have been pushed [m]: across a room."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Vertical prism over an oriented rectangle; lengths in metres, ``yaw`` of its local x in the map."""
+    """Vertical prism over an oriented rectangle; lengths [m], ``yaw`` of its local x in the map [rad]."""
 
     x: float
     y: float
@@ -44,15 +44,15 @@ class Block:
     low: float
     high: float
     round: bool = False
-    """True for a cylinder about the vertical, as wide from everywhere."""
+    """True for an upright cylinder."""
     wall: float = 0.0
-    """Thickness of its walls, if it is hollow and open above [m]; 0 if it is solid."""
+    """Wall thickness of a vessel that is open at the top [m]; 0 for a solid body."""
     soft: bool = False
-    """True if it makes a fold between fingers that close on it from above."""
+    """True for cloth, which folds between fingers that close on it from above."""
 
     @staticmethod
     def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
-        """Return the smallest prism around a box, turned with the most horizontal of the box's axes."""
+        """Fit the smallest prism around a box of extents ``size`` [m], aligned with its most horizontal axis."""
         rotation = pose.matrix()[:3, :3]
         half = np.asarray(size) / 2
         vertical = int(np.argmax(np.abs(rotation[2])))
@@ -73,17 +73,17 @@ class Block:
         return np.array([self.x, self.y, (self.low + self.high) / 2])
 
     def to_map(self, local: Array) -> Array:
-        """Return points of the rectangle's own frame (n, 2) in the map (n, 2)."""
+        """Transform points (n, 2) from the rectangle's frame to the map."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.asarray(local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y]))
 
     def to_local(self, points: Array) -> Array:
-        """Return points of the map (n, 2) in the rectangle's own frame (n, 2)."""
+        """Transform points (n, 2) from the map to the rectangle's frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return np.asarray((points - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
 
     def distance(self, points: Array) -> Array:
-        """Return horizontal distance of map points (n, 2) to the outline, 0 inside, (n,)."""
+        """Compute the horizontal distances (n,) of map points (n, 2) from the outline, 0 inside [m]."""
         if self.round:
             away = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - max(self.half_x, self.half_y)
             return np.asarray(np.maximum(away, 0.0))
@@ -91,27 +91,27 @@ class Block:
         return np.asarray(np.hypot(outside[:, 0], outside[:, 1]))
 
     def away(self, point: Array) -> float:
-        """Return the distance of a map point (3,) to the prism, 0 inside [m]."""
+        """Compute the distance of a map point (3,) from the prism, 0 inside [m]."""
         return float(np.linalg.norm(point - self.nearest(point)))
 
     def nearest(self, point: Array) -> Array:
-        """Return the point (3,) of the prism that is nearest to a map point (3,)."""
+        """Find the point (3,) of the prism that is nearest to a map point (3,)."""
         half = np.array([self.half_x, self.half_y])
         local = self.to_local(point[None, :2])
-        inside = np.clip(local, -half, half)
+        clipped = np.clip(local, -half, half)
         if self.round:
-            inside = local * min(1.0, self.half_x / max(float(np.linalg.norm(local)), 1e-9))
-        return np.array([*self.to_map(inside)[0], np.clip(point[2], self.low, self.high)])
+            clipped = local * min(1.0, self.half_x / max(float(np.linalg.norm(local)), 1e-9))
+        return np.array([*self.to_map(clipped)[0], np.clip(point[2], self.low, self.high)])
 
     def support(self, direction: float) -> float:
-        """Return how far the prism extends from its middle towards a heading of the map [m]."""
+        """Compute the extent of the prism from its centre in a heading of the map (its support function) [m]."""
         if self.round:
             return max(self.half_x, self.half_y)
         turn = direction - self.yaw
         return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
 
     def grid(self, spacing: float, inset: float) -> Array:
-        """Return points (n, 2) over the rectangle shrunk by ``inset``, about ``spacing`` apart; at least its centre."""
+        """Sample map points (n, 2) over the rectangle shrunk by ``inset``, about ``spacing`` apart; at least one."""
         axes = []
         for half in (self.half_x, self.half_y):
             reach = max(half - inset, 0.0)
@@ -121,21 +121,21 @@ class Block:
 
 
 def handles_of(body: Body, pose: Pose) -> tuple[Block, ...]:
-    """Return the shapes of a body's handles when it is at a pose."""
+    """Compute the blocks of a body's handles with the body at a pose."""
     return tuple(Block.of(pose @ one.pose, one.size) for one in body.handles)
 
 
-def _nearest(away: Mapping[str, float], within: float) -> str | None:
-    """Return the body that is the least distance away [m], None if that is beyond a limit."""
-    nearest = min(away, key=lambda name: away[name], default=None)
-    return nearest if nearest is not None and away[nearest] <= within else None
+def _nearest(distances: Mapping[str, float], within: float) -> str | None:
+    """Find the nearest body; None if none is ``within`` [m]."""
+    nearest = min(distances, key=lambda name: distances[name], default=None)
+    return nearest if nearest is not None and distances[nearest] <= within else None
 
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A leaf that turns about a vertical hinge: hinge and width [m], heading of the closed leaf from the hinge [rad].
+    """Leaf on a vertical hinge: position of the hinge and width [m], heading of the closed leaf from the hinge [rad].
 
-    Which way it opens is not said by maps: it is taken to sweep both sides.
+    Maps do not state which way it opens, so it is assumed to sweep both sides.
     """
 
     name: str
@@ -146,168 +146,166 @@ class Door:
 
 
 class BelievedBodies:
-    """The bodies that the robot believes in, asked by name."""
+    """Bodies of the believed world, by name."""
 
     def __init__(self, world: PlanningWorld, belief: Belief) -> None:
         self._world, self._belief = world, belief
 
     def bind(self, what: Object) -> str:
-        """Return the body that an object designator means; raises ObjectUnresolvable."""
+        """Resolve an object designator to a body. Raises ObjectUnresolvable."""
         return self._belief.bind(what, self._world.configuration().base)
 
     def known(self, what: Object) -> str | None:
-        """Return the body that an object designator means, None if it is not known where such a thing is."""
+        """Resolve an object designator to a body at a known place; None if there is none."""
         try:
             return self.bind(what)
         except ObjectUnresolvable:
             return None
 
     def means_unknown(self, what: Object) -> bool:
-        """Return whether a designator may mean a thing of the map of which it is not known where it is."""
+        """Check whether a designator matches an object of the map whose place is unknown."""
         belief = self._belief
         things = [thing for thing in belief.map.objects if thing.name in belief.unknown]
         return any(one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type)) for one in things)
 
     def designator(self, name: str) -> Object:
-        """Return the designator that means a body: of the map, or one that came into being."""
+        """Build a designator of a body, which may be of the map or created."""
         thing = next(thing for thing in self._belief.things if thing.name == name)
         return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def pose(self, name: str) -> Pose:
-        """Return where a body is believed to be."""
+        """Look up the believed map pose of a body; of a held one, where it was grasped."""
         return self._belief.reference_pose(name)
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Return extents of a body's box along its axes [m]."""
+        """Look up the extents of a body's box along its axes [m]."""
         return self._world.size(name)
 
     def block(self, name: str) -> Block:
-        """Return the believed shape of a body; for a held one where it was grasped.
+        """Compute the block of a body at its believed pose; of a held one, where it was grasped.
 
-        Raises LocationUnresolvable if it is believed to be at no possible pose.
+        Raises LocationUnresolvable if that pose is invalid.
         """
         pose, size = self.pose(name), self.size(name)
         if not all(map(math.isfinite, (*pose.position, *pose.orientation, *size))):
-            raise LocationUnresolvable(f"{name} is believed to be at no place: its pose is {pose}", designator=name)
-        if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
-            problem = f"the orientation of {name} is not a rotation: {pose.orientation} is not of length 1"
+            problem = f"the pose or size of {name} is not finite: {pose}, {size}"
             raise LocationUnresolvable(problem, designator=name)
-        body, found = self._world.scene.body(name), Block.of(pose, size, cylinder=self.is_round(name))
+        if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
+            problem = f"the orientation of {name} is not a unit quaternion: {pose.orientation}"
+            raise LocationUnresolvable(problem, designator=name)
+        body, block = self._world.scene.body(name), Block.of(pose, size, cylinder=self.is_round(name))
         stands = float(pose.rotation[2, 2]) >= math.cos(LEANING)
-        return replace(found, wall=body.wall, soft=body.soft) if stands and (body.wall or body.soft) else found
+        return replace(block, wall=body.wall, soft=body.soft) if stands and (body.wall or body.soft) else block
 
     def grips(self, name: str) -> tuple[Block, ...]:
-        """Return what of a body a hand closes on: the body itself, or one of its handles."""
+        """List the blocks on which a hand can close: the body itself, and its handles."""
         return (self.block(name), *handles_of(self._world.scene.body(name), self.pose(name)))
 
     def is_person(self, name: str) -> bool:
-        """Return whether the body is a person."""
+        """Check whether a body is a person."""
         return self._world.scene.body(name).shape is BodyShape.PERSON
 
     def is_room(self, name: str) -> bool:
-        """Return whether the body is a room: everything is in it."""
+        """Check whether a body is a room, which contains all others."""
         return self._world.scene.body(name).shape is BodyShape.ROOM
 
     def is_graspable(self, name: str) -> bool:
-        """Return whether the body can be taken into a hand."""
+        """Check whether a hand can grasp a body."""
         return self._world.scene.body(name).graspable
 
     def ungraspable(self, name: str) -> str:
-        """Return why a body cannot be taken into a hand: "is 0.4 m wide, and ..."."""
+        """Describe why no hand can grasp a body, as a predicate: "is 0.4 m wide, and ..."."""
         body = self._world.scene.body(name)
         if body.shape not in (BodyShape.BOX, BodyShape.CYLINDER):
-            return "is no thing that can be taken"
+            return "is not an object that a hand can grasp"
         if not body.movable and (min(body.size[:2]) <= GRASPABLE_WIDTH or max(body.size) > LONGEST):
             return "does not move"
         widths = f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
         return f"{widths}, wider ones by a handle for one hand"
 
     def graspable_at(self, point: Array) -> str | None:
-        """Return the body nearest to a point (3,) of the map that can be taken into a hand, None if all are elsewhere.
-
-        In no case is it farther away than :data:`MEANT`.
-        """
-        away = {
+        """Find the graspable body nearest to a map point (3,); None if none is within :data:`MEANT`."""
+        distances = {
             name: min(one.away(point) for one in self.grips(name)) for name in filter(self.is_graspable, self.names())
         }
-        return _nearest(away, MEANT)
+        return _nearest(distances, MEANT)
 
     def explained(self, touch: Touch) -> tuple[str, Pose] | None:
-        """Return the body that a touch is best explained by, and where it then is; None if nothing explains it.
+        """Find the body that best explains a touch, and the pose that it then has; None if no body does.
 
-        That is a body whose surface is believed to be at most :data:`SHIFTED` away; else the nearest piece of furniture
-        that can be moved, if it is at most :data:`PUSHED` away and the map alone tells where it is.
+        Prefers a body whose believed surface is within :data:`SHIFTED`; otherwise the nearest movable furniture within
+        :data:`PUSHED` that has not been seen yet.
         """
         point = np.array(touch.point)
-        there = [name for name in self.names() if name not in self._belief.held and self.is_solid(name)]
-        there = [name for name in there if not self.is_room(name) and point[2] <= self.block(name).high + SHIFTED]
-        name = self._nearest(point, there, SHIFTED)
+        solid = [name for name in self.names() if name not in self._belief.held and self.is_solid(name)]
+        bodies = [name for name in solid if not self.is_room(name) and point[2] <= self.block(name).high + SHIFTED]
+        name = self._nearest(point, bodies, SHIFTED)
         if name is not None:
             return name, self._shifted(name, point - self.block(name).nearest(point))
-        loose = [name for name in there if self._belief.by_map_alone(name) and not self.is_graspable(name)]
-        name = self._nearest(point, filter(self.is_movable, loose), PUSHED)
+        unseen = [name for name in bodies if self._belief.by_map_alone(name) and not self.is_graspable(name)]
+        name = self._nearest(point, filter(self.is_movable, unseen), PUSHED)
         if name is None:
             return None
-        block, away = self.block(name), np.array([*touch.normal[:2], 0.0]) / max(math.hypot(*touch.normal[:2]), 1e-9)
-        behind = point - block.support(math.atan2(away[1], away[0])) * away
-        return name, self._shifted(name, np.array([*(behind - block.centre)[:2], 0.0]))
+        block, normal = self.block(name), np.array([*touch.normal[:2], 0.0]) / max(math.hypot(*touch.normal[:2]), 1e-9)
+        centre = point - block.support(math.atan2(normal[1], normal[0])) * normal
+        return name, self._shifted(name, np.array([*(centre - block.centre)[:2], 0.0]))
 
     def _shifted(self, name: str, by: Array) -> Pose:
         x, y, z = (self.pose(name).position + by).tolist()
         return Pose((x, y, z), self.pose(name).orientation)
 
     def mass(self, name: str) -> float:
-        """Return how heavy a body is, with what it contains [kg]; 0 if that is not known."""
+        """Look up the mass of a body with its content [kg]; 0 if unknown."""
         return self._world.scene.body(name).mass
 
     def hands(self, name: str) -> int:
-        """Return how many hands hold a body."""
+        """Look up how many hands it takes to hold a body."""
         return self._world.scene.body(name).hands
 
     def is_movable(self, name: str) -> bool:
-        """Return whether the body may stand elsewhere than in the map."""
+        """Check whether a body may stand elsewhere than in the map."""
         return self._world.scene.body(name).movable
 
     def _nearest(self, point: Array, names: Iterable[str], within: float) -> str | None:
         return _nearest({name: self.block(name).away(point) for name in names}, within)
 
     def is_round(self, name: str) -> bool:
-        """Return whether a body is a cylinder."""
+        """Check whether a body is a cylinder."""
         return self._world.scene.body(name).shape is BodyShape.CYLINDER
 
     def is_solid(self, name: str) -> bool:
-        """Return whether a body can be touched: a marker cannot."""
+        """Check whether a body can be touched, which a marker cannot."""
         return self._world.scene.body(name).shape is not BodyShape.MARKER
 
     def names(self) -> Sequence[str]:
-        """Return all bodies."""
+        """List all bodies."""
         return self._world.names()
 
     def zone(self, name: str) -> ComfortZone:
-        """Return where the person takes things."""
+        """Look up the zone in which a person takes objects."""
         return self._world.person(name)
 
-    def taker(self, name: str, meant: str | None = None) -> str | None:
-        """Return who pulls at a held thing, as far as is believed: of those who take things there, whoever is meant.
+    def taker(self, name: str, expected: str | None = None) -> str | None:
+        """Infer who pulls at a held object; None if no person is known.
 
-        Else the nearest of them, else the nearest person; None if no person is known.
+        People in whose comfort zone the object is come first, then the expected person, then the nearest.
         """
         point = np.array(self._world.pose(name).position)
 
-        def unlikely(person: str) -> tuple[bool, bool, float]:
+        def order(person: str) -> tuple[bool, bool, float]:
             zone = self.zone(person)
-            away = np.linalg.norm(point - zone.shoulders, axis=1).min()
-            return not zone.contains(point), person != meant, float(away)
+            distance = np.linalg.norm(point - zone.shoulders, axis=1).min()
+            return not zone.contains(point), person != expected, float(distance)
 
-        return min(filter(self.is_person, self.names()), key=unlikely, default=None)
+        return min(filter(self.is_person, self.names()), key=order, default=None)
 
     def support(self, name: str) -> str | None:
-        """Return what a body is believed to rest on."""
-        found = self._world.support(name)
-        return found if found in self._world.names() else None
+        """Find the body on which another is believed to stand; None if there is none."""
+        support = self._world.support(name)
+        return support if support in self._world.names() else None
 
     def rests_at(self, name: str) -> float | None:
-        """Return height of the level top on which things can rest, of a room its floor [m]; None for what has none."""
+        """Compute the height of a body's level top, or of a room's floor, to put objects on [m]; None without one."""
         shape, block = self._world.scene.body(name).shape, self.block(name)
         if shape is BodyShape.ROOM:
             return block.low
@@ -316,9 +314,9 @@ class BelievedBodies:
         return None if shape in (BodyShape.PERSON, BodyShape.MARKER) or leans or lying else block.high
 
     def front(self, name: str) -> float | None:
-        """Return the heading of a body's front: where a person faces, where a door is, else the x axis of furniture.
+        """Compute the heading of a body's front: a person's facing, the side of a door, or the x axis of furniture.
 
-        What a hand can take, round things, rooms and mere places have none.
+        None for graspable and round bodies, rooms and markers.
         """
         body = self._world.scene.body(name)
         if body.shape is BodyShape.PERSON:
@@ -337,16 +335,16 @@ class BelievedBodies:
         return block.yaw
 
     def below_rim(self, name: str) -> float:
-        """Return how far the bottom of a body is below the rim of what it stands in, which is open above alone [m].
+        """Compute how far a body's bottom is below the rim of the drawer, box or vessel that encloses it [m].
 
-        That is a drawer, a box or a vessel; 0 for what stands in the open or can be drawn out sideways.
+        0 for a body in the open, or in a compartment with an open side.
         """
         block = self.block(name)
         rims = (self._rim(other, block.centre) for other in self.names() if other != name)
         return max(0.0, max(rims, default=-math.inf) - block.low)
 
     def _rim(self, name: str, point: Array) -> float:
-        """Return the height of the rim around a point inside a body [m]; that of nothing is infinitely low."""
+        """Compute the height of a body's rim around a point (3,) inside it [m]; -inf if it does not enclose it."""
         body = self._world.scene.body(name)
         if body.shape in (BodyShape.ROOM, BodyShape.MARKER) or not (body.cavities or body.wall):
             return -math.inf
@@ -362,9 +360,9 @@ class BelievedBodies:
         return -math.inf
 
     def leaf_of(self, what: Object, *, shut: bool) -> Articulation | None:
-        """Return the joint of what a designator means: a leaf, a part of one, or furniture with some; None without.
+        """Find the joint of a leaf, of the leaf with a part, or of furniture that a designator means; None without one.
 
-        Of several leaves of furniture the one nearest to the robot that is shut, or is not, comes first.
+        Of several leaves of furniture, prefers those that are shut, or open if not ``shut``, then the nearest.
         """
         name, joints, here = self.bind(what), self._belief.joints, self._world.configuration().base
         for joint in joints.values():
@@ -381,14 +379,14 @@ class BelievedBodies:
         )
 
     def drawer_of(self, name: str) -> Articulation | None:
-        """Return the joint of the drawer in which a body is, open or not; None without one."""
+        """Find the joint of the drawer that contains a body, open or not; None without one."""
         point = np.array([self.pose(name).position])
         sliding = (joint for joint in self._belief.joints.values() if joint.kind is JointKind.PRISMATIC)
         around = (joint for joint in sliding if inside(self.pose(joint.leaf), self.size(joint.leaf), point)[0])
         return next((joint for joint in around if name not in joint.bodies), None)
 
     def closed_before(self, name: str) -> str | None:
-        """Return the closed door behind which a body is, or the closed drawer in which it is; None without one."""
+        """Find the closed door in front of a body, or the closed drawer around it; None without one."""
         point = np.array(self.pose(name).position)
         for leaf, joint in self._belief.joints.items():
             if joint.is_knob or not joint.is_shut(self._belief.joint(leaf)):
@@ -406,22 +404,22 @@ class BelievedBodies:
         return None
 
     def door_of(self, name: str) -> str | None:
-        """Return a door of furniture all doors of which are closed, or a closed drawer itself; None without one."""
-        shut, doors = self._doors_of(name)
-        return shut[0] if shut and len(shut) == doors else None
+        """Find a door of furniture whose doors are all closed, or a closed drawer itself; None without one."""
+        shut, count = self._doors_of(name)
+        return shut[0] if shut and len(shut) == count else None
 
     def shut_doors(self, name: str) -> list[str]:
-        """Return the doors of furniture, or the drawer itself, that are closed."""
+        """List the closed doors of furniture, or a drawer itself if it is closed."""
         return self._doors_of(name)[0]
 
     def _doors_of(self, name: str) -> tuple[list[str], int]:
-        """Return the closed ones of the doors of furniture, or a drawer itself; and how many there are."""
+        """List the closed doors of furniture, or a drawer itself; and count all of them."""
         joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
         doors = [one for one in joints if one.leaf == name or (one.kind is JointKind.HINGED and not one.is_knob)]
         return [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))], len(doors)
 
     def doors(self, name: str) -> Sequence[Door]:
-        """Return the doors that a body is or has: things of the class Door, itself or hinged to it."""
+        """Find the doors that a body is or has: objects of the class Door, itself, hinged to it, or parts of it."""
         known = {thing.iri: thing for thing in self._belief.map.objects}
         things = [thing for thing in known.values() if thing.name == name and self._is_door(thing.types)]
         own = next((thing for thing in known.values() if thing.name == name), None)
@@ -434,7 +432,7 @@ class BelievedBodies:
         return self._belief.map.ontology.any_is_a(types, ("Door", "DoorwayCovering"))
 
     def _door(self, name: str, owner: str) -> Door:
-        """Return a closed leaf: at its hinge, else at the edge nearer to a side of its owner, else at its left edge."""
+        """Build a closed door; without a joint, its hinge is assumed at the edge nearer to a side of its owner."""
         joint = self._belief.joints.get(name)
         if joint is not None and joint.kind is JointKind.HINGED and abs(joint.axis[2]) > 0.7:
             closed, (x, y, _) = self._world.scene.body(name), joint.point
@@ -446,12 +444,11 @@ class BelievedBodies:
         hinge = -1.0
         if owner != name:
             frame = self.block(owner)
-            ends = leaf.yaw, along
-            places = np.array(
-                [[leaf.x + s * half * math.cos(ends[1]), leaf.y + s * half * math.sin(ends[1])] for s in (-1, 1)]
+            edges = np.array(
+                [[leaf.x + s * half * math.cos(along), leaf.y + s * half * math.sin(along)] for s in (-1, 1)]
             )
-            spare = np.array([frame.half_x, frame.half_y]) - np.abs(frame.to_local(places))
-            axis = int(np.argmax(np.abs(np.diff(frame.to_local(places), axis=0))[0]))
-            hinge = -1.0 if spare[0, axis] <= spare[1, axis] else 1.0
+            gaps = np.array([frame.half_x, frame.half_y]) - np.abs(frame.to_local(edges))
+            axis = int(np.argmax(np.abs(np.diff(frame.to_local(edges), axis=0))[0]))
+            hinge = -1.0 if gaps[0, axis] <= gaps[1, axis] else 1.0
         x, y = leaf.x + hinge * half * math.cos(along), leaf.y + hinge * half * math.sin(along)
         return Door(name, x, y, 2 * half, along if hinge < 0 else along + math.pi)

@@ -1,4 +1,4 @@
-"""The part of a room that the camera has shown: cells that are free, cells with a surface, and all others."""
+"""Explored part of a room, as an occupancy grid: free cells, cells with a surface, and unknown cells."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from executive.motion import Grid
 from planlang.geometry import Array
 
 KNOWN = 0.4
-"""Share of the cells over a place that must have been seen for a robot to stand there: the camera misses low ones."""
+"""Least share of cells seen as free above a floor cell for a robot to stand there: the camera misses low cells."""
 CELL = 0.05
 """Side of a cell [m]."""
 TOP = 2.0
 """Height up to which a room is explored [m]."""
 STEP = 0.04
-"""Distance of points on a line of sight that are taken as free [m]: less than a cell."""
+"""Spacing of samples on a line of sight that mark free cells [m]: less than a cell."""
 BEFORE = 0.01
-"""Lines of sight are free up to this far before a surface [m]; the cell of the surface counts as such all the same."""
+"""Distance before a surface at which a line of sight ends to be free [m]."""
 EVERY = 3
-"""Of so many lines of a picture one frees cells; all that end at a surface count."""
+"""Stride of the lines of a depth image that mark free cells; all lines mark surfaces."""
 UNKNOWN, FREE, SURFACE = 0, 1, 2
 Mask = NDArray[np.bool_]
 
 
 class ExploredSpace:
-    """A grid of cells over the bounds of a map."""
+    """Occupancy grid over the bounds of a map."""
 
     def __init__(self, bounds: tuple[float, float, float, float]) -> None:
         """Begin with nothing explored within ``bounds``: x_min, y_min, x_max, y_max [m]."""
@@ -40,19 +40,19 @@ class ExploredSpace:
         self.cells: NDArray[np.uint8] = np.zeros(tuple(np.maximum(shape, 1)), np.uint8)
         """State of each cell (nx, ny, nz)."""
         self.tries: NDArray[np.uint8] = np.zeros_like(self.cells)
-        """Number of pictures in which each cell should have been and was not."""
+        """Number of images that should have shown each cell and did not."""
 
     def index(self, points: Array) -> tuple[NDArray[np.intp], Mask]:
-        """Return the cells (n, 3) of points (n, 3), and which of them are inside the grid, (n,)."""
+        """Compute the cells (n, 3) of map points (n, 3), and a mask (n,) of those inside the grid."""
         cells = np.floor((points - self.low) / CELL).astype(np.intp)
         return cells, np.asarray(((cells >= 0) & (cells < self.cells.shape)).all(axis=1))
 
     def centres(self, cells: NDArray[np.intp]) -> Array:
-        """Return the middles (n, 3) of cells (n, 3)."""
+        """Compute the centres (n, 3) of cells (n, 3) in the map."""
         return np.asarray(self.low + (cells + 0.5) * CELL)
 
     def integrate(self, eye: Array, ends: Array, hit: Mask) -> None:
-        """Learn from lines of sight from an eye (3,) to ends (n, 3), which are at a surface or in free space."""
+        """Mark cells by lines of sight from an eye (3,) to ends (n, 3); ``hit`` (n,): whether at a surface."""
         lines = ends[::EVERY] - eye
         lengths = np.linalg.norm(lines, axis=1)
         free = np.maximum(lengths - BEFORE * hit[::EVERY], 0.0)
@@ -64,37 +64,40 @@ class ExploredSpace:
 
     def _mark(self, points: Array, state: int) -> None:
         cells, inside = self.index(points)
-        chosen = tuple(cells[inside].T)
+        index = tuple(cells[inside].T)
         if state == SURFACE:
-            self.cells[chosen] = SURFACE
+            self.cells[index] = SURFACE
         else:
-            self.cells[chosen] = np.where(self.cells[chosen] == SURFACE, SURFACE, state)
+            self.cells[index] = np.where(self.cells[index] == SURFACE, SURFACE, state)
 
     def free_disc(self, place: Sequence[float], radius: float) -> None:
-        """Learn that a column around a place is free: the robot stands there."""
+        """Mark the unknown cells of the column in which the robot stands as free."""
         x, y = (self.low[k] + (np.arange(self.cells.shape[k]) + 0.5) * CELL for k in (0, 1))
         inside = np.hypot(x[:, None] - place[0], y[None] - place[1]) <= radius
         column = self.cells[inside]
         self.cells[inside] = np.where(column == UNKNOWN, FREE, column)
 
     def give_up(self, points: Array) -> None:
-        """Record that cells, by points (n, 3), should have been in a picture; those that are known do not matter."""
+        """Count an image that should have shown the cells of points (n, 3); for known cells the count is unused."""
         cells, inside = self.index(points)
-        chosen = tuple(cells[inside].T)
-        self.tries[chosen] = np.minimum(self.tries[chosen], 250) + 1
+        index = tuple(cells[inside].T)
+        self.tries[index] = np.minimum(self.tries[index], 250) + 1
 
     def among(self, points: Array, others: Array) -> Mask:
-        """Return which points (n, 3) are in cells in which others (m, 3) are, too."""
+        """Mark the points (n, 3) that share a cell with one of ``others`` (m, 3), (n,)."""
         marked = np.zeros(self.cells.shape, bool)
         cells, inside = self.index(others)
         marked[tuple(cells[inside].T)] = True
         cells, inside = self.index(points)
-        found = np.zeros(len(points), bool)
-        found[inside] = marked[tuple(cells[inside].T)]
-        return found
+        shared = np.zeros(len(points), bool)
+        shared[inside] = marked[tuple(cells[inside].T)]
+        return shared
 
     def frontier(self, tries: int) -> Array:
-        """Return the middles (n, 3) of unknown cells beside free ones, unless so many pictures failed to show them."""
+        """Find the centres (n, 3) of unknown cells beside free ones that fewer than ``tries`` images failed to show.
+
+        Frontier-based exploration as in Yamauchi (CIRA 1997).
+        """
         free = np.pad(self.cells == FREE, 1)
         beside = np.zeros(self.cells.shape, bool)
         for axis in range(3):
@@ -103,22 +106,22 @@ class ExploredSpace:
         return self.centres(np.argwhere(beside & (self.cells == UNKNOWN) & (self.tries < tries)))
 
     def clear(self, starts: Array, ends: Array) -> Mask:
-        """Return which lines from starts (n, 3) to ends (n, 3) pass free cells alone, the last cell left out, (n,)."""
-        places, steps = (starts - self.low) / CELL, ends - starts
+        """Mark the lines from starts (n, 3) to ends (n, 3) that cross free cells only, (n,); except at their ends."""
+        origins, steps = (starts - self.low) / CELL, ends - starts
         lengths = np.linalg.norm(steps, axis=1)
         steps /= np.maximum(lengths, 1e-9)[:, None]
         free = np.pad(self.cells == FREE, 1, constant_values=True)
-        left, good = np.arange(len(starts)), np.ones(len(starts), bool)
-        for away in np.arange(0.3, float(lengths.max(initial=0.0)), CELL):
-            left = left[lengths[left] - CELL > away]
-            cells = np.floor(places[left] + steps[left] * (away / CELL)).astype(np.intp) + 1
+        active, good = np.arange(len(starts)), np.ones(len(starts), bool)
+        for distance in np.arange(0.3, float(lengths.max(initial=0.0)), CELL):
+            active = active[lengths[active] - CELL > distance]
+            cells = np.floor(origins[active] + steps[active] * (distance / CELL)).astype(np.intp) + 1
             passed = free[tuple(np.clip(cells, 0, np.array(free.shape) - 1).T)]
-            good[left[~passed]] = False
-            left = left[passed]
+            good[active[~passed]] = False
+            active = active[passed]
         return good
 
     def unknown(self, eye: Array, rays: Array, far: float) -> Array:
-        """Return how many unknown cells rays (..., 3) from an eye (3,) meet up to a surface or ``far`` [m], (...)."""
+        """Count the unknown cells (...) on rays (..., 3) from an eye (3,), up to a surface or ``far`` [m]."""
         lengths = np.arange(0.1, far, 2 * CELL)
         points = eye + rays[..., None, :] * lengths[:, None]
         cells, inside = self.index(points.reshape(-1, 3))
@@ -129,29 +132,25 @@ class ExploredSpace:
         return np.asarray(((states == UNKNOWN) & before).sum(axis=-1))
 
     def room(self, grid: Grid, height: float, radius: float) -> Mask:
-        """Return where on a grid (rows, columns) a robot of a height and radius [m] has room, as far as was seen."""
+        """Mark the cells of a grid (rows, columns) in which a robot of a height and radius [m] has explored room."""
         free = self.standable(height, radius)
         centres = grid.centres().reshape(-1, 2)
         cells, inside = self.index(np.column_stack([centres, np.zeros(len(centres))]))
-        found = np.zeros(len(centres), bool)
-        found[inside] = free[tuple(cells[inside, :2].T)]
-        return found.reshape(grid.rows, grid.columns)
+        room = np.zeros(len(centres), bool)
+        room[inside] = free[tuple(cells[inside, :2].T)]
+        return room.reshape(grid.rows, grid.columns)
 
     def standable(self, height: float, radius: float) -> Mask:
-        """Return in which cells of the floor (nx, ny) a robot can stand and turn."""
+        """Mark the floor cells (nx, ny) in which a robot can stand and turn."""
         blocked = ~self.passable(height)
         count = math.ceil(radius / CELL)
-        padded, found = np.pad(blocked, count, constant_values=True), np.zeros_like(blocked)
+        padded, dilated = np.pad(blocked, count, constant_values=True), np.zeros_like(blocked)
         for i, j in product(range(-count, count + 1), repeat=2):
             if math.hypot(i, j) * CELL <= radius:
-                found |= padded[count + i : count + i + blocked.shape[0], count + j : count + j + blocked.shape[1]]
-        return ~found
+                dilated |= padded[count + i : count + i + blocked.shape[0], count + j : count + j + blocked.shape[1]]
+        return ~dilated
 
     def passable(self, height: float) -> Mask:
-        """Return over which cells of the floor (nx, ny) nothing is up to a height [m], as far as was seen."""
+        """Mark the floor cells (nx, ny) that are seen to be free up to a height [m]."""
         column = self.cells[:, :, 2 : max(3, int(height / CELL))]
         return np.asarray(~(column == SURFACE).any(axis=2) & ((column == FREE).mean(axis=2) >= KNOWN))
-
-
-KNOWN = 0.4
-"""Share of the cells over a place that must have been seen for a robot to stand there: the camera misses low ones."""

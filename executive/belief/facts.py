@@ -1,4 +1,4 @@
-"""Conditions about what actions change, decided by what is believed to be in the believed world."""
+"""Conditions about the effects of actions, decided in the believed world."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from sim import PlanningWorld
 from sim.changes import amount_of, came_to_be, is_baked, origins_of
 
 LEAST = 1e-6
-"""Less than this is nothing, and more than this less is enough [ml]."""
+"""Tolerance of amounts [ml]: less than this counts as nothing."""
 
 
 def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool | None:
-    """Return whether a condition about contents, heat, devices and creation holds; None for another predicate."""
+    """Decide a condition about contents, baking, devices, creation or destruction; None for other predicates."""
     changes = world.changes
     match condition:
         case Condition("contains", (Object() as what, Object() as substance)):
@@ -32,7 +32,7 @@ def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool |
         case Condition("destroyed", (Object() as what,)):
             return any(thing.name in changes.matter.gone for thing in _named(belief, what))
         case Condition("created", (Object() as what,)):
-            return bool(came_to_be(changes, what.type)) if what.iri is None else _was_made(belief, what)
+            return bool(came_to_be(changes, what.type)) if what.iri is None else _was_created(belief, what)
         case Condition("transformed_into", (Object() as source, Object() as result)):
             names = {thing.name for thing in _named(belief, source)}
             into = _candidates(belief, world, result)
@@ -44,21 +44,21 @@ def _amount(belief: Belief, world: PlanningWorld, what: Object, substance: Objec
     return amount_of(world.changes, belief.bind(what, world.configuration().base), substance.type)
 
 
-def _was_made(belief: Belief, what: Object) -> bool:
+def _was_created(belief: Belief, what: Object) -> bool:
     return any(thing.iri == what.iri and thing.name in belief.names() for thing in belief.made.values())
 
 
 def _named(belief: Belief, what: Object) -> Iterator[MapObject]:
-    """Yield the things that a designator may mean, also those that are not there any more."""
+    """Yield the objects that match a designator, including destroyed ones."""
     exact = [thing for thing in belief.things if what.iri is not None and thing.iri == what.iri]
     yield from exact or (thing for thing in belief.things if belief.is_a(thing, what.type))
 
 
 def _candidates(belief: Belief, world: PlanningWorld, what: Object) -> list[str]:
-    """Return the things that a designator may mean, or what contains such a substance."""
-    there = [thing.name for thing in _named(belief, what) if thing.name in belief.names()]
+    """List the existing objects that match a designator, or else the one that contains such a substance."""
+    existing = [thing.name for thing in _named(belief, what) if thing.name in belief.names()]
     try:
         bound = belief.bind(what, world.configuration().base)
     except ObjectUnresolvable:
-        return there
-    return there or [bound]
+        return existing
+    return existing or [bound]

@@ -1,4 +1,4 @@
-"""Source and age of what is believed, and holds of hands on things."""
+"""Source and age of believed poses, and grips of hands on objects."""
 
 from __future__ import annotations
 
@@ -10,56 +10,57 @@ from planlang.records import dataclass
 
 
 class Source(Enum):
-    """The source from which the robot knows where a thing is."""
+    """Source of a believed pose."""
 
     MAP = "map"
     TOLD = "told"
-    """By the map, which the user trusts."""
+    """The map, if the user trusts it (--trust-map)."""
     SEEN = "seen"
     FELT = "felt"
     DONE = "done"
-    """It let the thing go there, or lost it."""
+    """The robot's own action: it released, pushed or lost the object there."""
 
 
 class Knowledge(NamedTuple):
-    """The source of a thing's pose, and the time since which it is known."""
+    """Source and age of an object's pose."""
 
     source: Source
     time: float = 0.0
-    """Plan time at which it came to be known [s]."""
+    """Plan time at which the pose became known [s]."""
     moves: int = 0
-    """Number of moves of the base before."""
+    """Number of motions of the base before that."""
 
 
 class Hold(NamedTuple):
-    """One hand of several on a thing."""
+    """Hold of one hand on an object."""
 
     arm: str
     link: str
     offset: Pose
-    """Pose of the thing in the link's frame."""
+    """Pose of the object in the link's frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """A hold on a thing: of a hand, the first one, and of others."""
+    """Grip of one or more hands on an object; the first hand's hold is ``arm``, ``link`` and ``offset``."""
 
     arm: str
     link: str
     offset: Pose
-    """Pose of the thing in the link's frame."""
+    """Pose of the object in the link's frame."""
     before: Pose
-    """Pose of the thing in the map when it was grasped: what locations relative to it refer to until it is let go."""
+    """Pose of the object in the map when it was grasped, to which relative locations refer until it is released."""
     others: tuple[Hold, ...] = ()
+    """Holds of further hands."""
     riders: tuple[str, ...] = ()
-    """Things that stand on it and go with it."""
+    """Objects that stand on it and move with it."""
 
     @property
     def hands(self) -> tuple[Hold, ...]:
-        """Return the holds of all hands."""
+        """Holds of all hands."""
         return (Hold(self.arm, self.link, self.offset), *self.others)
 
     @property
     def arms(self) -> tuple[str, ...]:
-        """Return the arms whose hands hold it."""
+        """Arms of all hands."""
         return tuple(hand.arm for hand in self.hands)

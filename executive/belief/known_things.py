@@ -1,4 +1,4 @@
-"""The robot's knowledge of the things of a map: which one a designator means, where it is, how that is known."""
+"""Knowledge of the objects of a map: which one a designator means, its pose, and the source of that."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from sim.joints import Articulation
 from sim.leaves import inside
 
 ALIKE = 0.02
-"""Things whose distances from the robot differ by less are equally near [m]."""
+"""Difference of distances from the robot below which two objects are equally near [m]."""
 
 
 def _ignore(event: str, details: Mapping[str, Any]) -> None:
-    """Ignore a change."""
+    """Ignore a change, as no listener is registered."""
 
 
 class KnownThings:
-    """The robot's knowledge of things, to be asked; :class:`executive.belief.Belief` changes it."""
+    """Read access to the robot's knowledge of objects; :class:`executive.belief.Belief` changes it."""
 
     def __init__(
         self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False, unknown: Iterable[str] = ()
     ) -> None:
-        """Believe the poses of ``world``, a planning world of the map's scene.
+        """Begin with the poses of ``world``, a planning world of the map's scene.
 
-        With ``trusts_map`` they count as seen, wherever the base is. Of things that are ``unknown`` the robot does not
-        know where they are until it has seen them.
+        With ``trusts_map`` they count as seen from every base pose. The places of objects in ``unknown`` are unknown
+        until the robot has seen them.
         """
         self.map = semantic_map
         self.trusts_map = trusts_map
@@ -48,28 +48,28 @@ class KnownThings:
         self._suppositions = 0
         self.held: dict[str, Grip] = {}
         self.refused: dict[str, list[Pose]] = {}
-        """Thing -> poses of it in the frame of a hand's tip, with which it could not be used."""
+        """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
         self.dropped: dict[str, str] = {}
-        """Arm -> the thing that it lost and nothing has grasped since: it may stand between the fingers."""
+        """Arm -> object that it lost and that has not been grasped since: it may stand between the fingers."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
-        """The listener to which changes are written: event, details."""
+        """Listener of changes: event, details."""
         self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
         closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
         self._first = self._poses | {name: pose for name, pose in closed.items() if name in self._poses}
         self.unknown = {name: self._poses.pop(name) for name in dict.fromkeys(unknown) if name in self._poses}
-        """Things of which the robot does not know where they are, with the pose that the map states."""
+        """Objects whose place is unknown -> pose that the map states."""
         self._absent = {name: None for name in NAMES if name in self._poses}
-        """Obstacles in store, the next one first."""
+        """Unused obstacles of the pool, the next one first."""
         self.met: str | None = None
-        """Name of the obstacle that was felt last, None while there is none."""
+        """Name of the obstacle that was touched last; None while there is none."""
         self._taken: set[str] = set()
-        """Things that a person has taken."""
+        """Objects that a person has taken."""
         self._known: dict[str, Knowledge] = {}
         self._moves = 0
         self._bound: dict[Object, str] = {}
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
-        """The joints, by leaf."""
+        """Joints of doors, drawers, lids and knobs, by leaf."""
         self._values = {leaf: world.joint(leaf) for leaf in self.joints}
         self.led: dict[str, str] = {}
         """Leaf -> link of the hand that moves it."""
@@ -78,36 +78,36 @@ class KnownThings:
         self._matter = world.changes.matter
         """Contents of the believed world."""
         self.made: dict[str, MapObject] = {}
-        """Things that came into being, by name."""
+        """Objects created during the run, by name."""
         self._gone: dict[str, None] = {}
         self.time = 0.0
-        """Plan time up to which heat is believed to have done its work [s]."""
+        """Plan time up to which heating has been simulated in the believed world [s]."""
 
-    # Asking
+    # Queries
 
     @property
     def things(self) -> Iterator[MapObject]:
-        """Things of the map, then those that came into being, whether they have a place or not."""
+        """Objects of the map, then created ones, including those without a pose."""
         return chain(self.map.objects, self.made.values())
 
     def joint(self, leaf: str) -> float:
-        """Return how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
+        """Look up how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
         return self._values[leaf]
 
     def is_left_open(self, leaf: str) -> bool:
-        """Return whether a door or drawer is believed to be open, be it a little; knobs open nothing."""
+        """Check whether a door or drawer is believed to be open, even a little; False for knobs."""
         return not (self.joints[leaf].is_knob or self.joints[leaf].is_shut(self._values[leaf]))
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of all things with a place, in the order of the map, then of obstacles that were felt."""
+        """List all objects with a pose in the order of the map, then the touched obstacles."""
         return tuple(name for name in self._poses if name not in self._absent)
 
     def pose(self, name: str) -> Pose:
-        """Return a thing's believed pose; of a held one, where it was last known to stand."""
+        """Look up the believed pose of an object in the map; for a held one, where it last stood."""
         return self._poses[name]
 
     def closed_pose(self, name: str) -> Pose:
-        """Return the believed pose of a thing; of what moves with a door or drawer, that when it is closed."""
+        """Compute the believed pose of an object as if the door or drawer that it moves with were closed."""
         pose, leaf = self._poses[name], self._moving.get(name)
         if leaf is None and name not in self.held:
             opened = (one for one, value in self._values.items() if value and not self.joints[one].is_knob)
@@ -116,62 +116,62 @@ class KnownThings:
         return pose if leaf is None else self.joints[leaf].motion(self._values[leaf]).inverse() @ pose
 
     def reference_pose(self, name: str) -> Pose:
-        """Return what locations relative to a thing refer to: its pose, of a held one that before it was grasped."""
+        """Look up the pose to which relative locations refer: for a held object, the one before it was grasped."""
         return self.held[name].before if name in self.held else self._poses[name]
 
     def carried(self) -> frozenset[str]:
-        """Return the things that hands hold, and those that stand on them and go with them."""
+        """Collect the held objects and those that stand on them."""
         return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))
 
     def seen_from_here(self, name: str) -> bool:
-        """Return True if a thing has been seen since the base last moved, or the map is trusted about it."""
+        """Check whether an object has been seen since the base last moved, or the map is trusted about it."""
         return (self.trusts_map and name not in self._in_vain) or self.seen(name)
 
     def seen(self, name: str) -> bool:
-        """Return True if the camera has shown a thing since the base last moved."""
+        """Check whether the camera has shown an object since the base last moved."""
         known = self.knowledge(name)
         return known.source is Source.SEEN and known.moves == self._moves
 
     def knowledge(self, name: str) -> Knowledge:
-        """Return how it is known where a thing is."""
+        """Look up the source and age of an object's pose."""
         return self._known.get(name, Knowledge(Source.TOLD if self.trusts_map else Source.MAP))
 
     def remembers(self, name: str) -> bool:
-        """Return True if a thing has been seen, from wherever, and nothing has been sensed or done since to move it."""
+        """Check whether an object has been seen, from anywhere, without being touched or moved since."""
         return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self._in_vain
 
     def remembered(self) -> frozenset[str]:
-        """Return the things that it :meth:`remembers` seeing."""
+        """Collect the objects for which :meth:`remembers` is true."""
         return frozenset(name for name in self._known if self.remembers(name))
 
     def by_map_alone(self, name: str) -> bool:
-        """Return True if a thing is believed to be where the map has it, and was never seen."""
+        """Check whether an object is believed at its pose of the map, without ever having been seen."""
         return self._poses[name] == self._first[name] and self.knowledge(name).source is not Source.SEEN
 
     def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
-        """Return the places of the base from where a thing was looked for without being seen."""
+        """List the base poses from which an object was looked for and not seen."""
         return tuple(self._in_vain.get(name, ()))
 
     def bind(self, what: Object, near: tuple[float, float, float]) -> str:
-        """Return the thing that a designator means: that of its IRI; else, of its class, the nearest to the robot.
+        """Resolve a designator to the object of its IRI; otherwise to the nearest one of its class.
 
-        What a designator was bound to once it keeps meaning, wherever the robot goes, as long as that is there. Without
-        such a thing it is what contains a substance of that class, as long as it does. Raises ObjectUnresolvable,
-        telling what there is; AmbiguousPerception if two that were seen from here are equally near.
+        A designator stays bound to an object as long as that exists. Without a match it resolves to the nearest object
+        that contains a substance of the class, which is not bound. Raises ObjectUnresolvable, with a list of the known
+        objects, and AmbiguousPerception if two objects seen from here are equally near.
         """
         if what not in self._bound:
-            found = self._find(what, near)
-            if found is None:
+            name = self._find(what, near)
+            if name is None:
                 return self._container(what, near)
-            self._bound[what] = found
+            self._bound[what] = name
         return self._bound[what]
 
     def bound_to(self, what: Object, name: str) -> None:
-        """Let a designator mean a thing from now on."""
+        """Bind a designator to an object."""
         self._bound[what] = name
 
     def of_class(self, what: Object) -> tuple[str, ...]:
-        """Return the things of a designator's class, in the order of the map."""
+        """List the objects of a designator's class, in the order of the map."""
         return tuple(thing.name for thing in self.things if thing.name in self._poses and self.is_a(thing, what.type))
 
     def _find(self, what: Object, near: tuple[float, float, float]) -> str | None:
@@ -179,56 +179,56 @@ class KnownThings:
         for thing in placed:
             if what.iri is not None and thing.iri == what.iri:
                 return thing.name
-        fitting = {
+        distances = {
             thing.name: math.dist(self._poses[thing.name].position[:2], near[:2])
             for thing in placed
             if self.is_a(thing, what.type)
         }
-        if not fitting or self._meant(what) is not None:
+        if not distances or self._missing(what) is not None:
             return None
-        nearest = min(fitting, key=lambda name: fitting[name])
-        equal = tuple(n for n in fitting if fitting[n] - fitting[nearest] < ALIKE and self.seen_from_here(n))
+        nearest = min(distances, key=lambda name: distances[name])
+        equal = tuple(n for n in distances if distances[n] - distances[nearest] < ALIKE and self.seen_from_here(n))
         if len(equal) > 1 and nearest in equal:
             raise AmbiguousPerception(what=str(what), candidates=equal)
         return nearest
 
     def _container(self, what: Object, near: tuple[float, float, float]) -> str:
-        """Return the nearest thing that contains what a designator means."""
-        meant = self._meant(what)
-        holding = [
+        """Find the nearest object that contains the substance of a designator."""
+        individual = self._missing(what)
+        containers = [
             name
             for name, content in self._matter.contents.items()
             if name in self._poses and any(self._is_kind(one.type, what.type) for one in content.values())
-            if meant is None or any(meant in one.origins for one in content.values())
+            if individual is None or any(individual in one.origins for one in content.values())
         ]
-        if not holding:
+        if not containers:
             known = ", ".join(name for name in self._poses if name not in NAMES)
-            missing = "is not there any more" if meant in self._gone else "is not in the map"
-            missing = "has not been found yet" if meant in self.unknown else missing
-            raise ObjectUnresolvable(f"{what} ({what.type}) {missing}; there are {known}", designator=str(what))
-        return min(holding, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
+            problem = "is not there any more" if individual in self._gone else "is not in the map"
+            problem = "has not been found yet" if individual in self.unknown else problem
+            raise ObjectUnresolvable(f"{what} ({what.type}) {problem}; there are {known}", designator=str(what))
+        return min(containers, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
 
-    def _meant(self, what: Object) -> str | None:
-        """Return the individual that a designator names, if it is in something else, not found yet, or gone."""
+    def _missing(self, what: Object) -> str | None:
+        """Find the individual of a designator's IRI, if it is the content of something, not found yet, or destroyed."""
         named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
         elsewhere = {*self._gone, *self.unknown}
         return next((thing.name for thing in named if is_content(thing) or thing.name in elsewhere), None)
 
     def means(self, what: Object, name: str) -> bool:
-        """Return whether a designator means a thing itself, not what is in it."""
+        """Check whether a designator means an object itself rather than its content."""
         thing = next((one for one in self.things if one.name == name), None)
         return thing is not None and (thing.iri == what.iri or self.is_a(thing, what.type))
 
     def is_a(self, thing: MapObject, cls: str) -> bool:
-        """Return whether a thing is of a class, or was before it was heated."""
+        """Check whether an object is of a class, or was before it was heated."""
         return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
 
     def _is_kind(self, one: str, cls: str) -> bool:
-        """Return whether a class is below one; one that the map's vocabulary lacks is recognised by its name."""
+        """Check whether a class is a subclass of ``cls``; classes unknown to the map's ontology compare by name."""
         return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
-        """Return whether a thing would be recognised in a picture; what was made here is known without a model."""
+        """Check whether an object would be recognised in an image; created objects need no model."""
         thing = self.map.find(name)
         if thing is None:
             return name not in self.made or self.recognition.runs(VISION)

@@ -1,8 +1,8 @@
-"""A map as a robot leaves it behind: what its files state, with what was seen, felt and done since, and moved joints.
+"""Write the user's map with the changes of a run: the statements of its files, updated poses, and moved joints.
 
-A pose of the map is replaced where the robot knows it otherwise; its time is that of the map's newest perception and
-the plan time since. What was never seen stays as the map has it. Doors, drawers and what lies in them are written where
-they are when it is closed, as maps are, with the position of the joint.
+A pose is replaced where the robot knows a different one, with the time of the map's newest perception plus the plan
+time. Poses of unseen objects stay. As in all maps, doors, drawers and their contents have their poses when closed, with
+the joint positions stated beside.
 """
 
 from __future__ import annotations
@@ -35,40 +35,40 @@ from planlang.ontology.terms import RDF
 from sim.joints import Articulation, JointKind
 
 HAIR = 1e-6
-"""Difference of poses that is of rounding [m, rad]."""
+"""Tolerance of poses for rounding [m, rad]."""
 _JOINTS = {JointKind.HINGED: "HingedJoint", JointKind.PRISMATIC: "PrismaticJoint"}
 
 
 class MapUpdate:
-    """The map of some files as it is left behind by a run, to whose trace this listens."""
+    """Map to write after a run. As a listener of the trace, it collects the leaves that were moved."""
 
     def __init__(self, belief: Belief, files: Container[Path | None], found: list[Diagnostic]) -> None:
         self._belief, self._files, self._found = belief, files, found
         self._opened: dict[str, None] = {}
-        """Leaves that were moved, also if they were closed again."""
+        """Leaves that were moved, including those closed again."""
 
     def __call__(self, record: Mapping[str, Any], node: object) -> None:
-        """Take note of a record of the trace."""
+        """Collect the leaf of a trace record that moves one."""
         if record["event"] == "belief" and record.get("value") is not None:
             self._opened[str(record["name"])] = None
 
     def save(self, path: Path) -> None:
-        """Write the map as it is believed to be now."""
+        """Write the map with the current belief to a file."""
         text = updated_map(self._belief, self._files, self._opened, self._found)
         path.write_text(text, encoding="utf-8", newline="\n")
 
 
 def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[str], found: list[Diagnostic]) -> str:
-    """Return the map of some files in Manchester syntax, with what the robot believes now.
+    """Write the map of some files in Manchester syntax, with the current belief.
 
-    ``opened`` are the leaves that it has opened: the axis that led them is written down, a door's with its radius.
+    ``opened``: leaves that were moved, whose joint axes, and radii of doors, are stated too. Problems go to ``found``.
     """
     ontology = belief.map.ontology
     placed = placements(belief.map)
     start = max((one.time for one in placed.values() if math.isfinite(one.time)), default=0.0)
     gone = {thing.iri for thing in belief.things if not _is_there(thing, belief)}
     for thing in belief.things:
-        if thing.iri not in gone and _is_known_otherwise(thing, belief):
+        if thing.iri not in gone and _differs_from_map(thing, belief):
             placed |= _moved(thing, belief, start, placed)
     placed = {iri: one for iri, one in placed.items() if iri not in gone}
     statements = main_statements(ontology, files)
@@ -79,21 +79,21 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
 
 
 def _is_there(thing: MapObject, belief: Belief) -> bool:
-    """Return whether a thing is still somewhere: what was not seen is where the map has it."""
+    """Check whether an object still exists; unseen ones are where the map has them."""
     return thing.pose is None or thing.name in belief.names() or thing.name in belief.unknown or _rides(thing, belief)
 
 
 def _rides(thing: MapObject, belief: Belief) -> bool:
-    """Return whether a thing is no body of its own: a handle is a part of the body that it moves with."""
+    """Check whether an object is no body of its own but part of one, such as a handle."""
     holder = belief.map.holder(thing)
     return holder is not None and (holder.name in belief.names() or holder.name in belief.unknown)
 
 
-def _is_known_otherwise(thing: MapObject, belief: Belief) -> bool:
+def _differs_from_map(thing: MapObject, belief: Belief) -> bool:
     if thing.name not in belief.names() or any(thing.name in joint.bodies for joint in belief.joints.values()):
         return False
     if thing.name not in belief.made and not _is_stated(thing, belief):
-        return False  # it goes with what it is a part of
+        return False  # a part that follows from a class: it moves with the whole
     if belief.knowledge(thing.name).source not in (Source.MAP, Source.TOLD):
         return True
     pose, mapped = belief.closed_pose(thing.name), thing.pose
@@ -101,12 +101,12 @@ def _is_known_otherwise(thing: MapObject, belief: Belief) -> bool:
 
 
 def _is_stated(thing: MapObject, belief: Belief) -> bool:
-    """Return whether a map states a thing; parts may follow from classes."""
+    """Check whether the map states an object itself; parts may follow from classes."""
     return any(belief.map.ontology.triples(thing.iri))
 
 
 def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, Placement]) -> dict[str, Placement]:
-    """Return the placements of a thing and of the parts that move with it."""
+    """Compute the placements of an object and of the parts that move with it."""
     pose, time = belief.closed_pose(thing.name), start + round(belief.knowledge(thing.name).time, 3)
     before = placed.get(thing.iri)
     moved = {thing.iri: Placement(thing.iri, pose, time)}
@@ -118,14 +118,14 @@ def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, 
 
 
 def _new(thing: MapObject) -> Iterator[Triple]:
-    """Yield what is said of a thing that came into being."""
+    """Yield the statements about a created object."""
     facts: list[tuple[str, Term]] = [(RDF.type, cls) for cls in thing.types]
     facts += [(name, decimal(value)) for name, value in zip(EXTENTS, thing.size or (), strict=False)]
     return stated_facts(thing.iri, facts)
 
 
 def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Triple]:
-    """Return statements with the joint of a leaf as it moved: axis and limits unless they are stated, and radius."""
+    """Add the joint of a moved leaf to statements: axis and limits unless they are stated, position, and radius."""
     thing, joint = belief.map.find(leaf), belief.joints[leaf]
     if thing is None or joint.is_knob or not _is_stated(thing, belief):
         return statements
@@ -148,7 +148,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         facts.append((RDF.type, expand(_JOINTS[joint.kind])))
         statements += stated_facts(thing.iri, [("properPhysicalParts", iri)])
     statements += stated_facts(iri, facts)
-    frame = belief.map.find(iri)  # an axis is in the frame of its joint if that has a place
+    frame = belief.map.find(iri)  # the axis is stated in the frame of the joint, if the map places that
     axis = np.array(joint.axis) if frame is None or frame.pose is None else frame.pose.rotation.T @ joint.axis
     entries = zip(("vectorX", "vectorY", "vectorZ"), (joint.sign * axis).tolist(), strict=True)
     vector: list[tuple[str, Term]] = [(name, decimal(value)) for name, value in entries]
@@ -158,7 +158,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
 
 
 def _linked(thing: MapObject, ontology: Ontology) -> Iterator[str]:
-    """Yield what may be the joint of a thing: parts, what it is hinged or connected to, what it is a part of."""
+    """Yield candidates for the joint of an object: its parts, what it is hinged or connected to, and its wholes."""
     rigidly = expand("connectedTo-Rigidly")
     yield from (*thing.parts, *thing.hinged_to)
     yield from (one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str))
@@ -175,11 +175,11 @@ def _is_joint(iri: str, belief: Belief) -> bool:
 
 
 def _opening_radius(joint: Articulation, belief: Belief) -> float:
-    """Return the distance from the axis of a door to its free edge [m]."""
+    """Compute the distance from the axis of a door to its free edge [m]."""
     thing = belief.map.find(joint.leaf)
     closed = joint.motion(belief.joint(joint.leaf)).inverse() @ belief.pose(joint.leaf)
-    axis, arrow = np.array(joint.axis), np.array(closed.position) - joint.point
-    across = arrow - float(arrow @ axis) * axis
+    axis, offset = np.array(joint.axis), np.array(closed.position) - joint.point
+    across = offset - float(offset @ axis) * axis
     distance = float(np.linalg.norm(across))
     half = np.zeros(3) if thing is None or thing.size is None else np.array(thing.size) / 2
     return distance + float(np.abs(closed.rotation.T @ (across / distance if distance else across)) @ half)

@@ -1,4 +1,4 @@
-"""Writing what is believed as a semantic map in Manchester syntax, which ``--environment`` reads again."""
+"""Write the belief as a semantic map in Manchester syntax, which ``--environment`` reads again."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ MAP = "http://planlang.org/kb/uploaded_map.owl"
 
 
 def map_text(belief: Belief) -> str:
-    """Return the things that are believed to be somewhere, with classes, sizes, poses and parts, rooms included.
+    """Write all objects at known places, rooms included, with classes, sizes, poses and parts.
 
-    Doors, drawers and what lies in them are written where they are when closed, with how far they are open.
+    Doors, drawers and their contents have their poses when closed, with the joint positions stated beside.
     """
     known = set(belief.names())
     things = [(thing, belief.closed_pose(thing.name)) for thing in belief.things if thing.name in known]
-    things += [riding for whole in things for riding in _handles(*whole, belief) if riding[0].name not in known]
+    things += [handle for whole in things for handle in _handles(*whole, belief) if handle[0].name not in known]
     placed = {_iri(thing): Placement(_iri(thing), pose) for thing, pose in things}
     header: list[tuple[str, Term]] = [(RDF.type, OWL.Ontology), (OWL.imports, expand("").rstrip("#"))]
     statements = [
@@ -34,7 +34,7 @@ def map_text(belief: Belief) -> str:
 
 
 def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[MapObject, Pose]]:
-    """Yield the handles of a thing that is at a pose, with theirs: they may be parts of its body."""
+    """Yield the handles of an object at a pose, with their poses; handles may be parts of the object's body."""
     for part in filter(None, map(belief.map.find, whole.parts)):
         if whole.pose and part.pose and part.name not in belief.unknown and belief.is_a(part, "Handle"):
             yield part, pose @ whole.pose.inverse() @ part.pose

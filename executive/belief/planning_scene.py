@@ -1,4 +1,4 @@
-"""The planning scene: the believed world as location resolving and motion planning ask it."""
+"""Planning scene: the believed world, as queried by location resolving and motion planning."""
 
 from __future__ import annotations
 
@@ -30,45 +30,46 @@ if TYPE_CHECKING:
     from executive.belief.explored_space import ExploredSpace
 
 SEEN_SHARE = 0.3
-"""Share of an object that must be visible for a base pose to count as one from where it is seen."""
+"""Least share of an object that must be visible from a base pose from which it counts as seen."""
 CELL = 0.01
-"""Places of a thing, as the robot has it before it, that are distinguished [m]."""
+"""Resolution of an object's position in the base's frame, for caching [m]."""
 SPOTS = (-0.8, 0.0, 0.8)
-"""Points of a thing that are looked at, as shares of its half extents across the line of sight."""
+"""Points of an object to check for visibility, as shares of its half extents across the line of sight."""
 FEW = 0.12
-"""Share of these points that is not enough, by a wide margin (see :data:`SEEN_SHARE`)."""
+"""Share of these points below which the object is surely not seen, with a wide margin to :data:`SEEN_SHARE`."""
 HALF = 1 << 20
-"""More cells than a thing is away in any direction."""
+"""Offset of cell indices that makes them positive: more cells than an object can be away."""
 AWAY = 0.02
-"""Distance from the camera below which bodies hide nothing [m]."""
+"""Distance from the camera below which bodies do not occlude [m]."""
 CORE = 0.5
-"""Share of the box around a mesh that is taken as surely filled."""
+"""Share of a mesh's bounding box that is assumed to be filled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OwnView:
-    """Pieces of the robot that its neck does not move, in the base frame, and where the neck can turn the camera."""
+    """View that the robot's own body leaves its camera: pieces that the neck does not move, and reach of the neck."""
 
     solids: Solids
+    """Pieces of the robot that the neck does not move, in the base's frame."""
     gaze: Gaze
     half_angle: float
-    """Greatest angle beyond the neck's limits at which a thing is still in the picture [rad]."""
+    """Half the camera's field of view: an object may be that far beyond the neck's limits [rad]."""
     limits: tuple[float, float]
-    """Distances between which things are recognised [m]."""
+    """Distances between which objects are recognised [m]."""
 
     def misses(self, points: Array, block: Block) -> NDArray[np.bool_]:
-        """Return at which points (n, 3) of the base frame a thing is surely not seen, whatever else is in the room."""
+        """Mark the points (n, 3) of the base's frame at which an object is surely not seen, even in an empty room."""
         beyond, eyes = self.gaze.at_all(points)
-        away = np.linalg.norm(points - eyes, axis=1)
-        missed = (beyond > self.half_angle) | (away < self.limits[0] - CELL) | (away > self.limits[1] + CELL)
-        left = np.flatnonzero(~missed)
-        if len(left):
-            lines = _lines(eyes[left], points[left], block)
-            missed[left] = _share(~self.solids.crossed(*lines), len(left)) < FEW
+        distances = np.linalg.norm(points - eyes, axis=1)
+        missed = (beyond > self.half_angle) | (distances < self.limits[0] - CELL) | (distances > self.limits[1] + CELL)
+        open_rows = np.flatnonzero(~missed)
+        if len(open_rows):
+            lines = _lines(eyes[open_rows], points[open_rows], block)
+            missed[open_rows] = _share(~self.solids.crossed(*lines), len(open_rows)) < FEW
         return np.asarray(missed)
 
     def hidden_by(self, solids: Solids, bases: Array, block: Block) -> NDArray[np.bool_]:
-        """Return from which bases (n, 3) pieces of the room surely hide a thing, of which they are not a part, (n,)."""
+        """Mark the base poses (n, 3) from which other bodies' pieces surely hide an object, (n,)."""
         c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
         dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
         points = np.stack([c * dx + s * dy, c * dy - s * dx, np.full(len(bases), block.centre[2])], axis=1)
@@ -79,7 +80,7 @@ class OwnView:
 
 
 def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
-    """Return segments from before eyes (n, 3) to points across a thing at places (n, 3): starts, ends (n m, 3)."""
+    """Build lines of sight from eyes (n, 3) to m points across an object at points (n, 3): starts and ends (n m, 3)."""
     ahead = points[:, :2] - eyes[:, :2]
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1), 1e-9)[:, None]
     across, up = (grid.ravel() for grid in np.meshgrid(SPOTS, SPOTS))
@@ -94,19 +95,19 @@ def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
 
 
 def _share(free: NDArray[np.bool_], count: int) -> Array:
-    """Return of the lines of each of so many places."""
+    """Compute the share of free lines (count,) for each of ``count`` positions."""
     return np.asarray(free.reshape(count, -1).mean(axis=1))
 
 
 class Unseen:
-    """The bases from which a thing is surely not seen, whatever else is in the room; what was found out is kept."""
+    """Predicate of base poses from which an object is surely not seen, even in an empty room; results are cached."""
 
     def __init__(self, view: OwnView, block: Block) -> None:
         self._view, self._block = view, block
         self._known: dict[int, bool] = {}
 
     def __call__(self, bases: Array) -> NDArray[np.bool_]:
-        """Return for bases (n, 3), (n,)."""
+        """Mark base poses (n, 3), (n,)."""
         block = self._block
         c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
         dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
@@ -122,7 +123,7 @@ class Unseen:
 
 
 def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
-    """Return the pieces that are no further than the neck, in the robot's present posture, in the base frame."""
+    """Collect the pieces that the neck's joints do not move, in the robot's current posture and the base's frame."""
     robot = world.robot
     moved = frozenset[int]().union(*(robot.moved_by(name) for name in neck))
     frames = world.solid_frames(Configuration((0.0, 0.0, 0.0), world.configuration().joints))
@@ -139,13 +140,13 @@ def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
 
 
 def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
-    """Return a primitive, kind and size [m], that is surely filled: of a mesh the core of the box around it."""
+    """Return the kind and size [m] of a primitive inside a shape: for a mesh, the core of its bounding box."""
     x, y, z = size
     return (SolidKind.BOX, (CORE * x, CORE * y, CORE * z)) if kind == SolidKind.MESH else (kind, size)
 
 
 class Visibility:
-    """Visibility of things in the planning world for the robot's camera on its neck."""
+    """Visibility of objects in the planning world for the robot's camera on its neck."""
 
     def __init__(
         self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
@@ -155,47 +156,48 @@ class Visibility:
         self._unseen: Latest[dict[str, Unseen]] = Latest()
 
     def sighted(self) -> bool:
-        """Return whether the robot has a camera."""
+        """Check whether the robot has a camera."""
         return self.gaze is not None
 
     def camera_range(self) -> tuple[float, float]:
-        """Return distances between which the camera recognises things [m]."""
+        """Look up the distances between which the camera recognises objects [m]."""
         camera = self._robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
 
     def looked_in_vain(self, name: str) -> Sequence[BasePose]:
-        """Return places from where the body was looked for and not seen."""
+        """List the base poses from which a body was looked for and not seen."""
         return self._belief.looked_in_vain(name)
 
     def own_view(self) -> OwnView | None:
-        """Return what body, neck and camera leave to be seen in the present posture; None without camera."""
+        """Compute the view that the robot's body leaves its camera in the current posture; None without a camera."""
         camera = self._robot.camera
         if self.gaze is None or camera is None:
             return None
         return OwnView(still_pieces(self._world, self.gaze.joints), self.gaze, camera.half_angle, self.camera_range())
 
     def hidden(self, base: BasePose, name: str) -> str | None:
-        """Return None if the neck can turn the camera to a body from a base and nothing is in between.
+        """Find what hides a body from a base pose; None if the camera can see it.
 
-        Else what hides most of it, "" if it is beyond the limits of neck or camera.
+        Names the body that occludes most of it; "" if it is beyond the limits of neck or camera.
         """
-        known = self._hidden.of(self._state(), dict)
-        if (base, name) not in known:
-            known[base, name] = self._hides(base, name)
-        return known[base, name]
+        cached = self._hidden.of(self._state(), dict)
+        if (base, name) not in cached:
+            cached[base, name] = self._hides(base, name)
+        return cached[base, name]
 
     def unseen(self, name: str) -> Unseen | None:
-        """Return from where body, neck and camera surely leave nothing of a body to be seen; None without camera."""
-        known = self._unseen.of(self._state(), dict)
-        if name not in known and (view := self.own_view()) is not None:
-            known[name] = Unseen(view, self._bodies.block(name))
-        return known.get(name)
+        """Build the predicate of base poses from which a body is surely not seen; None without a camera."""
+        cached = self._unseen.of(self._state(), dict)
+        if name not in cached and (view := self.own_view()) is not None:
+            cached[name] = Unseen(view, self._bodies.block(name))
+        return cached.get(name)
 
     def _state(self) -> object:
-        """Return what visibility depends on."""
+        """Cache key of visibility."""
         return self._belief.revision, tuple(self._world.configuration().joints.items())
 
     def _hides(self, base: BasePose, name: str) -> str | None:
+        """Compute :meth:`hidden` without the cache."""
         still_computing()
         if self.gaze is None or self._robot.camera is None:
             return ""
@@ -204,8 +206,8 @@ class Visibility:
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         centre = self._bodies.block(name).centre
         neck, beyond, camera = self.gaze.at(rotated(turn.T, centre - np.array([x, y, 0.0])))
-        away = float(np.linalg.norm(centre - (rotated(turn, camera) + np.array([x, y, 0.0]))))
-        if beyond > self._robot.camera.half_angle or not self._robot.camera.near <= away <= self._robot.camera.far:
+        distance = float(np.linalg.norm(centre - (rotated(turn, camera) + np.array([x, y, 0.0]))))
+        if beyond > self._robot.camera.half_angle or not self._robot.camera.near <= distance <= self._robot.camera.far:
             return ""
         joints = {**self._world.configuration().joints, **dict(zip(self.gaze.joints, map(float, neck), strict=True))}
         configuration = Configuration(base, joints)
@@ -217,24 +219,24 @@ class Visibility:
 
 
 class RobotArms:
-    """The robot's arms, with where they are and what they are believed to hold."""
+    """Arms of the robot, with their poses and the objects that they are believed to hold."""
 
     def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         self._world, self._robot, self._belief = world, robot, belief
         self.all: tuple[ArmModel, ...] = tuple(arms)
-        """In the robot's order."""
+        """All arms, in the robot's order."""
 
     def of(self, device: Device) -> Sequence[ArmModel]:
-        """Return the arms that a device designator may mean: by the robot's part, else by type and side."""
+        """Resolve a device designator to arms: by the robot's part, otherwise by type and side."""
         names = [arm.name for arm in self._robot.arms_of(device)]
         return [arm for arm in self.all if arm.name in names]
 
     def tip(self, arm: ArmModel) -> Array:
-        """Return the pose (4, 4) of an arm's tip in the map."""
+        """Compute the pose (4, 4) of an arm's tip in the map."""
         return self._world.link_pose(self._robot.arm(arm.name).tip).matrix()
 
     def held(self, arm: str) -> Held | None:
-        """Return what an arm holds."""
+        """Look up the object that an arm is believed to hold; its tilt is limited only if it was grasped upright."""
         for name, grip in self._belief.held.items():
             for hand in grip.hands:
                 if hand.arm == arm:
@@ -244,23 +246,23 @@ class RobotArms:
         return None
 
     def mates(self, arm: str) -> list[ArmModel]:
-        """Return the arms that hold something together with one: none of them can move without the others."""
+        """List the arms that hold an object together with this one, so that none of them can move alone."""
         names = {name for grip in self._belief.held.values() if arm in grip.arms for name in grip.arms} - {arm}
         return [one for one in self.all if one.name in names]
 
     def is_held(self, body: str) -> bool:
-        """Return whether one of the hands holds a body."""
+        """Check whether a hand is believed to hold a body."""
         return any((held := self.held(arm.name)) is not None and held.name == body for arm in self.all)
 
     def grasped_at(self, body: str) -> Array:
-        """Return the tip pose (4, 4) in the map at which a held body was grasped."""
+        """Compute the tip pose (4, 4) in the map at which a held body was grasped."""
         return (self._belief.reference_pose(body) @ self._belief.held[body].offset.inverse()).matrix()
 
 
 class PlanningScene:
-    """The planning world, kept equal to the belief, by subject: bodies, arms, collisions and visibility.
+    """Planning world in sync with the belief, by subject: bodies, arms, collisions and visibility.
 
-    Functions take the part that they need. Nothing here touches the true world.
+    Functions take the part that they need. Nothing here reads or changes the true world.
     """
 
     def __init__(
@@ -268,14 +270,14 @@ class PlanningScene:
     ) -> None:
         self.world, self.robot, self.belief = world, robot, belief
         self.space: ExploredSpace | None = None
-        """The space that was seen of the room, once it is explored."""
+        """Explored space of the room; None unless an exploration has begun."""
         self.bodies = BelievedBodies(world, belief)
         self.arms = RobotArms(world, robot, belief, arms)
         self.collisions = SceneCollisions(world, robot, belief, arms)
         self.visibility = Visibility(world, robot, belief, self.bodies, gaze)
 
     def base(self) -> BasePose:
-        """Return where the base is."""
+        """Look up the pose of the base."""
         return self.world.configuration().base
 
     @property
@@ -284,12 +286,12 @@ class PlanningScene:
         return self.robot.base.radius
 
     def revision(self) -> int:
-        """Return the revision of the belief."""
+        """Look up the revision of the belief."""
         return self.belief.revision
 
     @contextmanager
     def supposing(self, poses: Mapping[str, Pose | None]) -> Iterator[None]:
-        """Show for the time of a ``with`` what would be if things were at other poses, or (None) not there."""
+        """Suppose within a ``with`` that objects are at other poses, or (None) absent."""
         try:
             with self.belief.supposing(poses):
                 self.belief.sync(self.world, self.world.configuration())
@@ -298,6 +300,6 @@ class PlanningScene:
             self.belief.sync(self.world, self.world.configuration())
 
     def posture(self) -> object:
-        """Return the robot's configuration as a value that can be compared."""
-        now = self.world.configuration()
-        return now.base, tuple(now.joints.items())
+        """Cache key of the robot's configuration."""
+        current = self.world.configuration()
+        return current.base, tuple(current.joints.items())

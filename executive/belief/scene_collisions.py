@@ -1,4 +1,4 @@
-"""Collisions in the believed world: exact contacts, and quick checks that rule them out."""
+"""Collisions in the believed world: exact contacts, quick checks that rule them out, and free floor for the base."""
 
 from __future__ import annotations
 
@@ -37,42 +37,42 @@ BasePose = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
 
 NEAR_ITS_END = 0.4
-"""Distance from the end of a straight way up to which a base has less than a cell of room to turn [m]."""
+"""Distance from the goal within which less than a cell of clearance is enough for the base [m]."""
 ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
-"""Distances from the middle of the straight way at which a way with one turn is tried [m]."""
+"""Offsets from the middle of the straight line at which to try the corner of a path with one turn [m]."""
 MOST_FLOOR = 10_000.0
-"""Area of a map of which it is worked out where the base can get to [m^2]."""
+"""Largest area of a map for which base reachability is computed [m^2]."""
 
 
 T = TypeVar("T")
 
 
 class Latest(Generic[T]):
-    """A value that is kept as long as the state for which it was worked out stays."""
+    """Cache of one value, valid for the state for which it was computed."""
 
     def __init__(self) -> None:
         self._known: tuple[object, T] | None = None
 
-    def of(self, state: object, work_out: Callable[[], T]) -> T:
-        """Return the value for a state."""
+    def of(self, state: object, compute: Callable[[], T]) -> T:
+        """Look up the value for a state, or compute and keep it."""
         if self._known is None or self._known[0] != state:
-            self._known = state, work_out()
+            self._known = state, compute()
         return self._known[1]
 
 
 CLOSING_STEPS = 24
-"""In how many steps closing fingers are looked at: with Amigo's gripper, which opens 10 cm, about 2 mm each."""
+"""Steps in which to check closing fingers: with Amigo's gripper, which opens 10 cm, about 2 mm each per finger."""
 
 
 OPPOSED = -0.5
-"""Cosine up to which the directions from which two fingers are touched count as opposed."""
+"""Cosine of the angle between two touch normals below which they count as opposed."""
 
 MOST_REMOVED = 8
-"""Bodies near the way of which is worked out whether the base would get farther without them."""
+"""Bodies near the straight line to remove hypothetically, one at a time."""
 
 
 def pinched(touches: Iterable[Touch]) -> Array | None:
-    """Return the point (3,) of the map about which two fingers feel something between them; None if they do not."""
+    """Find the map point (3,) midway between opposed touches of two fingers; None if no touches are opposed."""
     sides = [
         (float(np.dot(one.normal, other.normal)), one, other)
         for one, other in combinations(touches, 2)
@@ -89,7 +89,7 @@ def _names(touches: str | None) -> frozenset[str]:
 
 
 def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
-    """Return the joint values of fingers on their way from where they are to closed."""
+    """Interpolate the joint positions of fingers from ``fingers`` to closed."""
     return [
         {name: (1.0 - share) * value + share * gripper.closed[name] for name, value in fingers}
         for share in np.linspace(0.0, 1.0, CLOSING_STEPS + 1)[1:].tolist()
@@ -97,14 +97,14 @@ def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
 
 
 def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
-    """Return where a base can get to on a floor, if it may lack some room [m]."""
+    """Compute the base poses reachable from ``base`` on a floor; ``slack``: clearance that may be missing [m]."""
     x_min, y_min, x_max, y_max = floor.bounds
     grid = Grid.over((x_min, y_min), (x_max, y_max))
     return drivable(base, grid, free_poses(grid, floor.boxes, floor.silhouette, floor.outlines, slack))
 
 
 class SceneCollisions:
-    """Collisions of the robot, with what it holds, in the planning world; what does not change is kept."""
+    """Collisions of the robot and its held objects in the planning world; results are cached until something moves."""
 
     def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
@@ -122,7 +122,7 @@ class SceneCollisions:
         self._checks: Latest[dict[object, QuickCheck]] = Latest()
         self._obstacles: Latest[Room] = Latest()
         self._near: Latest[Room] = Latest()
-        """The last, as several checks ask for the same."""
+        """Most recent query only, since consecutive checks ask for the same."""
         self._touched: Latest[tuple[Contact, ...]] = Latest()
         self._lifts: Latest[dict[tuple[str, float], list[tuple[str, str]]]] = Latest()
         self._groups: dict[tuple[str, ...], ArmShapes] = {}
@@ -131,83 +131,82 @@ class SceneCollisions:
     # Room
 
     def floor(self) -> Floor:
-        """Return the floor that is left to the base: with the robot's body, arms left out, as it is now."""
+        """Compute the floor that is free for the base, with the robot's body as it is now, without its arms."""
 
-        def work_out() -> Floor:
+        def compute() -> Floor:
             arms = [name for arm in self._robot.arms for name in arm.joints]
             shapes = outlines(self._world.outlines(arms))
             return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
 
-        return self._floor.of((self._state(), self._posture()), work_out)
+        return self._floor.of((self._state(), self._posture()), compute)
 
     def floor_without(self, body: str) -> Floor:
-        """Return the floor that would be left to the base if a body were not there."""
+        """Compute the floor that would be free for the base without a body."""
         return replace(self.floor(), boxes=self.boxes_but((body,))[0])
 
     def has_way(self, base: BasePose) -> bool:
-        """Return whether the base can get to a pose: with a turn at most, or else over places and headings."""
+        """Check whether the base can drive to a pose: on a path with at most one turn, else by a flood fill."""
         return self._goes_straight(base) or bool(self._surely()(np.array([base]))[0])
 
     def _goes_straight(self, base: BasePose) -> bool:
-        """Return whether there is room to turn on two lines to a pose, which meet beside its middle, one of a few.
+        """Check whether the base can turn everywhere on two line segments to a pose, for one of a few corners.
 
-        Before its end there has to be more room than that: so much that a flood over cells would get there, too.
+        Except near the end, a further cell of clearance is required, so that a flood fill would get there too.
         """
         floor, start, end = self.floor(), np.array(self._world.configuration().base[:2]), np.array(base[:2])
-        way = end - start
-        across = np.array([-way[1], way[0]]) / max(float(np.hypot(*way)), CELL)
+        line = end - start
+        across = np.array([-line[1], line[0]]) / max(float(np.hypot(*line)), CELL)
         corners = ((start + end) / 2 + np.outer(ASIDE, across))[:, None]
-        count = math.ceil(2 * (float(np.hypot(*way)) / 2 + max(ASIDE)) / CELL) + 1
+        count = math.ceil(2 * (float(np.hypot(*line)) / 2 + max(ASIDE)) / CELL) + 1
         shares = np.linspace(0.0, 1.0, count)[None, :, None]
-        lines = np.concatenate([start + shares * (corners - start), corners + shares * (end - corners)], axis=1)
-        room = floor.at(lines.reshape(-1, 2)).reshape(lines.shape[:2])
-        before = np.hypot(*np.moveaxis(lines - end, 2, 0)) > NEAR_ITS_END
-        return bool((room >= np.where(before, CELL, 0.0)).all(axis=1).any())
+        paths = np.concatenate([start + shares * (corners - start), corners + shares * (end - corners)], axis=1)
+        clearance = floor.at(paths.reshape(-1, 2)).reshape(paths.shape[:2])
+        before = np.hypot(*np.moveaxis(paths - end, 2, 0)) > NEAR_ITS_END
+        return bool((clearance >= np.where(before, CELL, 0.0)).all(axis=1).any())
 
     def drivable(self) -> Drivable:
-        """Return where the base can get to from where it is, arms left out; a little room may be missing.
+        """Compute where the base may be able to drive from its current pose, arms ignored; LACKING clearance may miss.
 
-        Nothing is ruled out for a base that stands in something, nor on a map that is too large to be filled.
+        Rules nothing out if the base is in collision, or if the map is larger than MOST_FLOOR.
         """
         return self._flooded(self._drivable, self.floor(), LACKING)
 
     def _surely(self) -> Drivable:
-        """Return where the base can get to from where it is, arms left out; no room may be missing on the way."""
+        """Compute where the base can surely drive from its current pose, arms ignored, with SPARE clearance left."""
         return self._flooded(self._reached, self.floor(), -SPARE)
 
-    def _flooded(self, known: Latest[Drivable], floor: Floor, slack: float) -> Drivable:
-        """Return where the base can get to on a floor, if it may lack some room [m]."""
-        now = self._world.configuration()
+    def _flooded(self, cache: Latest[Drivable], floor: Floor, slack: float) -> Drivable:
+        """Compute the base poses reachable from the current one, as :func:`_flood`, or look them up."""
+        current = self._world.configuration()
 
-        def work_out() -> Drivable:
+        def compute() -> Drivable:
             x_min, y_min, x_max, y_max = floor.bounds
             large = (x_max - x_min) * (y_max - y_min) > MOST_FLOOR
-            if large or self._world.contacts(now, ("base",)):
+            if large or self._world.contacts(current, ("base",)):
                 return Drivable(Grid(0.0, 0.0, 1, 1), np.full((1, 1), EVERY), beyond=True)
-            return _flood(now.base, floor, slack)
+            return _flood(current.base, floor, slack)
 
-        return known.of((floor, now.base), work_out)
+        return cache.of((floor, current.base), compute)
 
     def whole(self) -> Floor:
-        """Return the floor that is left to the base: with the robot's body and its arms, as they are now."""
+        """Compute the floor that is free for the base, with the robot's body and arms as they are now."""
         shapes = outlines(self._world.outlines())
         return Floor(self.obstacles(), self.silhouette(), shapes, self._world.scene.bounds)
 
     def closes_way(self, place: Array, within: float) -> str | None:
-        """Return the body without which the base would get to more floor ``within`` [m] of a place (2,), if one does.
+        """Find the body without which the base could reach most additional floor ``within`` [m] of a position (2,).
 
-        Of several the one that keeps the base from most of that floor; bodies far from the straight line are not tried.
+        None if no body makes a difference. Only the bodies nearest to the straight line are tried.
         """
-        known = self.drivable()
-        if known.beyond:
+        reachable = self.drivable()
+        if reachable.beyond:
             return None
-        base, cells = self._world.configuration().base, known.near(place, within)
+        base, cells = self._world.configuration().base, reachable.near(place, within)
         boxes, names = self.boxes_but(())
         line = np.linspace(base[:2], place, 20)
-        away = np.linalg.norm(boxes.centres[:, None, :2] - line, axis=2).min(axis=1) - boxes.half_extents[:, :2].max(
-            axis=1
-        )
-        nearest = dict.fromkeys(names[row] for row in np.argsort(away, kind="stable").tolist())
+        distances = np.linalg.norm(boxes.centres[:, None, :2] - line, axis=2).min(axis=1)
+        distances -= boxes.half_extents[:, :2].max(axis=1)
+        nearest = dict.fromkeys(names[row] for row in np.argsort(distances, kind="stable").tolist())
         gains = {
             name: _flood(base, self.floor_without(name)).near(place, within) - cells
             for name in list(nearest)[:MOST_REMOVED]
@@ -216,11 +215,11 @@ class SceneCollisions:
         return best if best is not None and gains[best] > 0 else None
 
     def obstacles(self) -> Boxes:
-        """Return boxes around the pieces of all bodies that are not held, the floor left out."""
+        """List the boxes around the pieces of all bodies that are not held, except the floor."""
         return self.boxes_but(())[0]
 
     def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
-        """Return boxes around the pieces of all bodies that are not held, some left out; and whose they are."""
+        """List the boxes of :meth:`obstacles` except those of some bodies, and the body of each box."""
         boxes, solids = self._of_bodies()
         if not set(without) & set(solids.bodies):
             return boxes, solids.bodies
@@ -228,29 +227,32 @@ class SceneCollisions:
         return boxes.only(kept), tuple(solids.bodies[index] for index in kept)
 
     def solids(self) -> Solids:
-        """Return the pieces of all bodies that are not held."""
+        """List the convex pieces of all bodies that are not held."""
         return self._of_bodies()[1]
 
     def silhouette(self) -> tuple[Band, ...]:
-        """Return what the robot needs of room when it stands or turns, with what it holds, in its present posture."""
+        """Compute the bands of height with the radius that the robot sweeps when it turns in its current posture.
+
+        Held objects are included.
+        """
         return self._world.silhouette()
 
     def _of_bodies(self) -> tuple[Boxes, Solids]:
-        """Return boxes around the pieces, and the pieces themselves."""
+        """Compute the pieces of all bodies that are not held, and boxes around them."""
 
-        def work_out() -> tuple[Boxes, Solids]:
+        def compute() -> tuple[Boxes, Solids]:
             pieces = self._world.solids()
             sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
             return Boxes.around([piece.pose for piece in pieces], sizes), Solids.of(pieces)
 
-        return self._bodies.of(self._state(), work_out)
+        return self._bodies.of(self._state(), compute)
 
     def _posture(self) -> object:
-        """Return the joint values as a value that can be compared."""
+        """Cache key of the robot's joint positions."""
         return tuple(self._world.configuration().joints.items())
 
     def _state(self) -> object:
-        """Return what the places of all bodies depend on."""
+        """Cache key of the poses of all bodies."""
         return self._belief.revision, tuple(self._belief.held), tuple(self._world.attached())
 
     # Exact checks
@@ -264,30 +266,31 @@ class SceneCollisions:
         fingers: Fingers = (),
         among: Collection[tuple[str, str]] | None = None,
     ) -> tuple[Contact, ...]:
-        """Return penetrations with an arm at ``q``, all else as it is; its fingers may touch the body ``touches``.
+        """Compute penetrations with the base at a pose and an arm at ``q`` (d,), all other joints as they are.
 
-        ``fingers``: where those of the arm are, if not as they are. ``among``: the only pairs that can touch, if known.
+        The arm's fingers may touch the body ``touches``; ``fingers``: their joint positions, by default the current
+        ones. ``among``: the only pairs that can touch, if known.
         """
         still_computing()
-        now = self._world.configuration().joints
+        current = self._world.configuration().joints
         if arm is None or q is None:
-            found = self._world.contacts(Configuration(base, now), ("base",), among=among)
-            return found if among is not None else (*found, *self._own_contacts(now))
-        joints = {**now, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
+            contacts = self._world.contacts(Configuration(base, current), ("base",), among=among)
+            return contacts if among is not None else (*contacts, *self._own_contacts(current))
+        joints = {**current, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
         ignore = [(link, touches) for link in sorted(self.touching_links(arm))] if touches is not None else []
         moving = (*arm.joints, *(name for name, _ in fingers))
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
-        """Return where the robot, as it is, with what it holds, touches itself: wherever it stands."""
+        """Compute self-collisions of the robot with its held objects, which do not depend on the base pose."""
         state = tuple(joints.items()), tuple(self._world.attached())
-        there = Configuration(self._world.configuration().base, joints)
-        return self._touched.of(state, lambda: self._world.self_contacts(there))
+        configuration = Configuration(self._world.configuration().base, joints)
+        return self._touched.of(state, lambda: self._world.self_contacts(configuration))
 
     def stops_closing(self, base: BasePose, arm: ArmModel, q: Array, around: str, fingers: Fingers) -> str | None:
-        """Return the body that a finger, closing, meets before it meets ``around``; None if there is none.
+        """Find the body that stops a closing finger before it touches ``around``; None if there is none.
 
-        Fingers on hinges go forward while they close: what is behind a thing may keep them from it.
+        Hinged fingers move forward while they close, so a body behind the object may stop them.
         """
         gripper = self._robot.arm(arm.name).gripper
         if gripper is None:
@@ -296,18 +299,18 @@ class SceneCollisions:
         joints |= fingers
         steps = _closing(gripper, fingers)
         links = [self._world.robot.moved_by(name) for name in gripper.joints]
-        apart = len(frozenset[int]().union(*links)) == sum(map(len, links))
-        if apart and self._world.passed(Configuration(base, joints), steps) <= {around}:
-            return None  # each finger goes its way whatever becomes of the others
+        independent = len(frozenset[int]().union(*links)) == sum(map(len, links))
+        if independent and self._world.passed(Configuration(base, joints), steps) <= {around}:
+            return None  # no finger's motion depends on whether another one has been stopped
         stopped = self._close(base, joints, steps, around)
         return stopped if isinstance(stopped, str) else None
 
     def closed_on(
         self, base: BasePose, arm: ArmModel, q: Array, around: str, fingers: Fingers | None = None
     ) -> Mapping[str, float] | None:
-        """Return where the fingers of an arm come to rest with a body between them, as joint values; None elsewhere.
+        """Compute the joint positions of fingers closed on a body; None if they do not pinch it.
 
-        ``fingers``: where they begin, if not opened as far as they go.
+        ``fingers``: their positions before, by default fully open.
         """
         fingers = arm.openings.widest if fingers is None else fingers
         gripper = self._robot.arm(arm.name).gripper
@@ -319,20 +322,23 @@ class SceneCollisions:
         if isinstance(stopped, str):
             return None
         point = pinched(self._world.touches(gripper.finger_links, Configuration(base, joints)))
-        if point is None or (away := self._away(around, point)) > MEANT:
+        if point is None or (distance := self._distance(around, point)) > MEANT:
             return None
         others = (body.name for body in self._world.scene.bodies if body.graspable and body.name != around)
-        return None if any(self._away(name, point) < away for name in others) else stopped
+        return None if any(self._distance(name, point) < distance for name in others) else stopped
 
-    def _away(self, name: str, point: Array) -> float:
-        """Return how far a point (3,) of the map is from a body [m]."""
+    def _distance(self, name: str, point: Array) -> float:
+        """Compute the distance of a map point (3,) from a body or its handles [m]."""
         body, pose = self._world.scene.body(name), self._world.pose(name)
         return min(one.away(point) for one in (Block.of(pose, body.size), *handles_of(body, pose)))
 
     def _close(
         self, base: BasePose, joints: dict[str, float], steps: Sequence[Mapping[str, float]], around: str
     ) -> str | Mapping[str, float]:
-        """Return the fingers' joint values where they meet a body, or what they meet before."""
+        """Close fingers step by step until they touch ``around``; return their positions, or a body that stops them.
+
+        Updates ``joints`` to the positions reached.
+        """
         moving = list(steps[0])
         for step in steps:
             for name in tuple(moving):
@@ -348,31 +354,31 @@ class SceneCollisions:
         return {name: joints[name] for name in steps[0]}
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
-        """Return the torso positions at which the rest of the robot, in its present posture, does not touch itself."""
+        """Select the torso positions without self-collision of the robot's other parts in their current posture."""
         if arm.lift is None:
             return tuple(torsos)
-        now = self._world.configuration()
-        known, joint, rest = self._lifts.of(self._posture(), dict), arm.lift.joint, self._rest[arm.name]
+        current = self._world.configuration()
+        cached, joint, rest = self._lifts.of(self._posture(), dict), arm.lift.joint, self._rest[arm.name]
         for torso in torsos:
-            if (joint, torso) not in known:
-                found = self._world.self_contacts(Configuration(now.base, {**now.joints, joint: torso}))
-                known[joint, torso] = [(contact.part, contact.body) for contact in found]
-        return tuple(torso for torso in torsos if not any(rest.issuperset(pair) for pair in known[joint, torso]))
+            if (joint, torso) not in cached:
+                contacts = self._world.self_contacts(Configuration(current.base, {**current.joints, joint: torso}))
+                cached[joint, torso] = [(contact.part, contact.body) for contact in contacts]
+        return tuple(torso for torso in torsos if not any(rest.issuperset(pair) for pair in cached[joint, torso]))
 
     # Quick checks
 
     def prepare(self) -> None:
-        """Work out now what arms need to find their way, once for this robot: later a plan would wait for it."""
+        """Fill the caches of all arms now, so that no plan has to wait for that."""
         for arm in self._arms:
             self.quick_check(arm, None)
 
     def quick_check(self, arm: ArmModel, touches: str | None) -> QuickCheck:
-        """Return a check, without PyBullet, of how an arm may move here; ``touches`` as in :meth:`contacts`."""
+        """Build a check, without PyBullet, of an arm's motions from here; ``touches`` as in :meth:`contacts`."""
         bodies = self._bodies_of(arm, ())
         base = self._world.link_pose(self._robot.base_link).matrix()
-        middle = moved(base, bodies.centre)
+        centre = moved(base, bodies.centre)
         return bodies.against(
-            base, self._room().near(middle, bodies.reach), (self.touching_links(arm), _names(touches))
+            base, self._room().near(centre, bodies.reach), (self.touching_links(arm), _names(touches))
         )
 
     def group_check(
@@ -383,10 +389,10 @@ class SceneCollisions:
         touches: frozenset[str] = frozenset(),
         gone: frozenset[str] = frozenset(),
     ) -> QuickCheck:
-        """Return a check, without PyBullet, of how arms may move together; blades may go under what is thin.
+        """Build a check, without PyBullet, of joint motions of several arms; held blades may slide under thin bodies.
 
-        ``base_link``: the pose (4, 4) of the robot's base link in the map from which they do; ``touches``: the bodies
-        that their fingers may touch; ``gone``: those that are elsewhere by then.
+        ``base_link``: pose (4, 4) of the robot's base link in the map; ``touches``: bodies that the fingers may touch;
+        ``gone``: bodies to ignore.
         """
         world, names = self._world, tuple(arm.name for arm in arms)
         if names not in self._groups:
@@ -406,67 +412,74 @@ class SceneCollisions:
         *,
         ignore: Collection[str | tuple[str, str]] = (),
     ) -> list[tuple[str, str]]:
-        """Return which two bodies penetrate each other, wrongly, with some joints, and perhaps the base, elsewhere.
+        """List the forbidden contacts with some joints, and optionally the base, at other positions.
 
         ``ignore``: bodies, or pairs of a link and a body, that may touch.
         """
-        now = self._world.configuration()
-        there = Configuration(base or now.base, {**now.joints, **joints})
-        return [(contact.part, contact.body) for contact in self._world.contacts(there, tuple(joints), ignore=ignore)]
+        current = self._world.configuration()
+        configuration = Configuration(base or current.base, {**current.joints, **joints})
+        contacts = self._world.contacts(configuration, tuple(joints), ignore=ignore)
+        return [(contact.part, contact.body) for contact in contacts]
 
     def touching_links(self, arm: ArmModel) -> frozenset[str]:
-        """Return the links that may touch what an arm takes or pushes: its fingers; its palm would be in the way."""
+        """Collect the links that may touch an arm's object: fingers, but not the palm; without gripper, the hand."""
         gripper = self._robot.arm(arm.name).gripper
         return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
 
     def arm_check(
         self, arm: ArmModel, touches: str | None, fingers: Fingers, near: tuple[Array, float] | None = None
     ) -> QuickCheck:
-        """Return a check that rules out postures of an arm from any base, and poses of its hand."""
+        """Build a check that rules out postures of an arm from any base pose, and poses of its hand.
+
+        ``near``: centre (3,) and radius [m] of a sphere of the map; only bodies that intersect it are checked.
+        """
         key, ignored = ("arm", arm.name, touches, fingers), (self.touching_links(arm), _names(touches))
         return self._check(key, near, lambda: self._bodies_of(arm, fingers), ignored)
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
-        """Return a check that rules out bases from which an arm, in its present posture, would stick into something."""
+        """Build a check that rules out base poses at which an arm in its current posture would be in collision."""
         several = [self._chains[arm.name] for arm in self._arms]
         return self._check("stance", near, lambda: ArmShapes.still(self._world, several), (frozenset(), frozenset()))
 
     def _check(
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
     ) -> QuickCheck:
-        """Return the check of some bodies against the room, kept as long as nothing moves."""
-        kept = self._checks.of((self._state(), self._posture(), tuple(self._belief.held.values())), dict)
-        whole = key, None if near is None else (near[0].tobytes(), near[1])
-        if whole not in kept:
-            kept[whole] = bodies().against(np.eye(4), self._room_near(near), ignored)
-        return kept[whole]
+        """Build a check of parts of the robot against the room, or look it up until something moves."""
+        cached = self._checks.of((self._state(), self._posture(), tuple(self._belief.held.values())), dict)
+        full_key = key, None if near is None else (near[0].tobytes(), near[1])
+        if full_key not in cached:
+            cached[full_key] = bodies().against(np.eye(4), self._room_near(near), ignored)
+        return cached[full_key]
 
     def _room_near(self, near: tuple[Array, float] | None) -> Room:
-        """Return the bodies that meet a sphere, or all."""
+        """Select the obstacles that intersect a sphere, or all."""
         room = self._room()
         return room if near is None else self._near.of((room, near[0].tobytes(), near[1]), lambda: room.near(*near))
 
     def _room(self) -> Room:
-        """Return all bodies as obstacles."""
+        """Collect all bodies as obstacles."""
         solids = self.solids()
         rooms = (body.name for body in self._world.scene.bodies if body.shape is BodyShape.ROOM)
         return self._obstacles.of(solids, lambda: Room.of(solids, next(rooms, FLOOR)))
 
     def _bodies_of(self, arm: ArmModel, fingers: Fingers) -> ArmBodies:
-        """Return an arm with all that its joints move and may meet of the robot; its own joints may be anywhere."""
+        """Build the shapes of an arm with all that it moves, and the parts of the robot that it may touch.
+
+        They are valid for all positions of the arm's own joints.
+        """
         joints = self._world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
-        chain, there = self._chains[arm.name], {name: value for name, value in fingers if joints.get(name) != value}
-        kept = self._arm_bodies.setdefault((arm.name, fingers if there else ()), Latest())
-        return kept.of((rest, self._in_hands()), lambda: chain.now(self._world, there))
+        chain, changed = self._chains[arm.name], {name: value for name, value in fingers if joints.get(name) != value}
+        cached = self._arm_bodies.setdefault((arm.name, fingers if changed else ()), Latest())
+        return cached.of((rest, self._in_hands()), lambda: chain.now(self._world, changed))
 
     def _in_hands(self) -> object:
-        """Return what the bodies of arms depend on beside joints: with empty hands nothing."""
+        """Cache key of held objects; None with empty hands."""
         held = tuple(self._belief.held.values())
         return (self._state(), held) if held or self._world.attached() else None
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
-        """Return links that other joints of an arm than the torso's move."""
+        """Collect the links that the joints of an arm move, the torso's left out."""
         robot = self._world.robot
-        moved = (robot.moved_by(name) for name in arm.joints if arm.lift is None or name != arm.lift.joint)
-        return frozenset(robot.solid_names[number] for number in frozenset[int]().union(*moved))
+        links = (robot.moved_by(name) for name in arm.joints if arm.lift is None or name != arm.lift.joint)
+        return frozenset(robot.solid_names[number] for number in frozenset[int]().union(*links))

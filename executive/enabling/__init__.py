@@ -1,1 +1,1 @@
-"""Enabling a robot for a task with what a knowledge base has: the search over alternatives, and its explanation."""
+"""Enabling a robot for a task from a knowledge base: the search over alternatives, and its explanation."""

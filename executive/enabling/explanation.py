@@ -1,8 +1,8 @@
-"""Explanations why a robot can do a task with a knowledge base, or which side lacks what: a tree of findings.
+"""Explanation why a robot can do a task with a knowledge base, or what is missing on which side: a tree of findings.
 
-For a task that cannot be done, alternatives are the entries that would do it, with the needs that each leaves unmet.
-Those of a need are those of its offers; of an offer, the combinations of those of its needs (k best derivations of an
-AND/OR graph), found by rounds over all needs until nothing changes. What leads back to itself alone has none.
+For a task that cannot be done, an alternative is a set of entries that would do it, with the needs that stay unmet.
+The alternatives of a need are the union of those of its offers; those of an offer combine one alternative of each of
+its needs (k best derivations of an AND/OR graph). They are computed by passes over all needs up to the fixed point.
 """
 
 from __future__ import annotations
@@ -19,52 +19,52 @@ from planlang.knowledge.entries import Entry
 from planlang.records import dataclass
 
 MOST_REFUSED = 20
-"""Entries that were refused for one need, of which an explanation tells."""
+"""Refused entries shown for one need."""
 
 DEEPEST = 100
-"""Needs of needs of which an explanation tells."""
+"""Depth at which the tree of findings is cut off."""
 
 
 @dataclass(slots=True)
 class Explanation:
-    """The answers to what a task needs, told to people and programs."""
+    """Result of enabling a robot for a task, as text and as JSON data."""
 
     enabling: Enabling
     combination: Combination
     _shown: set[Need] = field(default_factory=set)
     _path: list[Need] = field(default_factory=list)
-    """Needs above the one that is told."""
+    """Requirements that depend on the reported one, the task first."""
     _alternatives: tuple[Alternative, ...] | None = None
 
     def tree(self) -> Finding:
-        """Return the finding about the task's recipe, with all that it needs below."""
+        """Build the finding for the task's recipe, with the findings for its needs below it."""
         self._shown.clear()
-        (root,) = self.combination.wanted
+        (root,) = self.combination.roots
         return self._of(root)
 
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Return the ways to do a task that cannot be done, with what each lacks, the nearest to complete first."""
+        """Alternatives for a task that cannot be done, those with the fewest unmet needs first."""
         if self._alternatives is None:
-            (root,) = self.combination.wanted
+            (root,) = self.combination.roots
             self._alternatives = alternatives(self.combination, root) if self.combination.unmet else ()
         return self._alternatives
 
     def unmet(self) -> tuple[str, ...]:
-        """Return what the alternative that is nearest to complete lacks."""
+        """Unmet needs of the best alternative, in words."""
         return tuple(self._named(need) for one in self.alternatives()[:1] for need in one.missing)
 
     def verdict(self) -> Iterator[str]:
-        """Yield why a task cannot be done: what neither side has, or what each alternative lacks on which side."""
-        robot, found = self.enabling.robot.robot, self.alternatives()
-        if len(found) == 1:
+        """Yield the lines why a task cannot be done: what each alternative lacks, and on which side."""
+        robot, options = self.enabling.robot.robot, self.alternatives()
+        if len(options) == 1:
             yield f"{robot} cannot do it; neither side has {', '.join(self.unmet())}"
-        elif found:
-            yield f"{robot} cannot do it; its alternatives, the nearest to complete first, and what they lack:"
-            for one in found:
+        elif options:
+            yield f"{robot} cannot do it; alternatives and what they lack, the most complete first:"
+            for one in options:
                 yield f"  {', '.join(one.entries) or 'without entries'}: {'; '.join(self._lacking(one))}"
-        if found and (unread := sum(self.enabling.unread.values())):
+        if options and (unread := sum(self.enabling.unread.values())):
             limit = self.enabling.stock.limit
-            yield f"that is not sure: of what could be had {unread} were not looked at, as {limit} were (--limit)"
+            yield f"this is not certain: {unread} candidates were not examined after the first {limit} (--limit)"
 
     def _lacking(self, alternative: Alternative) -> Iterator[str]:
         robot, url = self.enabling.robot.robot, self.enabling.url
@@ -74,39 +74,39 @@ class Explanation:
                 yield f"{side} {verb} {', '.join(names)}"
 
     def _side(self, need: Need) -> str:
-        """Return who would have to have something: the robot its hardware, a knowledge base recipes, models, maps."""
-        wanted, robot, url = self.enabling.wanted[need], self.enabling.robot.robot, self.enabling.url
-        if wanted.kind not in NEEDED:
+        """Name who could meet a need: the robot (hardware), the knowledge base (recipes, models, maps), or both."""
+        details, robot, url = self.enabling.details[need], self.enabling.robot.robot, self.enabling.url
+        if details.kind not in NEEDED:
             return url
-        return robot if wanted.is_hardware else f"{robot} and {url}"
+        return robot if details.is_hardware else f"{robot} and {url}"
 
     def _named(self, need: Need) -> str:
-        wanted = self.enabling.wanted[need]
-        return f"{wanted.kind.value} {wanted.text}".strip()
+        details = self.enabling.details[need]
+        return f"{details.kind.value} {details.text}".strip()
 
     def _of(self, need: Need) -> Finding:
-        wanted, answer = self.enabling.wanted[need], self.combination.answers[need]
+        details, answer = self.enabling.details[need], self.combination.answers[need]
         is_new = need not in self._shown and len(self._path) < DEEPEST
         self._shown.add(need)
         if answer.by is not None:
-            return Finding(wanted.kind, wanted.text, wanted.iri, Availability.AVAILABLE, answer.by)
+            return Finding(details.kind, details.text, details.iri, Availability.AVAILABLE, answer.by)
         is_circular = need in self._path
         self._path.append(need)
         below = tuple(self._below(need, answer)) if is_new else ()
         self._path.pop()
-        state, reason = Availability.MISSING, wanted.lacks
+        state, reason = Availability.MISSING, details.lacks
         if answer.offer is not None:
             state, reason = Availability.AVAILABLE, self._taken(answer.offer)
         elif is_circular:
-            reason = "it is needed for itself"
+            reason = "it depends on itself"
         elif any(not offer.is_own for offer, _ in answer.considered):
-            reason = "what could be had for it needs what is missing"
-        return Finding(wanted.kind, wanted.text, wanted.iri, state, reason, None, below)
+            reason = "every candidate needs something that is missing"
+        return Finding(details.kind, details.text, details.iri, state, reason, None, below)
 
     def _taken(self, offer: Offer) -> str:
         if offer.is_own:
-            return f"{offer.about} of {self.enabling.robot.robot}, with what it needs"
-        return self.enabling.stock.said_of(offer.uid)
+            return f"{offer.about} of {self.enabling.robot.robot}, with its dependencies"
+        return self.enabling.stock.provenance(offer.uid)
 
     def _below(self, need: Need, answer: Answer) -> Iterator[Finding]:
         yield from map(self._of, answer.offer.needs if answer.offer is not None else ())
@@ -114,9 +114,10 @@ class Explanation:
         refused += [_entry(uid, reason) for uid, reason in self.enabling.refused.get(need, {}).items()]
         yield from refused[:MOST_REFUSED]
         if len(refused) > MOST_REFUSED:
-            yield _entry(f"... and {len(refused) - MOST_REFUSED} more", "refused, too")
+            yield _entry(f"... and {len(refused) - MOST_REFUSED} more", "refused as well")
         if unread := self.enabling.unread.get(need):
-            yield _entry(f"... and {unread} more", f"not looked at, as {self.enabling.stock.limit} were (--limit)")
+            reason = f"not examined, after the first {self.enabling.stock.limit} (--limit)"
+            yield _entry(f"... and {unread} more", reason)
 
     def _refused(self, answer: Answer) -> Iterator[Finding]:
         for offer, lacking in answer.considered:
@@ -127,25 +128,25 @@ class Explanation:
                 yield _entry(offer.uid, f"it needs {_listed(map(self._named, lacking))}", below)
 
     def entries(self) -> list[Found]:
-        """Return the entries that are used, taken now or before, what others need before them."""
+        """Entries that the task uses, downloaded now or before; dependencies come before the entries that need them."""
         known = self.enabling.stock.found
         return [known[one.uid] for one in self.combination.offers() if one.uid in known]
 
     def taken(self) -> list[tuple[Found, list[Need]]]:
-        """Return the entries that are to be taken, with the needs that each is for."""
+        """Entries to download, each with the needs that it meets."""
         answers = self.combination.answers.values()
         new = [one for one in self.entries() if not self.enabling.stock.is_kept(one.entry.uid)]
         return [(one, [a.need for a in answers if a.offer and a.offer.uid == one.entry.uid]) for one in new]
 
     def maps(self) -> list[Entry]:
-        """Return the maps that the task runs in."""
-        needs = (need for need, wanted in self.enabling.wanted.items() if wanted.kind is FindingKind.MAP)
+        """Maps among the used entries, in which the task can run."""
+        needs = (need for need, details in self.enabling.details.items() if details.kind is FindingKind.MAP)
         answers = (self.combination.answers.get(need) for need in needs)
         uids = {one.offer.uid for one in answers if one is not None and one.offer is not None}
         return [one.entry for one in self.entries() if one.entry.uid in uids]
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is taken, what is missing and the tree as JSON data."""
+        """JSON data: downloaded and missing entries, alternatives, and the tree of findings."""
         used, stock = [one.entry.uid for one in self.entries()], self.enabling.stock
         new = [one for one in used if not stock.is_kept(one)]
         return {
@@ -165,8 +166,8 @@ class Explanation:
         robot, url = self.enabling.robot.robot, self.enabling.url
         sides = {name: (side, f"{robot} and {url}") for name, side in (("robot", robot), ("knowledge_base", url))}
         lacking = {
-            name: [self._named(need) for need in alternative.missing if self._side(need) in meant]
-            for name, meant in sides.items()
+            name: [self._named(need) for need in alternative.missing if self._side(need) in owners]
+            for name, owners in sides.items()
         }
         return {"entries": list(alternative.entries), **lacking}
 
@@ -180,55 +181,56 @@ def _listed(names: Iterable[str]) -> str:
 
 
 MOST_KEPT = 5
-"""Alternatives of a need that are kept, the nearest to complete."""
-MOST_ROUNDS = 50
+"""Alternatives kept for each need; the number of combinations would grow exponentially without a bound."""
+MOST_PASSES = 50
 
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """Entries (identifiers) that meet a need but for what is ``missing``: needs that nothing meets."""
+    """Identifiers of entries that meet a need, except for the ``missing`` needs, which nothing meets."""
 
     entries: tuple[str, ...]
     missing: tuple[Need, ...]
 
 
 def alternatives(combination: Combination, root: Need) -> tuple[Alternative, ...]:
-    """Return the ways to meet a need that nothing meets, those that lack least first, then as they were offered.
+    """Find the alternatives for an unmet need, those with the fewest missing needs first, then in the order of offers.
 
-    Of ways that lack the same, the first. Where all ways lead in circles, one need in each counts as missing.
+    Of alternatives with the same missing needs only the first is kept. Where all of them are circular, one need of
+    each cycle counts as missing.
     """
     answers = combination.answers
     unmet = [need for need, answer in reversed(answers.items()) if not answer.is_met]
     known: dict[Need, tuple[Alternative, ...]] = dict.fromkeys(unmet, ())
     known.update((need, (Alternative((), (need,)),)) for need in unmet if not answers[need].considered)
-    _spread(combination, unmet, known)
+    _propagate(combination, unmet, known)
     while not known[root]:
         circular = next(need for need in unmet if not known[need])
         known[circular] = (Alternative((), (circular,)),)
-        _spread(combination, unmet, known)
+        _propagate(combination, unmet, known)
     return known[root]
 
 
-def _spread(combination: Combination, unmet: Iterable[Need], known: dict[Need, tuple[Alternative, ...]]) -> None:
-    """Complete what is known of needs with the alternatives of what these need."""
-    for _ in range(MOST_ROUNDS):
+def _propagate(combination: Combination, unmet: Iterable[Need], known: dict[Need, tuple[Alternative, ...]]) -> None:
+    """Recompute the alternatives of each need from those of its offers until nothing changes."""
+    for _ in range(MOST_PASSES):
         is_changed = False
         for need in unmet:
-            ways = [way for one in combination.answers[need].considered for way in _ways(*one, known)]
-            found = _nearest([*ways, *(known[need] if not ways else ())])
-            is_changed |= found != known[need]
-            known[need] = found
+            derived = [way for one in combination.answers[need].considered for way in _ways(*one, known)]
+            best = _best(derived or known[need])
+            is_changed |= best != known[need]
+            known[need] = best
         if not is_changed:
             return
 
 
 def _ways(offer: Offer, lacking: Iterable[Need], known: Mapping[Need, tuple[Alternative, ...]]) -> list[Alternative]:
-    """Return the ways to take an offer."""
-    found: tuple[Alternative, ...] = (Alternative((), ()),)
+    """Combine the alternatives of all unmet needs of an offer."""
+    combined: tuple[Alternative, ...] = (Alternative((), ()),)
     for need in lacking:
-        found = _nearest(_joined(one, other) for one in found for other in known[need])
-    taken = Alternative(() if offer.is_own else (offer.uid,), ())
-    return [_joined(one, taken) for one in found]
+        combined = _best(_joined(one, other) for one in combined for other in known[need])
+    own_entry = Alternative(() if offer.is_own else (offer.uid,), ())
+    return [_joined(one, own_entry) for one in combined]
 
 
 def _joined(one: Alternative, other: Alternative) -> Alternative:
@@ -236,9 +238,9 @@ def _joined(one: Alternative, other: Alternative) -> Alternative:
     return Alternative(tuple(dict.fromkeys(entries)), tuple(dict.fromkeys(missing)))
 
 
-def _nearest(ways: Iterable[Alternative]) -> tuple[Alternative, ...]:
-    """Return the ways that lack least, the first of those that lack the same."""
-    found: dict[frozenset[Need], Alternative] = {}
+def _best(ways: Iterable[Alternative]) -> tuple[Alternative, ...]:
+    """Select the alternatives with the fewest missing needs, the first of each set of missing needs."""
+    distinct: dict[frozenset[Need], Alternative] = {}
     for one in ways:
-        found.setdefault(frozenset(one.missing), one)
-    return tuple(sorted(found.values(), key=lambda one: len(one.missing))[:MOST_KEPT])
+        distinct.setdefault(frozenset(one.missing), one)
+    return tuple(sorted(distinct.values(), key=lambda one: len(one.missing))[:MOST_KEPT])

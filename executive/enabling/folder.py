@@ -1,4 +1,4 @@
-"""The folder in which a robot keeps what it took from a knowledge base: the files, and a list of what they are."""
+"""The robot's local copy of knowledge base entries: their files, and a list with their records."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ LIST = "taken.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """An entry that was taken: for which needs, from where."""
+class LocalCopy:
+    """A downloaded entry, the needs that it was downloaded for, and the knowledge base that it came from."""
 
     found: Found
     needs: tuple[str, ...]
@@ -32,51 +32,53 @@ class Kept:
 
 @dataclass(slots=True)
 class Folder:
-    """A robot's folder: ``recipes``, ``environments``, ``objects`` and others, in each a folder for every entry.
+    """A robot's folder: ``recipes``, ``environments``, ``objects`` and so on, each with one folder per entry.
 
-    It need not be there yet. What is there and not on the list is nobody's: it is neither used nor replaced.
+    It need not exist yet. Files that are not on the list are the user's: they are neither used nor overwritten.
     """
 
     path: Path
-    kept: dict[str, Kept] = field(default_factory=dict)
-    """By identifier."""
+    kept: dict[str, LocalCopy] = field(default_factory=dict)
+    """By the entry's identifier."""
 
     @classmethod
     def read(cls, path: Path) -> Folder:
-        """Return a folder as its list says. Raises BadInput for a list that is none."""
-        listed = path / LIST
-        if not listed.is_file():
+        """Read a folder's list; entries whose files were changed or removed are left out. Raises BadInput."""
+        list_path = path / LIST
+        if not list_path.is_file():
             return cls(path)
         try:
-            records = as_json(read_file(listed)).get("taken")
-            kept = [_kept(one) for one in records] if isinstance(records, list) else []
+            records = as_json(read_file(list_path)).get("taken")
+            kept = [_local_copy(one) for one in records] if isinstance(records, list) else []
         except NotAsAgreed:
-            message = "this is no list of what a robot took from a knowledge base"
-            raise BadInput([error("K041", message, Span(str(listed)), "remove it to take everything anew")]) from None
+            message = "this file does not list entries of a knowledge base"
+            advice = "delete it to download everything again"
+            raise BadInput([error("K041", message, Span(str(list_path)), advice)]) from None
         folder = cls(path, {one.found.entry.uid: one for one in kept})
         folder.kept = {uid: one for uid, one in folder.kept.items() if folder._is_whole(one.found.entry)}
         return folder
 
     def _is_whole(self, entry: Entry) -> bool:
-        """Return whether all files of an entry are as they were taken."""
+        """Check whether all files of an entry are unchanged since the download."""
         digests = {self.file(entry): entry.revision.sha256}
         digests |= {self.file(entry).parent / one.name: one.sha256 for one in entry.attachments}
         return all(has_digest(path, sha256) for path, sha256 in digests.items())
 
     def file(self, entry: Entry) -> Path:
-        """Return the file of an entry's content."""
+        """Path of an entry's content."""
         return self.path / entry.kind.value / entry.uid / f"{entry.uid}{SUFFIXES[entry.syntax]}"
 
     def content(self, entry: Entry) -> bytes:
-        """Return the content of a kept entry. Raises BadInput if it is not there, or not what was taken."""
+        """Content of an entry on the list. Raises BadInput if its file is missing or changed."""
         return verified(read_file(self.file(entry)), entry.revision.sha256, str(self.file(entry)))
 
     def take(self, taken: Iterable[tuple[Found, Iterable[str]]], shelf: Shelf) -> tuple[Path, ...]:
-        """Download entries with their files, and list them with the needs that each is for; returns what was written.
+        """Download entries with their attachments and add them to the list; returns the paths written.
 
-        All of them, or none if one cannot be had. Raises BadInput.
+        ``taken`` pairs each entry with the needs that it meets. If one download fails, none of them is kept.
+        Raises BadInput.
         """
-        new = [Kept(found, tuple(needs), shelf.url) for found, needs in taken]
+        new = [LocalCopy(found, tuple(needs), shelf.url) for found, needs in taken]
         entries = [(one.found.entry, self.file(one.found.entry).parent) for one in new]
         try:
             files = pull(shelf, entries)
@@ -90,13 +92,13 @@ class Folder:
         return files
 
 
-def _record(kept: Kept) -> dict[str, Any]:
+def _record(kept: LocalCopy) -> dict[str, Any]:
     found = kept.found
     return {**asdict(found.entry), "links": found.links, "needs": kept.needs, "source": kept.source}
 
 
-def _kept(record: object) -> Kept:
-    """Return what a record is of. Raises NotAsAgreed."""
-    stated = record if isinstance(record, dict) else {}
-    needs = read_as(tuple[str, ...], stated.get("needs"))
-    return Kept(read_found(record), needs, read_as(str, stated.get("source")))
+def _local_copy(record: object) -> LocalCopy:
+    """Parse a record of the list. Raises NotAsAgreed."""
+    values = record if isinstance(record, dict) else {}
+    needs = read_as(tuple[str, ...], values.get("needs"))
+    return LocalCopy(read_found(record), needs, read_as(str, values.get("source")))

@@ -1,4 +1,4 @@
-"""The things among the parameters of a recipe: what has to be recognised, and what a map has to have."""
+"""Things among the parameters of a recipe: which ones the robot has to recognise, and which a map has to contain."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from planlang.recipe.readers import OUTPUTS
 
 
 def things_of(actions: Actions, recipes: RecipeSet) -> tuple[Thing, ...]:
-    """Return the objects and persons that a recipe and those below it are about: what a map has to have.
+    """Objects and persons in the parameters of a recipe and its subrecipes, which a map has to contain.
 
-    That is without what the recipe makes itself, and without what a caller or user gives. Recipes of the library are
-    about what their callers name.
+    Left out are the products of the recipe itself, parameters that a caller or user fills, and recipes of the library,
+    whose parameters come from their callers.
     """
     return _without_made(actions, recipes, (thing for _, filler in _fillers(actions, recipes) for thing in _in(filler)))
 
 
 def handled_by(actions: Actions, recipes: RecipeSet) -> tuple[Thing, ...]:
-    """Return those of them that steps perceive or handle, and that have to be recognised for that.
+    """Things that steps perceive or handle, and that the robot therefore has to recognise.
 
-    Of the places of a step that is what a run looks at before the hand goes there.
+    For locations of a step these are the things that the robot looks at before its hand goes there.
     """
     handled = (thing for step in _steps(actions, recipes) for thing in _handled(step))
     return _without_made(actions, recipes, handled)
 
 
 def class_of(thing: Thing) -> str:
-    """Return the class (IRI) of a thing: that which the recipe states, else the nearest one of the vocabulary."""
+    """IRI of a thing's class: the one in the recipe, else the nearest one of the vocabulary."""
     return thing.stated or expand(thing.type)
 
 
@@ -56,7 +56,7 @@ def _without_made(actions: Actions, recipes: RecipeSet, things: Iterable[Thing])
 
 
 def _classes_made(ontology: Ontology, steps: Iterable[Step]) -> frozenset[str]:
-    """Return the classes of what steps make, and of what heat makes of that and of what they pour."""
+    """Classes of the things that steps create, and of what heat turns these and poured things into."""
     made: set[str] = set()
     poured: set[str] = set()
     for step in steps:
@@ -71,7 +71,7 @@ def _classes_made(ontology: Ontology, steps: Iterable[Step]) -> frozenset[str]:
 
 
 def _fillers(actions: Actions, recipes: RecipeSet) -> Iterator[tuple[str, Filler]]:
-    """Yield the properties and fillers of recipes and steps that do not stand in the library."""
+    """Yield properties and fillers of the recipes outside the library, and of their steps."""
     for recipe in recipes.recipes.values():
         if not actions.is_of_library([recipe.iri]):
             for one in (*recipe.parameters, *(stated for step in recipe.steps for stated in step.parameters)):

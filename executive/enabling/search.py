@@ -1,9 +1,9 @@
-"""The search for what a robot lacks: which entries of a knowledge base, together, leave nothing unmet.
+"""Search for a set of knowledge base entries that together leave no need of a task unmet.
 
-After figure 7 of Waibel et al., RoboEarth (2011): what is missing is looked for with its specialisations, what these
-need in turn is looked for likewise, and the first combination without unmet dependency is taken. As a graph of needs
-(one offer each suffices) and offers (all their needs have to be met), which needs can be met is found in time linear in
-the graph (Dowling and Gallier, 1984), cycles included: nothing is met by itself.
+After figure 7 of Waibel et al., RoboEarth (2011): search for missing components and their specialisations, then for the
+dependencies of these, and take the first combination without an unmet dependency. Needs (one offer suffices) and offers
+(all their needs have to be met) form an AND/OR graph. Forward chaining finds the needs that can be met in time linear
+in its size (Dowling and Gallier, 1984), cycles included: no need is met by itself.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from planlang.closure import reached
 from planlang.records import dataclass
 
 Need = str
-"""A need as a class expression: the IRI of a class, or Manchester syntax."""
+"""Name of a need, equal for equal needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """An entry that meets a need, if its own ``needs`` are met. ``about`` is the IRI of what it describes.
+    """An entry that meets a need if its own ``needs`` are met. ``about`` is the IRI of its subject.
 
-    Offers of one ``uid`` have the same needs. What ``is_own`` the robot has itself: nothing is taken for it.
+    Offers with the same ``uid`` have the same needs. An offer that ``is_own`` is the robot's and needs no download.
     """
 
     uid: str
@@ -34,10 +34,10 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to a need: how it is met, or why not.
+    """How a need is met, or why not.
 
-    ``by`` is the reason why the robot meets it itself; ``offer`` what is taken for it; neither if nothing meets it.
-    ``considered`` are all offers with the needs of theirs that nothing meets.
+    ``by`` is the reason why the robot meets it itself, ``offer`` the chosen offer; both are None if it is unmet.
+    ``considered`` pairs each offer with its unmet needs.
     """
 
     need: Need
@@ -47,33 +47,33 @@ class Answer:
 
     @property
     def is_met(self) -> bool:
-        """True if the robot has it or an offer is taken."""
+        """True if the robot meets the need itself or an offer was chosen."""
         return self.by is not None or self.offer is not None
 
 
 @dataclass(frozen=True, slots=True)
 class Combination:
-    """The answers to all needs that were looked at, by need; ``wanted`` are those of the task itself."""
+    """Answers to all explored needs; ``roots`` are the needs of the task itself."""
 
-    wanted: tuple[Need, ...]
+    roots: tuple[Need, ...]
     answers: dict[Need, Answer]
 
     @property
     def unmet(self) -> tuple[Need, ...]:
         """The task's needs that nothing meets."""
-        return tuple(need for need in self.wanted if not self.answers[need].is_met)
+        return tuple(need for need in self.roots if not self.answers[need].is_met)
 
     def offers(self) -> Iterator[Offer]:
-        """Yield what is taken, each once, what it needs before it."""
+        """Yield the chosen offers, each once, dependencies first."""
         seen: set[str] = set()
-        path: list[tuple[Offer | None, Iterator[Need]]] = [(None, iter(self.wanted))]
+        path: list[tuple[Offer | None, Iterator[Need]]] = [(None, iter(self.roots))]
         while path:
             offer, needs = path[-1]
-            taken = (self.answers[need].offer for need in needs)
-            below = next((one for one in taken if one is not None and one.uid not in seen), None)
-            if below is not None:
-                seen.add(below.uid)
-                path.append((below, iter(below.needs)))
+            chosen = (self.answers[need].offer for need in needs)
+            dependency = next((one for one in chosen if one is not None and one.uid not in seen), None)
+            if dependency is not None:
+                seen.add(dependency.uid)
+                path.append((dependency, iter(dependency.needs)))
                 continue
             path.pop()
             if offer is not None:
@@ -81,18 +81,19 @@ class Combination:
 
 
 def combine(
-    wanted: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Iterable[Offer]]
+    roots: Sequence[Need], has: Callable[[Need], str | None], offers: Callable[[Need], Iterable[Offer]]
 ) -> Combination:
-    """Return how needs are met. ``has`` returns why the robot meets one, or None; ``offers`` what meets it, best first.
+    """Choose offers that meet the needs.
 
-    Each is asked once for each need. Of a sequence all offers are looked at; of anything else, whose offers cost
-    something to have, only as many as the need takes to be met. An earlier offer is taken before a later one, but none
-    that would need itself, and none beside another that is taken anyway.
+    ``has`` gives the reason why the robot meets a need itself, or None, and ``offers`` the offers for it, best first;
+    both are called once for each need. All offers of a sequence are examined; of another iterable, whose offers are
+    expensive, only as many as it takes to meet the need. Earlier offers are preferred, but none that would depend on
+    itself, and none if an offer that is used anyway meets the need, too.
     """
     graph = _Graph(has, offers)
-    graph.explore(wanted)
-    graph.prefer(wanted)
-    return Combination(tuple(dict.fromkeys(wanted)), {need: graph.answer(need) for need in graph.offers})
+    graph.explore(roots)
+    graph.prefer(roots)
+    return Combination(tuple(dict.fromkeys(roots)), {need: graph.answer(need) for need in graph.offers})
 
 
 @dataclass(slots=True)
@@ -102,26 +103,27 @@ class _Graph:
     offers: dict[Need, list[Offer]] = field(default_factory=dict)
     had: dict[Need, str] = field(default_factory=dict)
     met: dict[Need, int] = field(default_factory=dict)
-    """Needs that are met, with the order in which that was found."""
+    """Rank of each met need in the order of derivation."""
     waiting: dict[Need, list[Offer]] = field(default_factory=dict)
+    """Offers that depend on a need that is not met yet."""
     meeting: dict[str, list[Need]] = field(default_factory=dict)
     """The needs that an offer meets, by its identifier."""
     open: dict[str, dict[Need, None]] = field(default_factory=dict)
-    """The needs of an offer that are not met yet."""
-    taken: dict[Need, Offer] = field(default_factory=dict)
+    """The needs of an offer that are not met yet, by its identifier."""
+    chosen: dict[Need, Offer] = field(default_factory=dict)
 
-    def explore(self, wanted: Sequence[Need]) -> None:
-        """Collect the needs and offers that the wanted ones lead to, all below an offer before the next one."""
-        below = [iter(wanted)]
-        while below:
-            need = next(below[-1], None)
+    def explore(self, roots: Sequence[Need]) -> None:
+        """Collect needs and offers depth first: all dependencies of an offer before the next offer."""
+        stack = [iter(roots)]
+        while stack:
+            need = next(stack[-1], None)
             if need is None:
-                below.pop()
+                stack.pop()
             elif need not in self.offers:
-                below.append(self._looked_at(need))
+                stack.append(self._expand(need))
 
-    def _looked_at(self, need: Need) -> Iterator[Need]:
-        """Collect the offers of a need; yields what they need."""
+    def _expand(self, need: Need) -> Iterator[Need]:
+        """Collect the offers of a need and yield their needs."""
         self.offers[need] = []
         reason = self.has(need)
         if reason is not None:
@@ -147,7 +149,7 @@ class _Graph:
             self._meet([need])
 
     def _meet(self, needs: Iterable[Need]) -> None:
-        """Find out which needs are met together with some."""
+        """Mark needs as met, and all needs that follow (forward chaining)."""
         queue = list(needs)
         for need in queue:
             if need in self.met:
@@ -158,30 +160,30 @@ class _Graph:
                 if not self.open[offer.uid]:
                     queue.extend(self.meeting[offer.uid])
 
-    def prefer(self, wanted: Iterable[Need]) -> None:
-        """Choose offers: those that were free first, then earlier ones in their place where that makes no circle."""
+    def prefer(self, roots: Iterable[Need]) -> None:
+        """Choose an offer for each need: one derived before it, then an earlier one where that makes no cycle."""
         for need in self.met:
-            free = (one for one in self.offers[need] if all(self._order(n) < self.met[need] for n in one.needs))
+            derived = (one for one in self.offers[need] if all(self._order(n) < self.met[need] for n in one.needs))
             if need not in self.had:
-                self.taken[need] = next(free)
+                self.chosen[need] = next(derived)
 
         def below(need: Need) -> Iterator[Need]:
             self._improve(need)
-            return (one for one in self.taken[need].needs if one in self.taken)
+            return (one for one in self.chosen[need].needs if one in self.chosen)
 
-        self._share(list(reached((need for need in wanted if need in self.taken), below)))
+        self._share(list(reached((need for need in roots if need in self.chosen), below)))
 
     def _share(self, needs: Sequence[Need]) -> None:
-        """Let one offer meet several needs where it can, so that fewer are taken."""
-        uses = Counter(self.taken[need].uid for need in needs)
+        """Let one offer meet several needs where it can, so that fewer entries are downloaded."""
+        uses = Counter(self.chosen[need].uid for need in needs)
         for need in needs:
-            mine = self.taken[need]
+            mine = self.chosen[need]
             if mine.is_own or uses[mine.uid] > 1:
                 continue
             shared = (one for one in self.offers[need] if uses[one.uid] and one.uid != mine.uid)
             for offer in shared:
-                if all(one in self.met for one in offer.needs) and not self._leads(offer.needs, need):
-                    self.taken[need] = offer
+                if all(one in self.met for one in offer.needs) and not self._depend_on(offer.needs, need):
+                    self.chosen[need] = offer
                     uses.update({mine.uid: -1, offer.uid: 1})
                     break
 
@@ -190,17 +192,17 @@ class _Graph:
 
     def _improve(self, need: Need) -> None:
         for offer in self.offers[need]:
-            if offer == self.taken[need]:
+            if offer == self.chosen[need]:
                 return
-            if all(one in self.met for one in offer.needs) and not self._leads(offer.needs, need):
-                self.taken[need] = offer
+            if all(one in self.met for one in offer.needs) and not self._depend_on(offer.needs, need):
+                self.chosen[need] = offer
                 return
 
-    def _leads(self, needs: Iterable[Need], goal: Need) -> bool:
-        """Return whether needs, met as chosen so far, depend on another one."""
-        return goal in reached(needs, lambda need: self.taken[need].needs if need in self.taken else ())
+    def _depend_on(self, needs: Iterable[Need], goal: Need) -> bool:
+        """Check whether needs, met by the offers chosen so far, depend on another need."""
+        return goal in reached(needs, lambda need: self.chosen[need].needs if need in self.chosen else ())
 
     def answer(self, need: Need) -> Answer:
-        """Return the answer to a need."""
+        """Summarise the result for a need."""
         considered = tuple((one, tuple(n for n in one.needs if n not in self.met)) for one in self.offers[need])
-        return Answer(need, self.had.get(need), self.taken.get(need), considered)
+        return Answer(need, self.had.get(need), self.chosen.get(need), considered)

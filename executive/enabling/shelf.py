@@ -1,4 +1,4 @@
-"""Knowledge bases that a robot asks: a store on this machine, or a server's over HTTP."""
+"""Knowledge bases as a robot queries them: a store in a local file, or a server over HTTP."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
 
 MOST_FOUND = 10_000
-"""Entries that a server is asked for by one question."""
+"""Limit of entries requested by one query."""
 
 
 class Shelf(Protocol):
-    """A knowledge base, as a robot asks it. All calls raise BadInput if it cannot be asked."""
+    """A knowledge base to read from. All calls raise BadInput if it does not answer."""
 
     url: str
-    """Its address, or its file."""
+    """Address of the server, or path of the file."""
 
     def search(
         self,
@@ -38,29 +38,29 @@ class Shelf(Protocol):
         kind: Kind | None = None,
         place: Mapping[str, str] | None = None,
     ) -> Sequence[Found]:
-        """Return the entries that fit, sorted by identifier; none for classes that the knowledge base does not know."""
+        """Find the matching entries, sorted by identifier; none if the knowledge base does not know a class."""
 
     def revision(self, entry: Entry, number: int | None = None) -> Revision:
-        """Return a revision of an entry, the last one unless told otherwise."""
+        """Look up a revision of an entry, by default the latest."""
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
-        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        """Read the content of a revision. Raises BadInput if it differs from the entry's checksum."""
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
-        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+        """Read an attached file of an entry. Raises BadInput if it differs from the entry's checksum."""
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return what the user should know of the answers."""
+        """Warnings for the user about the results so far."""
 
     def close(self) -> None:
-        """End the work with it."""
+        """Close the connection or file."""
 
 
 class LocalShelf:
-    """A store in a file of this machine, looked at without a server."""
+    """A store in a local file, read without a server."""
 
     def __init__(self, path: Path, folders: Sequence[Path] = ()) -> None:
-        """Open the store; its entries import from ``folders``. Raises BadInput for what is no knowledge base."""
+        """Open the store; imports of its entries are looked up in ``folders``. Raises BadInput if it is no store."""
         self.url = str(path)
         self._store = _Store(path)
         self._catalogue = Catalogue(self._store, read_vocabulary(folders))
@@ -77,34 +77,35 @@ class LocalShelf:
         kind: Kind | None = None,
         place: Mapping[str, str] | None = None,
     ) -> Sequence[Found]:
-        """Return the entries that fit, sorted by identifier; none for classes that nothing here knows."""
+        """Find the matching entries, sorted by identifier; none if the store does not know a class."""
         catalogue = self._catalogue
-        with suppress(BadInput, CannotAnswer):  # a class that nothing here knows
-            asked = None if expression is None else catalogue.question(expression)
-            uids = catalogue.find(asked, kind, label, place)
+        with suppress(BadInput, CannotAnswer):  # an unknown class
+            query = None if expression is None else catalogue.question(expression)
+            uids = catalogue.find(query, kind, label, place)
             return [Found(self._store.entry(uid), links=catalogue.links(uid)) for uid in uids]
         return ()
 
     def revision(self, entry: Entry, number: int | None = None) -> Revision:
-        """Return a revision of an entry, the last one unless told otherwise."""
+        """Look up a revision of an entry, by default the latest."""
         return next((one for one in self._store.revisions(entry.uid) if one.number == number), entry.revision)
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
-        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
+        """Read the content of a revision. Raises BadInput if it differs from the entry's checksum."""
         wanted = self.revision(entry, revision)
         return verified(self._store.content(entry.uid, wanted.number), wanted.sha256, entry.uid)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
-        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
+        """Read an attached file of an entry. Raises BadInput if it differs from the entry's checksum."""
         _, data = self._store.attachment(entry.uid, attachment.name)
         return verified(data, attachment.sha256, f"{entry.uid}/{attachment.name}")
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return a warning if there are entries that cannot be read any more, and so are not found by what they say."""
+        """Warn of entries that can no longer be parsed, so that searches by meaning miss them."""
         if not (unread := sorted(self._catalogue.unread)):
             return ()
         named = ", ".join(unread[:3]) + (", ..." if len(unread) > 3 else "")
-        return [warning("K046", f"{len(unread)} of {self.url} cannot be read any more: {named}", Span(self.url))]
+        message = f"{len(unread)} entries of {self.url} can no longer be read: {named}"
+        return [warning("K046", message, Span(self.url))]
 
     def close(self) -> None:
         """Close the file."""
@@ -112,28 +113,28 @@ class LocalShelf:
 
 
 class _Store(SqliteStore):
-    """A store whose new descriptions stay in memory if the file takes none."""
+    """A store that keeps renewed descriptions in memory if its file cannot be written."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._described: dict[tuple[str, bytes], bytes] = {}
-        """Entries and their descriptions in the file, with those that are used in their place."""
+        """Renewed descriptions by the entry's identifier and its description in the file."""
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
-        """Keep another description of the same content. Raises NoSuchEntry, Changed."""
+        """Replace the description of an entry's content. Raises NoSuchEntry, Changed."""
         try:
             super().describe(uid, description, expected)
-        except (sqlite3.DatabaseError, Full):  # it is not to be written to, or the disk is full
+        except (sqlite3.DatabaseError, Full):  # the file is read-only, or the disk is full
             self._described[uid, super().description(uid)] = description
 
     def description(self, uid: str) -> bytes:
-        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+        """Read the description of an entry's latest revision. Raises NoSuchEntry."""
         stored = super().description(uid)
         return self._described.get((uid, stored), stored)
 
 
 class RemoteShelf:
-    """A server, asked over HTTP; what was read before is read again from the user's cache while it does not answer."""
+    """A server, queried over HTTP; while it does not answer, the user's cache answers repeated queries."""
 
     def __init__(self, client: Client) -> None:
         self.url = client.url
@@ -148,40 +149,41 @@ class RemoteShelf:
         kind: Kind | None = None,
         place: Mapping[str, str] | None = None,
     ) -> Sequence[Found]:
-        """Return the entries that fit, sorted by identifier; none for classes that the server does not know."""
-        question = {"expression": expression, "label": label, "kind": kind and kind.value, **(place or {})}
-        with suppress(RefusedByChecks), self._asked():
-            found = list(self._client.search(most=MOST_FOUND, **question))
+        """Find the matching entries, sorted by identifier; none if the server does not know a class."""
+        query = {"expression": expression, "label": label, "kind": kind and kind.value, **(place or {})}
+        with suppress(RefusedByChecks), self._as_bad_input():
+            found = list(self._client.search(most=MOST_FOUND, **query))
             self._is_cut = self._is_cut or len(found) == MOST_FOUND
             return found
         return ()
 
     def revision(self, entry: Entry, number: int | None = None) -> Revision:
-        """Return a revision of an entry, the last one unless told otherwise."""
-        with self._asked():
+        """Look up a revision of an entry, by default the latest."""
+        with self._as_bad_input():
             return self._client.revision(entry, number)
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
-        """Return the content of a revision. Raises BadInput if it is not what the entry says."""
-        with self._asked():
+        """Read the content of a revision. Raises BadInput if it differs from the entry's checksum."""
+        with self._as_bad_input():
             return self._client.content(entry, revision)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
-        """Return a file of an entry. Raises BadInput if it is not what the entry says."""
-        with self._asked():
+        """Read an attached file of an entry. Raises BadInput if it differs from the entry's checksum."""
+        with self._as_bad_input():
             return self._client.attachment(entry, attachment)
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Return a warning if the server does not answer, and one if it has more than it was asked for."""
-        cut = f"{self.url} has more than {MOST_FOUND:,} entries for a need: only these were looked at"
-        return (*kept_warning(self._client), *((warning("K045", cut),) if self._is_cut else ()))
+        """Warn if the server did not answer, and if it has more results than the limit."""
+        message = f"{self.url} has more than {MOST_FOUND:,} entries for a need; the rest was not examined"
+        return (*kept_warning(self._client), *((warning("K045", message),) if self._is_cut else ()))
 
     def close(self) -> None:
         """Close the connection."""
         self._client.close()
 
     @contextmanager
-    def _asked(self) -> Iterator[None]:
+    def _as_bad_input(self) -> Iterator[None]:
+        """Raise errors of the client as BadInput, except for refusals, which a search takes as no result."""
         try:
             yield
         except RefusedByChecks:
@@ -191,18 +193,18 @@ class RemoteShelf:
 
 
 def verified(data: bytes, sha256: str, what: str) -> bytes:
-    """Return data if they have a SHA-256; raises BadInput if not."""
+    """Pass on data after a check of their SHA-256. Raises BadInput if it differs; ``what`` names the data."""
     if hashlib.sha256(data).hexdigest() == sha256:
         return data
-    raise BadInput([error("K040", f"{what} has not the content that its entry states", Span(what))])
+    raise BadInput([error("K040", f"the content of {what} differs from the checksum of its entry", Span(what))])
 
 
 def open_shelf(source: str, folders: Sequence[Path] = ()) -> Shelf:
-    """Return the knowledge base of an address or a file. Raises BadInput if there is none."""
+    """Open the knowledge base at a URL or in a file. Raises BadInput if there is none."""
     if "://" in source:
         return RemoteShelf(client_of(source))
     path = Path(source)
     if not path.is_file():
-        advice = "name a server, or the file of a store, as planlang serve --store makes one"
-        raise BadInput([error("C001", f"there is no knowledge base {source}", help=advice)])
+        advice = "give the URL of a server, or the file of a store (made by planlang serve --store)"
+        raise BadInput([error("C001", f"knowledge base {source} does not exist", help=advice)])
     return LocalShelf(path, folders)

@@ -1,4 +1,4 @@
-"""The entries that a robot can have: what it keeps in its folder, and what a knowledge base offers now."""
+"""Entries available to a robot: local copies in its folder, and those that a knowledge base offers now."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from planlang.records import dataclass
 
 MODELS = "providesModelFor"
 MOST_READ = 300
-"""Contents that are read for a task unless told otherwise: each takes up to a second."""
+"""Default limit of recipes and maps read for a task: each takes up to a second."""
 
 
 @dataclass(slots=True)
 class Stock:
-    """The entries of a folder and of a shelf. Contents of ``limit`` of them are read at most.
+    """The entries of a folder and of a knowledge base. At most ``limit`` contents are read.
 
-    ``folders`` have ontologies that entries import.
+    ``folders`` contain the ontologies that entries import.
     """
 
     shelf: Shelf
@@ -34,46 +34,46 @@ class Stock:
     found: dict[str, Found] = field(default_factory=dict)
     """Entries that were offered, by identifier."""
     unchanged: set[str] = field(default_factory=set)
-    """Entries that are kept as the knowledge base has them now."""
+    """Identifiers of local copies that equal the knowledge base's current revision."""
     renewed: dict[str, int] = field(default_factory=dict)
-    """Entries of which the knowledge base has a newer revision, with the one that is kept so far."""
+    """Local copies with a newer revision in the knowledge base: the local revision by identifier."""
     passed_over: dict[str, int] = field(default_factory=dict)
-    """Newer revisions that are not taken, as they need what is missing."""
+    """Newer revisions that are not used because they need something missing, by identifier."""
     _read: set[str] = field(default_factory=set)
     _failed: dict[str, BadInput] = field(default_factory=dict)
     _classes: dict[str, frozenset[str]] = field(default_factory=dict)
 
     def latest(self, offered: Found) -> Found:
-        """Return what is offered, or what is kept in its place: the same, or of another knowledge base."""
+        """Choose between an offered entry and its local copy, which only its own knowledge base can update."""
         uid = offered.entry.uid
         kept = self.folder.kept.get(uid)
         if kept is None:
             return offered
-        before = kept.found.entry
-        if (before.revision.sha256, before.attachments) == (offered.entry.revision.sha256, offered.entry.attachments):
+        local = kept.found.entry
+        if (local.revision.sha256, local.attachments) == (offered.entry.revision.sha256, offered.entry.attachments):
             self.unchanged.add(uid)
         elif kept.source == self.shelf.url and uid not in self.passed_over:
-            self.renewed[uid] = before.revision.number
+            self.renewed[uid] = local.revision.number
             return offered
         return kept.found
 
     def pass_over(self) -> None:
-        """Leave what is kept as it is, although the knowledge base has newer revisions."""
+        """Keep all local copies, although the knowledge base has newer revisions."""
         self.passed_over |= {uid: self.found[uid].entry.revision.number for uid in self.renewed if uid in self.found}
         self.renewed.clear()
         self._failed.clear()
         self._classes.clear()
 
     def is_kept(self, uid: str) -> bool:
-        """Return whether an entry need not be taken."""
+        """Check whether the local copy of an entry is used, so that it need not be downloaded."""
         return uid in self.folder.kept and uid not in self.renewed
 
-    def said_of(self, uid: str) -> str:
-        """Return where an entry is had from, in words."""
+    def provenance(self, uid: str) -> str:
+        """Describe where an entry comes from."""
         url, path = self.shelf.url, self.folder.path
         if uid in self.renewed:
             now = self.found[uid].entry.revision.number
-            return f"{uid} is renewed from {url}: revision {now} in the place of {self.renewed[uid]}"
+            return f"{uid} is updated from {url}: revision {now} replaces {self.renewed[uid]}"
         if not self.is_kept(uid):
             return f"{uid} is taken from {url}"
         if uid in self.passed_over:
@@ -81,11 +81,11 @@ class Stock:
         return f"{uid} is kept in {path}, {'unchanged' if uid in self.unchanged else f'and not offered by {url}'}"
 
     def may_read(self, found: Found) -> bool:
-        """Return whether a content has been read, or the limit lets it be."""
+        """Check whether a content has been read already or the limit allows for one more."""
         return found.entry.uid in self._read or len(self._read) < self.limit
 
     def content(self, found: Found) -> Ontology:
-        """Return the ontology of an entry. Raises BadInput."""
+        """Load the ontology of an entry. Raises BadInput."""
         entry = found.entry
         self._read.add(entry.uid)
         if entry.uid in self._failed:
@@ -98,7 +98,7 @@ class Stock:
             raise
 
     def classes_in(self, found: Found) -> frozenset[str]:
-        """Return the classes of the things in a map, with those above. Raises BadInput."""
+        """Classes of the things in a map, with their superclasses. Raises BadInput."""
         uid = found.entry.uid
         if uid not in self._classes:
             ontology = self.content(found)
@@ -107,7 +107,7 @@ class Stock:
         return self._classes[uid]
 
     def damage(self, uid: str) -> str | None:
-        """Return why a recognition model cannot be used: its file is not with it. None for anything else."""
+        """Explain why a recognition model cannot be used: a file of it is missing. None for everything else."""
         found = self.found[uid]
         if not any(local_name(prop) == MODELS for prop, _ in found.links):
             return None
@@ -115,13 +115,13 @@ class Stock:
             files = model_files(self.content(found), found.entry.about)
         except BadInput as problem:
             return unusable(problem)
-        there = {one.name for one in found.entry.attachments}
-        lacking = [name for name in files if name not in there]
-        return f"the file of the model is not with it: {', '.join(lacking)}" if lacking else None
+        attached = {one.name for one in found.entry.attachments}
+        lacking = [name for name in files if name not in attached]
+        return f"files of the model are not attached: {', '.join(lacking)}" if lacking else None
 
 
 def unusable(problem: BadInput) -> str:
-    """Return why an entry is refused. Raises the problem again where the knowledge base is gone."""
+    """Explain why an entry is refused. Raises the problem again if the knowledge base does not answer (K031)."""
     if any(one.code == "K031" for one in problem.diagnostics):
         raise problem
     return f"it cannot be used: {problem.diagnostics[0].message}"

@@ -1,1 +1,1 @@
-"""A run that people watch while it goes on: in a page that can hold it, or as a tree in the terminal."""
+"""Watch a run live: on a web page that can pause it, or as a tree in the terminal."""

@@ -1,6 +1,7 @@
-"""The gate that a watched run passes after each step of its world: it can be held there, and paced.
+"""Gate that a watched run passes after each world step, where it can be paused and slowed down.
 
-While it is held no plan time passes, so no timer of the plan goes on. What a run does depends on none of this.
+No plan time passes while a run is held, so that no timer of the plan advances. The gate has no effect on what a run
+does.
 """
 
 from __future__ import annotations
@@ -17,29 +18,29 @@ from planlang.language.performing import is_inner
 from planlang.runs.recorded_run import SPANS
 
 PATIENCE = 0.1
-"""Longest uninterrupted wait [s]: this often the main thread notices Ctrl-C, where locks do not let it through."""
+"""Longest wait without a check for Ctrl-C [s], which locks do not let through on all systems."""
 AHEAD = 0.02
-"""A paced run waits when it is this far ahead of the clock [s]: shorter waits would be taken up by the system."""
+"""Lead over the clock at which a paced run waits [s]; shorter waits would be lost in the latency of the system."""
 
 
 class Command(StrEnum):
-    """What somebody who watches may ask for."""
+    """Commands of a viewer."""
 
     PAUSE = "pause"
     RESUME = "resume"
     STEP = "step"
-    """Go on until an action of the plan has ended."""
+    """Continue until an action of the plan has ended."""
     STOP = "stop"
-    """End the run as Ctrl-C does."""
+    """End the run like Ctrl-C."""
 
 
 def interrupted() -> None:
-    """Raise KeyboardInterrupt."""
+    """End a run like Ctrl-C."""
     raise KeyboardInterrupt
 
 
 class Gate:
-    """Holds and paces a run; any thread may send commands, the run's own passes."""
+    """Holds and paces a run. Commands may come from any thread; the run's own thread passes the gate."""
 
     def __init__(
         self,
@@ -48,26 +49,27 @@ class Gate:
         paused: bool = False,
         speed: float | None = None,
         stop: Callable[[], object] = interrupted,
-        tell: Callable[[], object] = lambda: None,
+        on_change: Callable[[], object] = lambda: None,
     ) -> None:
-        """Begin with nothing behind it. ``rate`` is in world steps per second, ``speed`` in plan time per time of the
-        clock, None for as fast as the computer can. ``stop`` is called in the run's thread to end the run,
-        ``tell`` there when it may be held now, or not any more.
+        """Set up the gate for a run at ``rate`` [world steps/s].
+
+        ``speed`` is plan time per wall-clock time; None means as fast as possible. In the run's thread, ``stop`` is
+        called to end the run, and ``on_change`` after each command or completed step.
         """
         self._rate = rate
-        self._stop, self._tell = stop, tell
+        self._stop, self._on_change = stop, on_change
         self._changed = threading.Condition()
         self._paused = paused
         self._stepping = False
         self._stopped: bool | None = None
-        """False when somebody wants the run to end, True when it has been told."""
+        """None while the run goes on, False once a stop was requested, True after ``stop`` was called."""
         self._speed = speed
-        self._changes, self._told = 0, -1
-        """Commands and steps that have ended, and how many of them were told: the state may be another one since."""
+        self._changes, self._reported = 0, -1
+        """Number of changes of the state (commands and completed steps), and how many of them were reported."""
         self._mark: tuple[int, float] | None = None
-        """A step, and when it was passed; plan time is paced from there on."""
+        """World step and wall-clock time from which the run is paced."""
         self.step = 0
-        """Steps that the run has taken."""
+        """World steps of the run so far."""
 
     @property
     def is_held(self) -> bool:
@@ -76,11 +78,11 @@ class Gate:
 
     @property
     def speed(self) -> float | None:
-        """Plan time per time of the clock; None for as fast as the computer can."""
+        """Plan time per wall-clock time; None means as fast as possible."""
         return self._speed
 
     def command(self, command: Command) -> None:
-        """Do what somebody asks for."""
+        """Execute a command of a viewer."""
         with self._changed:
             match command:
                 case Command.PAUSE:
@@ -102,7 +104,7 @@ class Gate:
             self._changed.notify_all()
 
     def heard(self, record: Mapping[str, Any], node: Node | None) -> None:
-        """Listen to the trace: a run that makes one step is held again behind the end of an action."""
+        """Listen to the trace: a run that executes one step is held again at the end of an action."""
         if not self._stepping or record["event"] not in SPANS or record["event"] == "started":
             return
         if record["kind"] == "perform" and node is not None and not is_inner(node):
@@ -111,30 +113,30 @@ class Gate:
                 self._changes += 1
 
     def passed(self, step: int) -> None:
-        """Wait here as long as the run is held or ahead of the clock; end it here if somebody wants it."""
+        """Wait while the run is held or ahead of the clock, and end the run if a stop was requested."""
         self.step = step
-        self._tell_changes()
+        self._report_changes()
         if self._stopped is None and not is_interrupted() and (self.is_held or self._speed is not None):
             with unwatched():
                 while self._waits(step):
-                    self._tell_changes()
-        if self._stopped is False:  # once: what a plan does when it is ended passes here, too
+                    self._report_changes()
+        if self._stopped is False:  # only once, since the plan's cleanup passes here, too
             self._stopped = True
             self._stop()
 
-    def _tell_changes(self) -> None:
-        if self._told != self._changes:
-            self._told = self._changes
-            self._tell()
+    def _report_changes(self) -> None:
+        if self._reported != self._changes:
+            self._reported = self._changes
+            self._on_change()
 
     def _waits(self, step: int) -> bool:
-        """Wait for a while if the run has to; return whether it had to."""
+        """Wait for at most ``PATIENCE``; returns False once the run may go on."""
         with self._changed:
             if self._stopped is not None or is_interrupted():
                 return False
             if self.is_held:
                 self._mark = None
-                self._changed.wait_for(lambda: self._told != self._changes, PATIENCE)
+                self._changed.wait_for(lambda: self._reported != self._changes, PATIENCE)
                 return True
             ahead = self._ahead(step)
             if ahead > AHEAD:
@@ -142,7 +144,7 @@ class Gate:
             return ahead > AHEAD
 
     def _ahead(self, step: int) -> float:
-        """Return how far the run is ahead of the clock [s]; one that is late does not hurry to catch up."""
+        """Lead of the run over the clock [s]; a run that is late does not catch up."""
         if self._speed is None:
             return 0.0
         now = time.monotonic()

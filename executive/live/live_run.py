@@ -1,4 +1,4 @@
-"""A run in a page that grows with it: what the page shows is made in the run's thread, and handed to browsers."""
+"""Live page of a run: the run's thread renders the page, and server threads send updates to browsers."""
 
 from __future__ import annotations
 
@@ -19,39 +19,39 @@ from planlang.report.model import Context
 from sim.truth import Truth
 
 PERIOD = 0.25
-"""Shortest time between two news [s]."""
+"""Shortest time between two updates [s]."""
 SHARE = 0.1
-"""Of the time of a run, what making news may take at most."""
+"""Largest share of the run's time spent on updates."""
 PACE = 4.0
-"""Plan time per time of the clock at which a watched run begins."""
+"""Initial plan time per wall-clock time of a watched run."""
 FASTEST = 1000.0
 LAST_NEWS = 3.0
-"""The time that browsers have for reading the last news [s]."""
+"""Time for browsers to receive the last update [s]."""
 
 
 class LiveRun:
-    """Shows a run that is about to begin, in a ``with`` statement. Its methods are called in the run's thread.
+    """Context manager that serves the page of a run.
 
-    The run is held until the first browser asks for its news. Browsers come and go; the run does not depend on them.
+    The run is held until the first browser requests updates; later on browsers may come and go.
     """
 
     def __init__(self, watching: Watching, context: Context, rate: int, announce: Callable[[str], object]) -> None:
-        """Begin to serve. ``announce`` is told the address."""
+        """Open the server; ``announce`` is called with a text that has its URL."""
         self._watching, self._context = watching, context
         self.gate = Gate(
-            rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT), tell=self._publish
+            rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT), on_change=self._publish
         )
         self._changed = threading.Condition()
         self._news: dict[str, Any] = {}
         self._count = 0
         self._page = b""
-        self._is_met = False
+        self._has_browser = False
         self._has_ended = False
         self._due = 0.0
         self._read = 0
-        """Number of the newest news that a browser has been sent."""
+        """Number of the latest update that a browser was sent."""
         self._server = LiveServer(Served(self.page, self.news, self.command))
-        announce(f"watch the run at {self._server.address}: it begins when a browser opens the page; Ctrl-C ends it")
+        announce(f"watch the run at {self._server.address}: it starts when a browser opens the page; Ctrl-C ends it")
 
     def __enter__(self) -> LiveRun:
         self._server.__enter__()
@@ -61,7 +61,7 @@ class LiveRun:
         self._has_ended = True
         self._publish()
         with self._changed:
-            self._changed.wait_for(lambda: self._read >= self._count or not self._is_met, LAST_NEWS)
+            self._changed.wait_for(lambda: self._read >= self._count or not self._has_browser, LAST_NEWS)
         self._server.__exit__(None, None, None)
 
     # In the run's thread
@@ -71,7 +71,7 @@ class LiveRun:
         self.gate.heard(record, node)
 
     def passed(self, world: Truth) -> None:
-        """Let browsers know, and wait at the gate."""
+        """Send an update if one is due, and pass the gate."""
         if time.monotonic() >= self._due:
             self._publish()
         self.gate.passed(world.steps)
@@ -82,17 +82,17 @@ class LiveRun:
         model = model_of(self._watching.told, self._context, live=True, **parts)
         if not self._has_ended:
             model["outcome"]["text"] = "held" if self.gate.is_held else "running"
-        whole = page(model, blobs).encode()
+        html = page(model, blobs).encode()
         scene = {key: value for key, value in model["scene"].items() if key != "meshes"}
-        growing = {key: value for key, value in model.items() if key not in ("sources", "graph")} | {"scene": scene}
+        changing = {key: value for key, value in model.items() if key not in ("sources", "graph")} | {"scene": scene}
         news = {
-            "model": growing,
+            "model": changing,
             "meshes": len(model["scene"]["meshes"]),
             "poses": base64.b64encode(blobs["poses"]).decode(),
             "state": {"held": self.gate.is_held and not self._has_ended, "ended": self._has_ended},
         }
         with self._changed:
-            self._page, self._news = whole, news
+            self._page, self._news = html, news
             self._count += 1
             self._changed.notify_all()
         took = time.monotonic() - began
@@ -101,15 +101,18 @@ class LiveRun:
     # In threads of the server
 
     def page(self) -> bytes:
-        """Return the page as it was last."""
+        """Latest version of the page."""
         with self._changed:
             self._changed.wait_for(lambda: bool(self._page))
             return self._page
 
     def news(self, after: int) -> Iterator[Mapping[str, Any]]:
-        """Yield the newest news as often as there are others; a browser that comes lets the run begin."""
+        """Yield the latest update whenever there is a new one; the first browser starts the run.
+
+        Each update replaces the one before, so that none has to be sent again, whatever ``after`` is.
+        """
         with self._changed:
-            is_first, self._is_met = not self._is_met, True
+            is_first, self._has_browser = not self._has_browser, True
         if is_first:
             self.gate.command(Command.RESUME)
         sent = 0
@@ -125,16 +128,16 @@ class LiveRun:
             if news["state"]["ended"]:
                 return
 
-    def command(self, said: Mapping[str, Any]) -> str | None:
-        """Do what a browser asks for."""
-        speed = said.get("speed")
-        match said.get("command"):
+    def command(self, request: Mapping[str, Any]) -> str | None:
+        """Execute a command of a browser; returns what is wrong with it, if anything."""
+        speed = request.get("speed")
+        match request.get("command"):
             case "pace" if speed is None or (isinstance(speed, int | float) and 0 < speed <= FASTEST):
                 self.gate.pace(None if speed is None else float(speed))
             case "pace":
-                return f"a pace is a number from 0 to {FASTEST:g}, or null"
+                return f"the speed has to be a number above 0 and up to {FASTEST:g}, or null"
             case "pause" | "resume" | "step" | "stop" as name:
                 self.gate.command(Command(name))
             case _:
-                return "there are the commands pause, resume, step, stop and pace"
+                return "unknown command; use pause, resume, step, stop or pace"
         return None

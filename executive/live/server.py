@@ -1,7 +1,7 @@
-"""The page of a run that goes on, for browsers on this computer only: the standard library's server in a thread.
+"""HTTP server for the page of a live run, for browsers on this computer only: the standard library's, in a thread.
 
-Only who knows the token in the address is answered. The Host header is checked, so that no other page reaches this one
-by a name that it lets point here (DNS rebinding), and the Origin of commands, which are taken by POST only.
+Requests need the token in the URL. The Host header is checked against DNS rebinding, and the Origin header of commands,
+which are POST requests, against forgery by other pages (CSRF).
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from urllib.parse import parse_qs, urlsplit
 
 HERE = "127.0.0.1"
 LONGEST_COMMAND = 1000
-"""Bytes of a command."""
+"""Largest command [bytes]."""
 CLOSING = 0.05
-"""Time that a run waits at most for its page to close [s]."""
+"""Polling interval of the server, and so the longest time for its shutdown [s]."""
 NEVER_KEPT = {
     "Cache-Control": "no-store",
     "Referrer-Policy": "no-referrer",
@@ -30,14 +30,14 @@ NEVER_KEPT = {
 
 
 class Served:
-    """What the server has for browsers."""
+    """Callbacks that answer a browser's requests."""
 
     page: Callable[[], bytes]
-    """The page as it is now, complete."""
+    """Renders the complete page in its current state."""
     news: Callable[[int], Iterator[Mapping[str, Any]]]
-    """What has come since a number of news, and what comes from now on, as it comes; ends with the run."""
+    """Yields the updates after a number, and then new ones as they come, until the run ends."""
     command: Callable[[Mapping[str, Any]], str | None]
-    """Does what a command says; why not, if it cannot."""
+    """Executes a command; the result is an error message or None."""
 
     def __init__(
         self,
@@ -49,11 +49,11 @@ class Served:
 
 
 class LiveServer:
-    """Serves in a ``with`` statement; ``address`` is what a browser is given."""
+    """Context manager that runs the server; ``address`` is the URL of the page."""
 
     def __init__(self, served: Served, *, port: int = 0) -> None:
-        """Take a port of this computer, any that is free for 0. Raises OSError."""
-        token = secrets.token_urlsafe(16)  # nothing of the run depends on it
+        """Bind a port of this computer; 0 means any free one. Raises OSError."""
+        token = secrets.token_urlsafe(16)  # random, but the run does not depend on it
         self._server = _Server((HERE, port), served, token)
         self.address = f"http://{HERE}:{self._server.server_port}/{token}/"
         self._thread = Thread(target=self._server.serve_forever, args=(CLOSING,), name="planlang page", daemon=True)
@@ -71,7 +71,7 @@ class LiveServer:
 
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
-    block_on_close = False  # a page that follows the news keeps its thread
+    block_on_close = False  # the thread of a page that waits for updates would never end
 
     def __init__(self, place: tuple[str, int], served: Served, token: str) -> None:
         super().__init__(place, _Request)
@@ -79,7 +79,7 @@ class _Server(ThreadingHTTPServer):
         self.hosts = {f"{name}:{self.server_port}" for name in (HERE, "localhost")}
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that has gone."""
+        """Ignore errors of closed connections."""
 
 
 class _Request(BaseHTTPRequestHandler):
@@ -88,10 +88,10 @@ class _Request(BaseHTTPRequestHandler):
     server_version, sys_version = "planlang", ""
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Say nothing: the terminal belongs to the run."""
+        """Log nothing: the terminal belongs to the run."""
 
     def do_GET(self) -> None:
-        """Answer with the page, or with the news."""
+        """Answer a request for the page or its updates."""
         path = self._path()
         if path is None:
             return
@@ -101,48 +101,48 @@ class _Request(BaseHTTPRequestHandler):
             case "news":
                 self._follow(parse_qs(path.query))
             case _:
-                self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
+                self._refuse(HTTPStatus.NOT_FOUND, "not found")
 
     def do_POST(self) -> None:
-        """Take a command."""
+        """Execute a command."""
         path = self._path()
         if path is None:
             return
         if self.headers.get("Origin") not in {f"http://{host}" for host in self.server.hosts}:
-            self._refuse(HTTPStatus.FORBIDDEN, "commands are taken from the page of this run only")
+            self._refuse(HTTPStatus.FORBIDDEN, "commands have to come from the page of this run")
             return
         if path.path != "command":
-            self._refuse(HTTPStatus.NOT_FOUND, "commands go to command")
+            self._refuse(HTTPStatus.NOT_FOUND, "not found; send commands to command")
             return
         command = self._command()
-        problem = "a command is a JSON object" if command is None else self.server.served.command(command)
+        problem = "the command has to be a JSON object" if command is None else self.server.served.command(command)
         if problem is not None:
             self._refuse(HTTPStatus.BAD_REQUEST, problem)
             return
         self._answer(HTTPStatus.OK, "application/json", b"{}")
 
     def _path(self) -> Any:
-        """Return what is asked for below the token; refuse what comes from elsewhere, and return None."""
+        """Split the URL and strip the token; None if the request was refused."""
         if self.headers.get("Host") not in self.server.hosts:
             self._refuse(HTTPStatus.FORBIDDEN, "this page is for browsers on this computer")
             return None
         path = urlsplit(self.path)
         token, slash, rest = path.path.removeprefix("/").partition("/")
         if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
-            self._refuse(HTTPStatus.FORBIDDEN, "use the address that planlang run --watch has printed")
+            self._refuse(HTTPStatus.FORBIDDEN, "open the address that planlang run --watch printed")
             return None
         return path._replace(path=rest)
 
     def _command(self) -> Mapping[str, Any] | None:
         try:
             size = int(self.headers.get("Content-Length", ""))
-            found = json.loads(self.rfile.read(size)) if 0 <= size <= LONGEST_COMMAND else None
+            command = json.loads(self.rfile.read(size)) if 0 <= size <= LONGEST_COMMAND else None
         except ValueError:
             return None
-        return found if isinstance(found, dict) else None
+        return command if isinstance(command, dict) else None
 
     def _follow(self, query: Mapping[str, list[str]]) -> None:
-        """Send news as they come (server-sent events, HTML standard 9.2), until the run ends or the browser goes."""
+        """Stream updates (server-sent events, HTML standard 9.2) until the run ends or the browser disconnects."""
         last = self.headers.get("Last-Event-ID") or query.get("after", ["0"])[0]
         number = int(last) if last.isdecimal() else 0
         self.send_response(HTTPStatus.OK)

@@ -1,4 +1,4 @@
-"""The tree of a run in the terminal, drawn anew while the run goes on."""
+"""Live view of a run's task tree in the terminal."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from planlang.report.tree import PLUMBING, is_minor
 from planlang.runs.run_tree import RunTree, TaskNode
 
 PERIOD = 0.125
-"""Shortest time between two drawings [s]: people see no more, and each takes milliseconds of the run."""
+"""Shortest time between two refreshes [s], since each takes milliseconds of the run."""
 OPEN = 2
-"""The plan and its steps are drawn however they ended; what is below them, while it runs or if it failed."""
+"""Depth down to which ended tasks are expanded (the plan and its steps); below it only running and failed ones are."""
 _STYLES = {"running": "bold cyan", "succeeded": "green", "failed": "bold red", "evaporated": "dim"}
 _MARKS = {"running": "▶", "succeeded": "✓", "failed": "✗", "evaporated": "-"}
 
 
 class TerminalTree:
-    """Draws the steps of a plan as they begin and end: those that run open, those that have ended in one line.
+    """Context manager and trace listener that draws the task tree: running tasks expanded, ended ones collapsed.
 
-    A listener of the trace, used in a ``with`` statement. What does not go to a terminal gets the last tree only.
+    If the output is not a terminal, only the final tree is printed.
     """
 
     def __init__(self, out: TextIO | None = None, *, inner: bool = False) -> None:
-        """``inner`` shows what process modules do inside of the actions of the plan, too."""
+        """Set up the view; ``inner`` also shows the tasks of process modules inside the plan's actions."""
         self._console = Console(file=out, highlight=False)
         self._run = RunTree()
         self._inner = inner
@@ -48,14 +48,14 @@ class TerminalTree:
             self._console.line()
 
     def heard(self, record: Mapping[str, Any], node: Node | None) -> None:
-        """Take the next record."""
+        """Process a record of the trace."""
         self._run.add(record)
         if self._console.is_terminal and time.monotonic() - self._drawn > PERIOD:
             self._live.refresh()
             self._drawn = time.monotonic()
 
     def tree(self) -> Tree:
-        """Return what is drawn, as high as the terminal at most: ended steps at the top are left out first."""
+        """Build the view; rows at the top are left out if it is higher than the terminal."""
         room = max(3, self._console.size.height - 2)
         shown = Tree(Text(f"plan time {self._time():.2f} s", "bold"), guide_style="dim")
         rows = list(self._rows(self._run.roots, 0))
@@ -70,7 +70,7 @@ class TerminalTree:
         return shown
 
     def lines(self) -> Iterator[str]:
-        """Yield the same as plain text, however long."""
+        """Yield the whole view as plain text."""
         yield from (f"{'  ' * depth}{_line(node).plain}" for depth, node in self._rows(self._run.roots, 0))
 
     def _time(self) -> float:
@@ -78,7 +78,7 @@ class TerminalTree:
         return max(ends, default=0.0)
 
     def _rows(self, nodes: Iterable[TaskNode], depth: int) -> Iterable[tuple[int, TaskNode]]:
-        """Yield the nodes that the page shows with their depths, of ended ones what is inside only if they failed."""
+        """Yield visible nodes with their depths."""
         for node in list(nodes):
             is_drawn = not (is_minor(node) and (not self._inner or node.kind in PLUMBING))
             if is_drawn:

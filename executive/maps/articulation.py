@@ -1,7 +1,7 @@
-"""The doors, drawers and lids of a map: which bodies they are, about or along which axis they move, and how far.
+"""Joints of the doors, drawers, lids and knobs of a map: bodies, axes and limits.
 
-What a file says counts first: a hinge's or slide's limits and axis. Else the box tells: a door hangs on the edge
-opposite of its handle, without one on the edge nearer to the side of its furniture; drawers slide out.
+Limits and axes that the map states take precedence. Otherwise they are derived from the box: a door hinges at the edge
+opposite its handle, or, without a handle, at the edge closer to the side of its furniture; drawers slide out.
 """
 
 from __future__ import annotations
@@ -26,46 +26,46 @@ from sim.joints import Articulation, JointKind
 from sim.scene import BodyShape
 
 DOORS = ("Door", "DoorwayCovering", "ContainerLid")
-"""Classes of leaves that turn."""
+"""Classes of hinged leaves."""
 BELOW = ("Oven", "Dishwasher")
 """Classes of furniture whose doors are hinged at the lower edge."""
 KNOBS = ("ControlKnob",)
-"""Classes of what turns about its own axis if it is of a device, or the map has a joint for it."""
+"""Classes that turn about their own axis, if they are part of a device or the map states a joint for them."""
 DEVICES = ("PoweredDevice",)
-"""Classes of things that are turned on and off."""
+"""Classes of objects that are switched on and off."""
 GRIPS = ("Handle", *KNOBS)
-"""Classes of parts by which a hand moves a leaf; the first is preferred."""
+"""Classes of parts by which a hand moves a leaf, the preferred one first."""
 OPENED = 1.57
-"""Upper limit of a hinge of which no file says one [rad]."""
+"""Default upper limit of a hinge [rad]: a right angle."""
 EXTENDED = 0.8
-"""Travel of a drawer whose file states none, as a share of its depth."""
+"""Default travel of a drawer, as a fraction of its depth."""
 UPRIGHT = 1.5
-"""A door that is wider than this many times its height turns about a level axis, unless its handle is upright."""
+"""A door wider than this many times its height has a horizontal hinge, unless its handle is upright."""
 LEVEL = 0.7
-"""A direction whose share of the vertical is greater is up or down."""
+"""A unit vector with a greater vertical component points up or down (about 45 degrees)."""
 AT_FACE = 0.03
-"""A door not farther than this from a face of its furniture is where it belongs [m]."""
+"""A door within this distance of a face of its furniture closes that face [m]."""
 AT_EDGE = 0.05
-"""A hinge that a map places within this distance of an edge of the door is at that edge [m]."""
+"""A hinge within this distance of an edge of the door belongs to that edge [m]."""
 
 
 def articulated(
-    bodies: Sequence[Body], semantic_map: SemanticMap, found: list[Diagnostic]
+    bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]
 ) -> tuple[list[Body], tuple[Articulation, ...]]:
-    """Return the bodies, some doors moved to the face of their furniture, and the joints, in the order of the map.
+    """Find the joints of a map, in the order of the map, and move misplaced doors to the face of their furniture.
 
-    What was decided on the way is appended to ``found``.
+    Returns all bodies and the joints. Assumptions and repairs are appended to ``notes``.
     """
-    return _Reader(bodies, semantic_map, found).read()
+    return _Reader(bodies, semantic_map, notes).read()
 
 
 DEEPEST = 5
-"""Levels of parts of a leaf: a handle of a door in a drawer has three."""
+"""Greatest depth of nested parts of a leaf: a handle on the door of a drawer has depth 3."""
 
 
 @dataclass(slots=True)
 class _Leaf:
-    """A leaf with its furniture, its parts, and unit vectors in the map: outwards, and both directions of its edges."""
+    """A leaf with its furniture and parts, and unit vectors in the map frame: outward normal and both edges."""
 
     thing: MapObject
     body: Body
@@ -77,16 +77,16 @@ class _Leaf:
     across: Array
 
     def half(self, direction: Array) -> float:
-        """Return how far the leaf extends from its middle in a direction [m]."""
+        """Half extent of the leaf along a unit vector of the map frame [m]."""
         return _half(self.body, direction)
 
 
 class _Reader:
-    def __init__(self, bodies: Sequence[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> None:
+    def __init__(self, bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> None:
         self.bodies = {body.iri: body for body in bodies}
-        self.map, self.found = semantic_map, found
+        self.map, self.notes = semantic_map, notes
         self.things = {thing.iri: thing for thing in semantic_map.objects}
-        self.around = {part: thing for thing in semantic_map.objects for part in thing.parts}
+        self.wholes = {part: thing for thing in semantic_map.objects for part in thing.parts}
 
     def read(self) -> tuple[list[Body], tuple[Articulation, ...]]:
         joints = []
@@ -102,7 +102,7 @@ class _Reader:
                 joint = self._knob(thing, body) if self.map.is_a(thing, *KNOBS) else None
             if joint is not None:
                 joints.append(joint if joint.is_knob else replace(joint, first=self._position(thing, joint)))
-        moved = {name for joint in joints for name in joint.parts}  # a knob on a door goes with the door
+        moved = {name for joint in joints for name in joint.parts}  # a knob on a door moves with the door
         return list(self.bodies.values()), tuple(joint for joint in joints if joint.leaf not in moved)
 
     # Kinds
@@ -110,20 +110,19 @@ class _Reader:
     def _door(self, thing: MapObject, body: Body) -> Articulation | None:
         holder = self._holder(thing)
         if holder is None or self.map.is_a(self.things[holder.iri], "Drawer"):
-            return None  # a door between rooms has no furniture, and the front of a drawer slides with it
+            return None  # doors between rooms have no furniture, and a drawer's front slides with the drawer
         leaf = self._leaf(thing, body, holder)
         if not any(self._is_placed(iri) for iri in self._hinges(thing)):
             leaf = self._at_face(leaf)
-        stated = self._stated(leaf)
-        return stated if stated is not None else self._hinged(leaf)
+        return self._stated(leaf) or self._hinged(leaf)
 
     def _drawer(self, thing: MapObject, body: Body) -> Articulation:
         parts = self._parts(thing)
         fronts = [part for part in parts if self.map.is_a(part, *DOORS) and part.iri in self.bodies]
         handle = self._handle(parts)
-        there = self.bodies[fronts[0].iri] if fronts else handle
+        front = self.bodies[fronts[0].iri] if fronts else handle
         holder = self._holder(thing)
-        outwards = _nearest_axis(body, None if there is None else _arrow(body, there))
+        outwards = _nearest_axis(body, None if front is None else _arrow(body, front))
         leaf = _Leaf(thing, body, holder or body, parts, handle, outwards, *_edges(body, outwards))
         return self._stated(leaf, JointKind.PRISMATIC) or self._joint(
             leaf, JointKind.PRISMATIC, body.pose.position, outwards, 0.0, EXTENDED * 2 * leaf.half(outwards)
@@ -140,27 +139,27 @@ class _Reader:
         return None if joint is None else replace(joint, handle=body.name)
 
     def _hinged(self, leaf: _Leaf) -> Articulation:
-        """Return the hinge that the box of a door, its handle and its furniture tell."""
-        away = None if leaf.handle is None else np.array(leaf.handle.pose.position) - leaf.body.pose.position
+        """Derive the hinge of a door from its box, its handle and its furniture."""
+        to_handle = None if leaf.handle is None else np.array(leaf.handle.pose.position) - leaf.body.pose.position
         if abs(leaf.outwards[2]) > LEVEL:
-            to_hinge = self._back_of_lid(leaf, away)
+            to_hinge = self._back_of_lid(leaf, to_handle)
         elif self._turns_level(leaf):
-            below = self.map.is_a(self.things[leaf.holder.iri], *BELOW) or away is None or float(away @ leaf.up) > 0
-            to_hinge = -leaf.up if below else leaf.up
+            is_upper = to_handle is None or float(to_handle @ leaf.up) > 0
+            to_hinge = -leaf.up if is_upper or self.map.is_a(self.things[leaf.holder.iri], *BELOW) else leaf.up
         else:
-            to_hinge = self._hinge_side(leaf, away) * leaf.across
+            to_hinge = self._hinge_side(leaf, to_handle) * leaf.across
         x, y, z = (np.array(leaf.body.pose.position) + leaf.half(to_hinge) * to_hinge).tolist()
-        # the free edge moves outwards
+        # positive angles move the free edge outwards
         return self._joint(leaf, JointKind.HINGED, (x, y, z), np.cross(leaf.outwards, to_hinge), 0.0, OPENED)
 
-    def _back_of_lid(self, leaf: _Leaf, away: Array | None) -> Array:
-        """Return the direction of a lid's hinge: opposite of its handle, else at the back of what it is on."""
-        wanted = -leaf.holder.pose.rotation[:, 0] if away is None else -away
+    def _back_of_lid(self, leaf: _Leaf, to_handle: Array | None) -> Array:
+        """Direction of a lid's hinge: opposite its handle, else towards the back of its furniture (-x)."""
+        backwards = -leaf.holder.pose.rotation[:, 0] if to_handle is None else -to_handle
         edges = [sign * edge for edge in (leaf.up, leaf.across) for sign in (1.0, -1.0)]
-        return np.asarray(max(edges, key=lambda edge: round(float(edge @ wanted), 9)))
+        return np.asarray(max(edges, key=lambda edge: round(float(edge @ backwards), 9)))
 
     def _turns_level(self, leaf: _Leaf) -> bool:
-        """Return whether a door turns about a level axis."""
+        """Check whether the hinge of a door is horizontal."""
         if self.map.is_a(self.things[leaf.holder.iri], *BELOW):
             return True
         handle = leaf.handle
@@ -170,66 +169,66 @@ class _Reader:
                 return False
         return leaf.half(leaf.up) * UPRIGHT < leaf.half(leaf.across)
 
-    def _hinge_side(self, leaf: _Leaf, away: Array | None) -> float:
-        """Return on which side the hinge of a door is: 1 in the direction ``across``, else -1."""
-        if away is not None and abs(float(away @ leaf.across)) > 1e-3:
-            return -math.copysign(1.0, float(away @ leaf.across))
+    def _hinge_side(self, leaf: _Leaf, to_handle: Array | None) -> float:
+        """Find the hinged side, 1 or -1 along ``across``: opposite the handle, at a placed hinge, or the outer edge."""
+        if to_handle is not None and abs(float(to_handle @ leaf.across)) > 1e-3:
+            return -math.copysign(1.0, float(to_handle @ leaf.across))
         edges = {
             side: np.array(leaf.body.pose.position) + side * leaf.half(leaf.across) * leaf.across
             for side in (-1.0, 1.0)
         }
         for hinge in self._hinges(leaf.thing):
-            place = self.things[hinge].pose if hinge in self.things else None
-            if place is not None:
-                gaps = {s: abs(float((np.array(place.position) - edge) @ leaf.across)) for s, edge in edges.items()}
+            pose = self.things[hinge].pose if hinge in self.things else None
+            if pose is not None:
+                gaps = {s: abs(float((np.array(pose.position) - edge) @ leaf.across)) for s, edge in edges.items()}
                 if min(gaps.values()) <= AT_EDGE:
                     return min(gaps, key=gaps.__getitem__)
-        room = _half(leaf.holder, leaf.across)
-        spare = {s: room - abs(float((edge - leaf.holder.pose.position) @ leaf.across)) for s, edge in edges.items()}
-        return -1.0 if spare[-1.0] <= spare[1.0] else 1.0
+        half = _half(leaf.holder, leaf.across)
+        inset = {s: half - abs(float((edge - leaf.holder.pose.position) @ leaf.across)) for s, edge in edges.items()}
+        return -1.0 if inset[-1.0] <= inset[1.0] else 1.0
 
-    # What the file says
+    # Stated joints
 
     def _stated(self, leaf: _Leaf, kind: JointKind | None = None) -> Articulation | None:
-        """Return the joint that a file describes by its limits and its axis; None if it does not."""
+        """Read the joint of a leaf from the map; None if the map states no upper limit, or another kind of joint."""
         for iri in self._hinges(leaf.thing):
             lower, upper = self._limit(iri, "minJointValue"), self._limit(iri, "maxJointValue")
             slides = self._is_joint(iri, "PrismaticJoint")
-            wanted = JointKind.PRISMATIC if slides else JointKind.HINGED
-            if upper is None or kind not in (None, wanted):
+            stated_kind = JointKind.PRISMATIC if slides else JointKind.HINGED
+            if upper is None or kind not in (None, stated_kind):
                 continue
-            direction = _vector(self.map.ontology, iri, "direction", self.found)
-            joint = self._with_axis(leaf, iri, wanted, direction)
+            direction = _vector(self.map.ontology, iri, "direction", self.notes)
+            joint = self._with_axis(leaf, iri, stated_kind, direction)
             low, high = sorted((lower or 0.0, upper))
-            if abs(low) > abs(high):  # it opens towards smaller values
-                x, y, z = joint.axis  # without a direction it is that of the box, about which positive is outwards
+            if abs(low) > abs(high):  # opens towards smaller values
+                x, y, z = joint.axis  # an axis derived from the box is already positive outwards
                 joint = replace(joint, axis=(x, y, z) if direction is None else (-x, -y, -z), sign=-1.0)
                 low, high = -high, -low
             if not low <= 0.0 < high:
-                message = f"{leaf.body.name} cannot be closed or not be opened: its limits are {lower} and {upper}"
-                self.found.append(
-                    warning("M017", message, leaf.thing.span, "closed is 0; limits are radians or metres")
+                message = f"{leaf.body.name} cannot both open and close with the limits {lower} and {upper}"
+                self.notes.append(
+                    warning("M017", message, leaf.thing.span, "0 is closed; limits are in radians or metres")
                 )
                 continue
             return replace(joint, lower=low, upper=high)
         return None
 
     def _position(self, thing: MapObject, joint: Articulation) -> float:
-        """Return how far open a file says that a leaf is, within the limits of its joint; closed if it says nothing."""
-        stated = (self._limit(iri, "jointPosition") for iri in (thing.iri, *self._hinges(thing)))
-        position = next((value for value in stated if value is not None), 0.0)
+        """Read the joint position of a leaf, clamped to the limits of its joint; closed if the map states none."""
+        positions = (self._limit(iri, "jointPosition") for iri in (thing.iri, *self._hinges(thing)))
+        position = next((value for value in positions if value is not None), 0.0)
         value = joint.sign * position + 0.0
         if joint.within(value) != value:
             low, high = sorted(joint.sign * limit + 0.0 for limit in (joint.lower, joint.upper))
-            message = f"{joint.leaf} is not open to {position}: its limits are {low} and {high}"
-            self.found.append(warning("M017", message, thing.span, "closed is 0; positions are radians or metres"))
+            message = f"{joint.leaf} cannot be at {position}: its limits are {low} and {high}"
+            self.notes.append(warning("M017", message, thing.span, "0 is closed; positions are in radians or metres"))
         return joint.within(value)
 
     def _with_axis(self, leaf: _Leaf, iri: str, kind: JointKind, direction: Array | None) -> Articulation:
-        """Return a joint with the axis of a file, a unit vector (3,) in its frame, else that of the box."""
-        told = self._hinged(leaf) if kind is JointKind.HINGED else None
-        point = leaf.body.pose.position if told is None else told.point
-        axis = leaf.outwards if told is None else np.array(told.axis)
+        """Build a joint about the stated axis, a unit vector (3,) in the frame of the joint, else that of the box."""
+        derived = self._hinged(leaf) if kind is JointKind.HINGED else None
+        point = leaf.body.pose.position if derived is None else derived.point
+        axis = leaf.outwards if derived is None else np.array(derived.axis)
         pose = self.things[iri].pose if iri in self.things else None
         if direction is not None:
             axis = direction if pose is None else rotated(pose.rotation, direction)
@@ -237,28 +236,28 @@ class _Reader:
                 point = pose.position
             else:
                 radius = self._limit(iri, "turnRadius")
-                if radius and told is not None:
-                    point = _at_radius(leaf, np.array(told.point), radius)
+                if radius and derived is not None:
+                    point = _at_radius(leaf, np.array(derived.point), radius)
         return self._joint(leaf, kind, point, axis, 0.0, OPENED)
 
     def _limit(self, iri: str, name: str) -> float | None:
         triple = stated(self.map.ontology, iri, name)
-        return None if triple is None else length(triple, self.found)
+        return None if triple is None else length(triple, self.notes)
 
     def _is_placed(self, iri: str) -> bool:
-        """Return whether a file says all about a joint: limits, axis, and a point of it."""
+        """Check whether the map describes a joint in full: limits, axis and a point on it."""
         is_described = self._limit(iri, "maxJointValue") is not None and stated(self.map.ontology, iri, "direction")
         return bool(is_described) and iri in self.things and self.things[iri].pose is not None
 
     def _hinges(self, thing: MapObject) -> list[str]:
-        """Return the joints of a thing, which is a part of theirs, of which they are a part, or hinged to them."""
+        """Joints of an object: its parts, wholes that it is part of, and what it is hinged or rigidly connected to."""
         ontology, rigidly = self.map.ontology, expand("connectedTo-Rigidly")
-        named = [*thing.parts, *thing.hinged_to]
+        iris = [*thing.parts, *thing.hinged_to]
         for prop in (rigidly, expand("properPhysicalParts")):
             holders = (triple.subject for triple in ontology.triples(None, prop, thing.iri))
-            named += [one for one in holders if isinstance(one, str)]
-        named += [one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str)]
-        return [iri for iri in dict.fromkeys(named) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
+            iris += [one for one in holders if isinstance(one, str)]
+        iris += [one for one in ontology.values(thing.iri, rigidly) if isinstance(one, str)]
+        return [iri for iri in dict.fromkeys(iris) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
 
     def _is_joint(self, iri: str, *classes: str) -> bool:
         return self.map.ontology.any_is_a((iri,), classes)
@@ -266,32 +265,32 @@ class _Reader:
     # Furniture and parts
 
     def _holder(self, thing: MapObject) -> Body | None:
-        """Return the furniture that a leaf belongs to: what it is a part of, or hinged to, directly or by a joint."""
-        around = self.around.get(thing.iri)
-        names = [*((around.iri,) if around is not None else ()), *thing.hinged_to]
+        """Find the furniture of a leaf: its whole, or what it is hinged to, directly or by a joint."""
+        whole = self.wholes.get(thing.iri)
+        iris = [*((whole.iri,) if whole is not None else ()), *thing.hinged_to]
         for joint in self._hinges(thing):
-            named = self.map.ontology.values(joint, expand("connectedTo-Rigidly"))
-            names += [one for one in named if isinstance(one, str) and one != thing.iri]
-            names += [one.iri for one in self.map.objects if joint in one.parts and one.iri != thing.iri]
-        for name in names:
-            body = self.bodies.get(name)
-            if body is not None and body.shape is BodyShape.BOX and name != thing.iri:
+            connected = self.map.ontology.values(joint, expand("connectedTo-Rigidly"))
+            iris += [one for one in connected if isinstance(one, str) and one != thing.iri]
+            iris += [one.iri for one in self.map.objects if joint in one.parts and one.iri != thing.iri]
+        for iri in iris:
+            body = self.bodies.get(iri)
+            if body is not None and body.shape is BodyShape.BOX and iri != thing.iri:
                 return body
         return None
 
     def _parts(self, thing: MapObject) -> list[MapObject]:
-        """Return the parts of a thing, and theirs, down to :data:`DEEPEST` levels; in a level in the order of names.
+        """List the parts of an object, level by level down to :data:`DEEPEST`, sorted by IRI within a level.
 
-        Of several handles one is chosen: which one does not depend on the order of a file, which syntaxes change.
+        Sorted, because the first handle is used, and the order of statements differs between syntaxes of one map.
         """
-        found, level = {thing.iri: thing}, [thing]
+        seen, level = {thing.iri: thing}, [thing]
         for _ in range(DEEPEST):
             below = (
                 self.things[iri] for iri in sorted({iri for one in level for iri in one.parts} & self.things.keys())
             )
-            level = list({one.iri: one for one in below if one.iri not in found}.values())
-            found |= {one.iri: one for one in level}
-        parts = list(found.values())[1:]
+            level = list({one.iri: one for one in below if one.iri not in seen}.values())
+            seen |= {one.iri: one for one in level}
+        parts = list(seen.values())[1:]
         return [one for one in parts if one.iri in self.bodies and not self._is_joint(one.iri, "Joint-Physical")]
 
     def _handle(self, parts: Sequence[MapObject]) -> Body | None:
@@ -304,7 +303,7 @@ class _Reader:
     def _is_handle(self, body: Body) -> bool:
         return self.map.is_a(self.things[body.iri], *GRIPS[:1])
 
-    # Where it is
+    # Geometry of leaves
 
     def _leaf(self, thing: MapObject, body: Body, holder: Body) -> _Leaf:
         parts = self._parts(thing)
@@ -312,27 +311,27 @@ class _Reader:
         normal = body.pose.rotation[:, int(np.argmin(body.size))]
         inside = float((np.array(body.pose.position) - holder.pose.position) @ normal)
         gap = _half(holder, normal) - abs(inside)
-        if abs(gap) > AT_FACE:  # inside of its furniture it does not say which way it opens
+        if abs(gap) > AT_FACE:  # deep inside its furniture, the position does not show which side is the front
             towards = _arrow(holder, handle) if handle is not None else holder.pose.rotation[:, 0]
             inside = float(towards @ normal)
         outwards = normal * math.copysign(1.0, inside)
         return _Leaf(thing, body, holder, parts, handle, outwards, *_edges(body, outwards))
 
     def _at_face(self, leaf: _Leaf) -> _Leaf:
-        """Return the leaf, moved along its normal to the face of its furniture if it is not there."""
+        """Move a leaf along its normal to the face of its furniture, unless it is there already."""
         local = leaf.holder.pose.rotation.T @ leaf.outwards
         axis = int(np.argmax(np.abs(local)))
         normal = leaf.holder.pose.rotation[:, axis] * math.copysign(1.0, local[axis])
-        away = float((np.array(leaf.body.pose.position) - leaf.holder.pose.position) @ normal)
-        missing = (leaf.holder.size[axis] / 2 - away) / float(normal @ leaf.outwards)
+        offset = float((np.array(leaf.body.pose.position) - leaf.holder.pose.position) @ normal)
+        missing = (leaf.holder.size[axis] / 2 - offset) / float(normal @ leaf.outwards)
         if abs(missing) <= AT_FACE:
             return leaf
         position = np.array(leaf.body.pose.position) + missing * leaf.outwards
         body = replace(leaf.body, pose=Pose(tuple(position.tolist()), leaf.body.pose.orientation))
         self.bodies[body.iri] = body
         where = "the face where its handle is" if leaf.handle is not None else "its front"
-        message = f"{body.name} is {abs(missing):.2f} m away from {where} of {leaf.holder.name}: moved there"
-        self.found.append(note("M016", message, leaf.thing.span))
+        message = f"{body.name} was moved by {abs(missing):.2f} m to {where} of {leaf.holder.name}"
+        self.notes.append(note("M016", message, leaf.thing.span))
         return replace(leaf, body=body)
 
     def _joint(
@@ -346,7 +345,7 @@ class _Reader:
 
 
 def _half(body: Body, direction: Array) -> float:
-    """Return how far a body's box extends from its middle in a direction [m]."""
+    """Half extent of a body's box along a unit vector of the map frame [m]."""
     return float(np.abs(body.pose.rotation.T @ direction) @ (np.asarray(body.size) / 2))
 
 
@@ -355,7 +354,7 @@ def _arrow(of: Body, to: Body) -> Array:
 
 
 def _nearest_axis(body: Body, arrow: Array | None) -> Array:
-    """Return the level axis of a body, in the map, that points most along an arrow; its x axis without one."""
+    """Find the horizontal axis of a body, in the map frame, that is closest to an arrow; its x axis without one."""
     if arrow is None:
         return np.asarray(body.pose.rotation[:, 0])
     axes = [sign * body.pose.rotation[:, k] for k in range(3) for sign in (1.0, -1.0)]
@@ -363,7 +362,7 @@ def _nearest_axis(body: Body, arrow: Array | None) -> Array:
 
 
 def _edges(body: Body, outwards: Array) -> tuple[Array, Array]:
-    """Return the axes of a leaf that lie in it: the one that points up most, and the other one."""
+    """Find the two axes in the plane of a leaf: the more vertical one, pointing up, and the other."""
     normal = int(np.argmax(np.abs(body.pose.rotation.T @ outwards)))
     axes = [body.pose.rotation[:, k] for k in range(3) if k != normal]
     up, across = sorted(axes, key=lambda axis: -abs(round(float(axis[2]), 6)))
@@ -371,23 +370,23 @@ def _edges(body: Body, outwards: Array) -> tuple[Array, Array]:
 
 
 def _at_radius(leaf: _Leaf, point: Array, radius: float) -> tuple[float, float, float]:
-    """Return the point of an axis that is so far from the free edge, beside an edge of the leaf."""
+    """Move a point of the hinge so that its distance from the free edge of the leaf is ``radius`` [m]."""
     centre = np.array(leaf.body.pose.position)
     towards = (point - centre) / np.linalg.norm(point - centre)
     x, y, z = (centre + (radius - leaf.half(towards)) * towards).tolist()
     return (x, y, z)
 
 
-def _vector(ontology: Ontology, subject: str, prop: str, found: list[Diagnostic]) -> Array | None:
-    """Return the unit vector (3,) that a property of a subject names, by vectorX, vectorY and vectorZ; None without."""
+def _vector(ontology: Ontology, subject: str, prop: str, notes: list[Diagnostic]) -> Array | None:
+    """Read the vector that a property refers to (vectorX, vectorY, vectorZ), normalised (3,); None if there is none."""
     triple = stated(ontology, subject, prop)
     if triple is None or not isinstance(triple.object, str):
         return None
     parts = [stated(ontology, triple.object, name) for name in ("vectorX", "vectorY", "vectorZ")]
-    values = [None if part is None else length(part, found) for part in parts]
+    values = [None if part is None else length(part, notes) for part in parts]
     if None in values or not any(values):
-        message = f"{local_name(triple.object)} is no direction"
-        found.append(warning("M018", message, triple.span, "a direction has vectorX, vectorY and vectorZ, not all 0"))
+        message = f"{local_name(triple.object)} is not a valid direction"
+        notes.append(warning("M018", message, triple.span, "state vectorX, vectorY and vectorZ, not all 0"))
         return None
     vector = np.array(values, float)
     return np.asarray(vector / np.linalg.norm(vector))

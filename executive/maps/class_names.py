@@ -1,8 +1,8 @@
-"""Classes by the names that other ontologies have for them: what a map's vocabulary lacks is known by its local name.
+"""Classes of other ontologies, matched by name with those of the map's vocabulary.
 
-A plan of a recipe in one ontology runs in a map in another. A class that the map's vocabulary does not describe means
-the one that is called so there, or of which it says so: ``Class: Egg-Chickens Annotations: alsoCalled "Egg"``; at last
-the only one that begins so: ``Bed`` is Bed-PieceOfFurniture.
+A plan compiled from a recipe in one ontology runs in a map in another. A class that the map's vocabulary does not
+define is matched by local name, then by an annotation (``Class: Egg-Chickens Annotations: alsoCalled "Egg"``), and
+finally by an unambiguous first part: ``Bed`` is Bed-PieceOfFurniture.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ _USED = f"{_KEPT} used"
 
 
 def known(ontology: Ontology, cls: str) -> str:
-    """Return the IRI of a class; of one that the vocabulary lacks, that of the first which it calls so."""
+    """Map a class to its IRI in the vocabulary: the best of its :func:`meanings`."""
     return meanings(ontology, cls)[0]
 
 
 def is_kind(ontology: Ontology, one: str, cls: str) -> bool:
-    """Return whether a class is another, or below it, by either's name; by IRI where the map says that of a thing.
+    """Check whether class ``one`` is ``cls`` or a subclass of it, matching unknown classes by name.
 
-    Of two classes of one name in two namespaces, both unknown to the vocabulary, each means its own things.
+    By IRI only if the map has objects of ``cls`` itself: unknown classes of one name in two namespaces differ.
     """
     iri = expand(cls)
     if not ontology.defined(iri) and iri in _used(ontology):
         return expand(one) == iri or ontology.is_a(one, iri)
-    below = known(ontology, one)
-    return any(ontology.is_a(below, meant) for meant in meanings(ontology, cls))
+    known_one = known(ontology, one)
+    return any(ontology.is_a(known_one, meaning) for meaning in meanings(ontology, cls))
 
 
 def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
-    """Return the IRI of a class; of one that the vocabulary lacks, of all that it calls so: by their own name first."""
+    """List the classes that a class can mean: itself if defined or without match, else matches by name, best first."""
     iri = expand(cls)
     if ontology.defined(iri):
         return (iri,)
@@ -52,36 +52,36 @@ def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
         short: dict[str, dict[str, None]] = {}
         for name in ontology.class_names():
             short.setdefault(local_name(name).lower().partition("-")[0], {})[name] = None
-        ontology.kept[_KEPT] = {key: some for key, some in short.items() if len(some) == 1} | names
+        ontology.kept[_KEPT] = {key: classes for key, classes in short.items() if len(classes) == 1} | names
     return tuple(ontology.kept[_KEPT].get(local_name(iri).lower(), (iri,)))
 
 
 def _used(ontology: Ontology) -> frozenset[object]:
-    """Return the classes that individuals are said to be of."""
+    """Classes with individuals in the ontology."""
     if _USED not in ontology.kept:
         ontology.kept[_USED] = frozenset(triple.object for triple in ontology.triples(p=RDF.type))
     return frozenset(ontology.kept[_USED])
 
 
-def with_known_classes(ontology: Ontology, things: Iterable[str], found: list[Diagnostic]) -> Ontology:
-    """Return the ontology with classes of things (IRIs) that nothing defines replaced by those that are called so.
+def with_known_classes(ontology: Ontology, things: Iterable[str], notes: list[Diagnostic]) -> Ontology:
+    """Replace undefined classes of objects (IRIs) by defined classes of the same name, with a note for each.
 
-    Says so, and for those that nothing is called what they may mean. Of two classes of one name in two namespaces each
-    keeps its own things: :func:`is_kind` tells them apart.
+    A class without a match gets a warning, with similar names. Undefined classes of the same name in different
+    namespaces are left alone: :func:`is_kind` distinguishes them.
     """
     unknown = {cls: iri for iri in things for cls in ontology.types(iri) if not ontology.defined(cls)}
-    called = Counter(map(local_name, unknown))
+    counts = Counter(map(local_name, unknown))
     names: dict[str, str] = {}
     for cls, iri in unknown.items():
-        if called[local_name(cls)] > 1:
+        if counts[local_name(cls)] > 1:
             continue
-        said, span = f"{local_name(cls)}, the class of {local_name(iri)}", ontology.span(iri)
-        if (meant := known(ontology, cls)) != expand(cls):
-            names[cls] = meant
-            found.append(note("M031", f"{said}, is read as {local_name(meant)}", span))
+        subject, span = f"{local_name(cls)}, the class of {local_name(iri)}", ontology.span(iri)
+        if (match := known(ontology, cls)) != expand(cls):
+            names[cls] = match
+            notes.append(note("M031", f"{subject}, is read as {local_name(match)}", span))
             continue
-        every = {local_name(name) for name in ontology.class_names()}
-        close = similar(local_name(cls), sorted(every), least=0.8)
-        advice = f"did you mean {close[0]}?" if close else f"say what it is: Class: {local_name(cls)} SubClassOf: ..."
-        found.append(warning("M031", f"{said}, is unknown: nothing is known of such things", span, advice))
+        defined_names = {local_name(name) for name in ontology.class_names()}
+        close = similar(local_name(cls), sorted(defined_names), least=0.8)
+        advice = f"did you mean {close[0]}?" if close else f"define it: Class: {local_name(cls)} SubClassOf: ..."
+        notes.append(warning("M031", f"{subject}, is not defined: such objects have no known properties", span, advice))
     return ontology.renamed(names) if names else ontology

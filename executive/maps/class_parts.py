@@ -1,7 +1,7 @@
-"""Parts that the class of a thing has: models of classes state where their parts are, and each instance has them there.
+"""Parts stated by class models: each instance of the class gets these parts at the modelled poses.
 
 ``Class: Cabinet SubClassOf: properPhysicalParts some Door1``, ``Class: Door1 SubClassOf: orientation value Pose1``, and
-``Pose1`` is ``relativeTo`` the cabinet's class, another part's class, or another pose.
+``Pose1`` is ``relativeTo`` the class of the cabinet, the class of another part, or another pose.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand
 
 DEEPEST = 5
-"""Parts of parts of a thing that are taken from classes, and poses that are relative to each other in a row."""
+"""Greatest depth of nested parts, and of chains of relative poses."""
 MOST_PARTS = 1000
-"""Parts of a map that are."""
+"""Most parts that a map gets from classes: a guard against hostile files."""
 
 
-class Known(NamedTuple):
-    """Statements of a map about a thing; parts are IRIs."""
+class StatedObject(NamedTuple):
+    """An object as the map states it; parts are IRIs."""
 
     iri: str
     name: str
@@ -33,7 +33,7 @@ class Known(NamedTuple):
 
 
 class ClassPart(NamedTuple):
-    """A part that follows from a class, or a part of the map (by its IRI) whose pose does."""
+    """A part derived from a class: a new one, or one of the map (by its IRI) that gets its pose."""
 
     whole: str
     iri: str
@@ -43,39 +43,39 @@ class ClassPart(NamedTuple):
     size: Size | None
 
 
-def parts_of_classes(things: Iterable[Known], ontology: Ontology, found: list[Diagnostic]) -> list[ClassPart]:
-    """Return the parts, and the poses of parts, that the classes of things state and the map does not."""
-    reader = _Reader(things, ontology, found)
+def parts_of_classes(things: Iterable[StatedObject], ontology: Ontology, notes: list[Diagnostic]) -> list[ClassPart]:
+    """Derive the parts, and the poses of parts, that the map leaves to the classes of its objects."""
+    reader = _Reader(things, ontology, notes)
     for thing in tuple(reader.things.values()):
         reader.complete(reader.things[thing.iri])
     return reader.parts
 
 
 class _Reader:
-    def __init__(self, things: Iterable[Known], ontology: Ontology, found: list[Diagnostic]) -> None:
+    def __init__(self, things: Iterable[StatedObject], ontology: Ontology, notes: list[Diagnostic]) -> None:
         self.things = {thing.iri: thing for thing in things}
         self.names = {thing.name for thing in self.things.values()}
-        self.ontology, self.found = ontology, found
+        self.ontology, self.notes = ontology, notes
         self.parts: list[ClassPart] = []
 
-    def complete(self, thing: Known) -> None:
-        """Find the parts that the class of a thing has, and theirs."""
+    def complete(self, thing: StatedObject) -> None:
+        """Add the parts that the classes of an object state, and the parts of these parts."""
         if thing.pose is None:
             return
-        frames = {cls: thing.pose for own in thing.types for cls in self.ontology.ancestors(own)}
+        frames = {cls: thing.pose for stated_class in thing.types for cls in self.ontology.ancestors(stated_class)}
         before = len(self.parts)
         self._add(thing, frames, thing, DEEPEST)
         if len(self.parts) > before:
             names = ", ".join(part.name for part in self.parts[before:])
-            self.found.append(note("M026", f"{thing.name} has {names} where its class has them", thing.span))
+            self.notes.append(note("M026", f"{thing.name} has {names} where its class has them", thing.span))
 
-    def _add(self, whole: Known, frames: dict[str, Pose], root: Known, depth: int) -> None:
-        """Add the parts of a thing; ``frames``: poses of classes, in the map."""
+    def _add(self, whole: StatedObject, frames: dict[str, Pose], root: StatedObject, depth: int) -> None:
+        """Add the parts of ``whole``; ``frames`` are poses of classes in the map frame."""
         for cls in self._classes_of_parts(whole):
             if depth == 0 or len(self.parts) >= MOST_PARTS:
                 return
-            stated = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
-            part = next((one for one in stated if self.ontology.any_is_a(one.types, (cls,))), None)
+            stated_parts = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
+            part = next((one for one in stated_parts if self.ontology.any_is_a(one.types, (cls,))), None)
             pose = self._pose(cls, frames) if part is None or part.pose is None else part.pose
             if pose is None:
                 continue
@@ -92,31 +92,31 @@ class _Reader:
             self.parts.append(ClassPart(whole.iri, part.iri, part.name, cls, pose, size))
             self._add(part, {**frames, **dict.fromkeys(self.ontology.ancestors(cls), pose)}, root, depth - 1)
 
-    def _classes_of_parts(self, thing: Known) -> Iterator[str]:
+    def _classes_of_parts(self, thing: StatedObject) -> Iterator[str]:
         for cls in thing.types:
             for restriction in self.ontology.inherited_restrictions(cls, expand("properPhysicalParts")):
                 if restriction.kind == "some" and isinstance(restriction.filler, str):
                     yield restriction.filler
 
-    def _new(self, root: Known, cls: str, pose: Pose) -> Known:
+    def _new(self, root: StatedObject, cls: str, pose: Pose) -> StatedObject:
         name = unused_name(f"{root.name}_{local_name(cls)}", self.names)
         self.names.add(name)
-        return Known(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
+        return StatedObject(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
 
     def _pose(self, cls: str, frames: dict[str, Pose]) -> Pose | None:
-        """Return the pose of a part's class in the map; None if none is stated, or it is relative to something else."""
+        """Find the pose of a part's class in the map; None if none is stated, or it is relative to an unknown frame."""
         for restriction in self.ontology.inherited_restrictions(cls, expand("orientation")):
             if isinstance(restriction.filler, str):
                 return self._resolved(restriction.filler, frames, ())
         return None
 
     def _resolved(self, place: str, frames: dict[str, Pose], within: tuple[str, ...]) -> Pose | None:
-        matrix = None if place in within or len(within) > DEEPEST else read_transform(self.ontology, place, self.found)
+        matrix = None if place in within or len(within) > DEEPEST else read_transform(self.ontology, place, self.notes)
         parents = self.ontology.iris(place, "relativeTo")
         parent = next(iter(parents), None)
         if matrix is None or parent is None:
             return None
         frame = frames.get(parent)
-        if frame is None and any(self.ontology.triples(parent, expand("m03"))):  # relative to another pose
+        if frame is None and any(self.ontology.triples(parent, expand("m03"))):  # the parent is itself a pose
             frame = self._resolved(parent, frames, (*within, place))
         return None if frame is None else frame @ Pose.from_matrix(matrix)

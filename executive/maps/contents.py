@@ -1,4 +1,4 @@
-"""Contents, devices that are on, vessels and blades of a map, and the effects of heat in its ontology."""
+"""Properties of bodies beyond their geometry: contents, capacity, mass, blades, running devices, and heat effects."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from sim import Body
 from sim.matter import ON, Heating, Portion, Rules, Size
 
 MASS = ("massOfObject", "weightOfObject")
-"""Properties of a thing of a map with its mass [kg]."""
+"""Properties that state the mass of an object [kg]."""
 MOST = 1e6
-"""Greatest amount [ml], capacity [ml] and mass [kg]; more is taken as this much."""
+"""Upper bound of amounts [ml], capacities [ml] and masses [kg]; greater numbers are clamped."""
 USUAL_AMOUNT = 100.0
-"""Amount of a content of which nothing says how much it is [ml]."""
+"""Default amount of a content [ml]."""
 
 
 def rules_of(ontology: Ontology) -> Rules:
-    """Return what heat does, and of which sizes things are that come into being; raises BadInput."""
+    """Read the effects of heat, the default sizes of new objects and the flow rate. Raises BadInput."""
     heating = tuple(
         Heating(_short(one.inputs), shorten(one.output), _short(one.devices), one.duration)
         for one in heat_effects(ontology)
@@ -54,25 +54,25 @@ def _sizes(ontology: Ontology) -> Callable[[str], Size | None]:
     return size
 
 
-def with_contents(bodies: Iterable[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> list[Body]:
-    """Return bodies with what they hold, whether they are on, and what they are as vessels and tools.
+def with_contents(bodies: Iterable[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> list[Body]:
+    """Add contents, capacities, masses, blades and on/off states to bodies.
 
-    A number that is none is left out, with a warning in ``found``.
+    Invalid numbers are ignored, with a warning in ``notes``.
     """
-    held, types, numbers = dict[str, list[Portion]](), dict[str, tuple[str, ...]](), _Numbers(semantic_map, found)
+    portions, types, numbers = dict[str, list[Portion]](), dict[str, tuple[str, ...]](), _Numbers(semantic_map, notes)
     for thing in semantic_map.objects:
         types[thing.iri] = thing.types
         for container in thing.inside if thing.pose is None else ():
-            held.setdefault(container, []).append(_portion(thing, numbers))
-    return [_with_content(body, held.get(body.iri, ()), types.get(body.iri, ()), numbers) for body in bodies]
+            portions.setdefault(container, []).append(_portion(thing, numbers))
+    return [_with_content(body, portions.get(body.iri, ()), types.get(body.iri, ()), numbers) for body in bodies]
 
 
 class _Numbers:
-    """Numbers of things and classes; what is none is left out, with a warning."""
+    """Numeric properties of objects and classes; an invalid number is None, with a warning."""
 
-    def __init__(self, semantic_map: SemanticMap, found: list[Diagnostic]) -> None:
+    def __init__(self, semantic_map: SemanticMap, notes: list[Diagnostic]) -> None:
         self.ontology = semantic_map.ontology
-        self._found = found
+        self._notes = notes
         self._known: dict[tuple[tuple[str, ...], str], float | None] = {}
 
     def of_thing(self, iri: str, name: str) -> float | None:
@@ -87,13 +87,13 @@ class _Numbers:
         try:
             number = read()
         except BadInput as bad:
-            self._found += (replace(one, severity=Severity.WARNING) for one in bad.diagnostics)
+            self._notes += (replace(one, severity=Severity.WARNING) for one in bad.diagnostics)
             return None
         return None if number is None else min(number, MOST)
 
 
 def is_content(thing: MapObject) -> bool:
-    """Return whether a thing of a map is what another one holds: it is in something and has no place of its own."""
+    """Check whether an object is the content of another: it is inside something and has no pose of its own."""
     return thing.pose is None and bool(thing.inside)
 
 
@@ -105,11 +105,12 @@ def _portion(thing: MapObject, numbers: _Numbers) -> Portion:
 
 
 def _mass(body: Body, portions: Sequence[Portion], types: tuple[str, ...], numbers: _Numbers) -> float:
-    """Return the mass of a body [kg]: as the map says, else of its class with what it contains, a gram a millilitre."""
-    stated = (numbers.of_thing(body.iri, name) for name in MASS)
-    found = next((mass for mass in stated if mass is not None), None)
+    """Mass of a body [kg]: as the map states, else that of its class plus its contents at 1 g/ml; 0 if unknown."""
+    stated = next((mass for name in MASS if (mass := numbers.of_thing(body.iri, name)) is not None), None)
     empty = numbers.of_classes(types, "massOfObject")
-    return found if found is not None else 0.0 if empty is None else empty + sum(one.amount for one in portions) / 1000
+    return (
+        stated if stated is not None else 0.0 if empty is None else empty + sum(one.amount for one in portions) / 1000
+    )
 
 
 def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...], numbers: _Numbers) -> Body:

@@ -1,4 +1,4 @@
-"""The bundled environments: which of them a run is in where its user names none."""
+"""Bundled environments, and the choice of one for runs without ``--environment``."""
 
 from __future__ import annotations
 
@@ -12,37 +12,38 @@ from planlang.files import Bundled
 from planlang.ontology import load
 
 DEFAULT_ENVIRONMENT = "hospital_room"
-"""The environment in which bundled recipes are run without ``--environment`` if they name things of no other one."""
+"""Environment of bundled recipes unless their objects belong to another one."""
 
 
 def environments_with(things: Iterable[str]) -> tuple[str, ...]:
-    """Return the bundled environments in which all these things (local names or IRIs) have a pose, sorted.
+    """List the bundled environments in which all these objects (local names or IRIs) have a pose, sorted.
 
-    Those without a room are left out: they add things to an environment that does not come with planlang.
+    Maps without a room are skipped: they extend environments that do not come with planlang.
     """
-    wanted = tuple(things)
-    return environments_for(lambda one: all(_has(one, thing) for thing in wanted))
+    names = tuple(things)
+    return environments_for(lambda one: all(_has(one, name) for name in names))
 
 
 def environments_for(fits: Callable[[SemanticMap], bool]) -> tuple[str, ...]:
-    """Return the bundled environments with a room whose map fits, sorted."""
+    """List the bundled environments with a room whose map satisfies a predicate, sorted."""
     maps = {name: _map(name) for name in Bundled.ENVIRONMENT.names()}
     return tuple(name for name, one in maps.items() if _has_room(one) and fits(one))
 
 
 def default_environment(recipe: Path, things: Iterable[str], notes: list[Diagnostic]) -> str:
-    """Return the bundled environment for a run of a bundled recipe with these things.
+    """Choose the bundled environment for a run of a bundled recipe with these objects.
 
-    That whose namespace the recipe's prefixes name is replaced, with a note, if only one other contains the things.
+    The environment in the recipe's prefixes is the default; the only one that has all the objects replaces it, with a
+    note.
     """
     text = recipe.read_text(encoding="utf-8")
-    named = (name for name in Bundled.ENVIRONMENT.names() if f"/{name}.owl#>" in text)
-    usual = next(named, DEFAULT_ENVIRONMENT)
-    wanted = tuple(things)
-    fitting = environments_with(wanted) if wanted else ()
+    in_prefixes = (name for name in Bundled.ENVIRONMENT.names() if f"/{name}.owl#>" in text)
+    usual = next(in_prefixes, DEFAULT_ENVIRONMENT)
+    names = tuple(things)
+    fitting = environments_with(names) if names else ()
     if len(fitting) != 1 or fitting[0] == usual:
         return usual
-    lacking = ", ".join(thing for thing in wanted if not _has(_map(usual), thing))
+    lacking = ", ".join(name for name in names if not _has(_map(usual), name))
     message = f"the environment {fitting[0]} is chosen, as {usual} has no {lacking}"
     notes.append(note("X010", message, help="--environment names one"))
     return fitting[0]

@@ -1,6 +1,6 @@
-"""Files that a map names beside what it states: occupancy grids, points and octrees, which are obstacles.
+"""Obstacles from sensor data that a map refers to: occupancy grids, point clouds and octrees.
 
-Nothing is ever fetched, and nothing is read outside the folder of the map's own file.
+For safety no URL is fetched, and no file outside the folder of the map is read.
 """
 
 from __future__ import annotations
@@ -21,74 +21,74 @@ from planlang.ontology import Literal, Ontology, Triple, expand
 from sim import Body
 
 OBSTACLE = "mapped obstacle"
-"""The name of a body that a file tells of, before its number."""
+"""Name of a body made from sensor data, followed by its number."""
 UPRIGHT = 0.9999
-"""Least cosine of the angle between up and the z axis of a file's frame: a degree."""
+"""Least cosine of the angle between up and the z axis of a file's frame: just below one degree."""
 CELL = 0.05
-"""Length of the cells by which points are told apart [m]."""
-
+"""Edge of the cells into which points are binned [m]."""
 FAR = 0.2
-"""Obstacles that are joined over gaps of this length may bar the way of a robot [m]."""
+"""Joining obstacles over gaps of this length may block a robot's way: a warning instead of a note [m]."""
 
 
-def with_obstacles(bodies: Sequence[Body], semantic_map: SemanticMap, found: list[Diagnostic]) -> list[Body]:
-    """Return bodies with boxes where the map's files have something that the map does not know.
+def with_obstacles(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> list[Body]:
+    """Add boxes that cover sensor data which no body of the map explains.
 
-    What cannot be read or is not here is told, and left out.
+    Files that are missing or cannot be read are skipped, with a diagnostic in ``notes``.
     """
-    files = _files(semantic_map.ontology, found)
-    boxes = [box for path, frame in files for box in _boxes(path, frame, bodies, found)]
+    files = _files(semantic_map.ontology, notes)
+    boxes = [box for path, frame in files for box in _boxes(path, frame, bodies, notes)]
     return [
         *bodies,
         *(Body(f"{OBSTACLE} {number}", pose, size) for number, (pose, size) in enumerate(boxes, 1)),
     ]
 
 
-def _files(ontology: Ontology, found: list[Diagnostic]) -> Iterator[tuple[Path, Pose]]:
-    """Yield the files that are there and can be read, each with the pose of its map."""
-    poses = PosesOfThings(ontology, found)
+def _files(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[tuple[Path, Pose]]:
+    """Yield the existing files of known formats, each with the pose of its map."""
+    poses = PosesOfThings(ontology, notes)
     for iri in ontology.individuals(expand("Map")):
         for triple in ontology.said(iri, "linkToMapFile"):
             if not isinstance(triple.object, Literal):
                 continue
             path, problem = _file(triple, triple.object.value.strip())
             if path is not None and path.suffix.lower() not in _READERS:
-                problem = f"of such files {', '.join(_READERS)} are read"
+                problem = f"only {', '.join(_READERS)} can be read"
             if problem:
-                message = f"the map {local_name(iri)} is left out: {problem}: {triple.object.value[:200]}"
-                found.append(note("M025", message, triple.span))
+                message = f"the map {local_name(iri)} is ignored: {problem}: {triple.object.value[:200]}"
+                notes.append(note("M025", message, triple.span))
             elif path is not None:
                 yield path, poses.pose(iri) or Pose((0.0, 0.0, 0.0))
 
 
 def _file(triple: Triple, link: str) -> tuple[Path | None, str]:
-    """Return the file that a link means, or why there is none."""
+    """Resolve a link to a file in the folder of the map; None with a reason otherwise."""
     folder, is_elsewhere = Path(triple.span.file).parent, "://" in link or link.startswith("//")
     try:
-        path = (folder / (Path(link).name if is_elsewhere else link)).resolve()  # pulled, it is beside the map
+        path = (folder / (Path(link).name if is_elsewhere else link)).resolve()  # `planlang pull` puts it there
         if not path.is_relative_to(folder.resolve()):
-            return None, "it is outside of the map's folder"
+            return None, "it is outside the folder of the map"
         if path.is_file():
             return path, ""
-        return None, "files at other places are not fetched" if is_elsewhere else "there is no such file"
+        return None, "URLs are not fetched, and there is no copy beside the map" if is_elsewhere else "file not found"
     except (OSError, ValueError):
-        return None, "this is no name of a file"
+        return None, "this is not a file name"
 
 
-def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], found: list[Diagnostic]) -> list[Box]:
-    """Return boxes that cover what a file in a frame has and no thing explains."""
+def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], notes: list[Diagnostic]) -> list[Box]:
+    """Cover what a file in a frame shows and no body explains with boxes."""
     if frame.rotation[2, 2] < UPRIGHT:
-        found.append(warning("M024", "a map of obstacles that leans is left out", Span(str(path))))
+        message = "these obstacles are ignored: the z axis of their frame is not vertical"
+        notes.append(warning("M024", message, Span(str(path))))
         return []
     try:
         boxes, apart = _READERS[path.suffix.lower()](path).within(frame).boxes(bodies)
     except BadInput as bad:
-        found += (warning(one.code, one.message, one.span) for one in bad.diagnostics if one.severity is Severity.ERROR)
+        notes += (warning(one.code, one.message, one.span) for one in bad.diagnostics if one.severity is Severity.ERROR)
         return []
     if apart > 0:
-        told = warning if apart >= FAR else note
-        message = f"what is up to {apart:.2g} m apart may be one of its {len(boxes)} obstacles, with what is between"
-        found.append(told("M032", message, Span(str(path)), "leave out what is no obstacle, or what the map states"))
+        severity = warning if apart >= FAR else note
+        message = f"obstacles up to {apart:.2g} m apart were joined, gaps included, into {len(boxes)} boxes"
+        notes.append(severity("M032", message, Span(str(path)), "remove what is not an obstacle, or is in the map"))
     return boxes
 
 
@@ -111,4 +111,4 @@ _READERS: dict[str, Callable[[Path], OccupiedSpace]] = {
     **dict.fromkeys(point_cloud.SUFFIXES, _of_points),
     **dict.fromkeys(octree.SUFFIXES, _of_octree),
 }
-"""What reads a file, by its suffix."""
+"""Reader of a file by its suffix."""

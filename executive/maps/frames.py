@@ -1,6 +1,6 @@
-"""Frames of two maps of one place to each other: as the maps state it, or by the things that both have.
+"""Transformations between the frames of two maps of one place: as stated, or estimated from common objects.
 
-A map states its frame as the pose of itself (a ``SemanticEnvironmentMap``) relative to another map, a thing or a place.
+A map states its frame as its own pose (of the ``SemanticEnvironmentMap``) relative to another map, an object or a pose.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from planlang.ontology.terms import OWL
 from planlang.records import dataclass
 
 NEAR, TURNED = 0.1, math.radians(10.0)
-"""Differences of poses [m, rad] up to which a thing is at one place in two maps."""
+"""Greatest difference between the poses of an object that is in the same place in two maps [m, rad]."""
 ENOUGH = 3
-"""Things at places of their own by which frames are compared."""
-SURE = 3
-"""So many times more things must be at one place after a transformation than without it."""
+"""Least number of objects, in different places, to estimate a transformation from."""
+CLEARLY_MORE = 3
+"""A transformation is accepted if it makes more than this many times as many objects agree as the identity does."""
 MOST_TRIED = 200
-"""Transformations that are compared."""
+"""Greatest number of candidate transformations."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapSource:
-    """A map with its file's name, its statements, and the placements that it states."""
+    """A map with the name of its file, its statements, and the placements that it states."""
 
     name: str
     map: SemanticMap
@@ -43,7 +43,7 @@ class MapSource:
     placed: dict[str, Placement]
 
     def named(self, names: Mapping[str, str]) -> MapSource:
-        """Return the source with other names (IRIs) for some things."""
+        """Replace the IRIs of some objects."""
         statements = [
             replace(
                 one,
@@ -58,51 +58,54 @@ class MapSource:
             placed[names.get(iri, iri)] = replace(one, thing=names.get(iri, iri), relative_to=parent)
         return replace(self, statements=statements, placed=placed)
 
-    def moved(self, way: Pose) -> MapSource:
-        """Return the source in another frame, in which its own has this pose: things, files, directions of joints."""
+    def moved(self, transform: Pose) -> MapSource:
+        """Move objects, files and joint directions into another frame; ``transform`` is the pose of this map in it."""
         poses = PosesOfThings(self.map.ontology, [])
-        files = {iri: Placement(iri, poses.pose(iri) or _HERE) for iri in _maps_with_files(self.map.ontology)}
-        placed = {iri: replace(one, pose=way @ one.pose) for iri, one in {**files, **self.placed}.items()}
-        things = (replace(one, pose=way @ one.pose) if one.pose else one for one in self.map.objects)
+        files = {iri: Placement(iri, poses.pose(iri) or _IDENTITY) for iri in _maps_with_files(self.map.ontology)}
+        placed = {iri: replace(one, pose=transform @ one.pose) for iri, one in {**files, **self.placed}.items()}
+        things = (replace(one, pose=transform @ one.pose) if one.pose else one for one in self.map.objects)
         turned = {
             str(t.object) for t in self.statements if t.predicate == expand("direction") and t.subject not in placed
         }
-        statements = [_turned(one, way, self.map.ontology) if one.subject in turned else one for one in self.statements]
+        statements = [
+            _rotated_vector(one, transform, self.map.ontology) if one.subject in turned else one
+            for one in self.statements
+        ]
         return replace(self, map=replace(self.map, objects=tuple(things)), statements=statements, placed=placed)
 
 
-def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, found: list[Diagnostic]) -> MapSource:
-    """Return a map in the frame of the first one, with a note if it was in another; ``ontology`` has both.
+def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, notes: list[Diagnostic]) -> MapSource:
+    """Transform a map into the frame of the first one, with a note if they differ; ``ontology`` contains both.
 
-    Raises BadInput if the frames differ and nothing tells how they lie to each other.
+    Raises BadInput if the frames differ and the transformation cannot be determined.
     """
-    way, why = _as_stated(first, source), "as stated"
-    if way is None:
-        common = list(_common(first, source, ontology))
-        way, count = _by_things(common)
-        why = f"by {count} things of both"
-        if way is None:
+    transform, why = _stated_transform(first, source), "as stated"
+    if transform is None:
+        common = list(_common_objects(first, source, ontology))
+        transform, count = _estimate(common)
+        why = f"estimated from {count} common objects"
+        if transform is None:
             _check_one_frame(first, source, len(common), count)
             return source
-    if _is_same(way, _HERE):
+    if _is_same(transform, _IDENTITY):
         return source
-    x, y, z = (number(round(one, 3)) for one in way.position)
-    yaw = math.degrees(math.atan2(way.rotation[1, 0], way.rotation[0, 0])) + 0.0
+    x, y, z = (number(round(one, 3)) for one in transform.position)
+    yaw = math.degrees(math.atan2(transform.rotation[1, 0], transform.rotation[0, 0])) + 0.0
     message = (
         f"{source.name} is in another frame than {first.name}, {why}: moved by ({x}, {y}, {z}) m, {yaw:.1f} degrees"
     )
-    found.append(note("M027", message, Span(str(source.map.ontology.documents[0].path))))
-    return source.moved(way)
+    notes.append(note("M027", message, Span(str(source.map.ontology.documents[0].path))))
+    return source.moved(transform)
 
 
-_HERE = Pose((0.0, 0.0, 0.0))
+_IDENTITY = Pose((0.0, 0.0, 0.0))
 
 
-# As stated
+# Stated frames
 
 
 def _frames(ontology: Ontology) -> Iterator[tuple[str, str | None, Pose]]:
-    """Yield the maps that have a pose: map, what it is relative to, pose."""
+    """Yield each map with a pose: its IRI, that of its parent frame, and the pose."""
     poses = PosesOfThings(ontology, [])
     for iri in ontology.individuals(expand("SemanticEnvironmentMap")):
         place = poses.place_of(iri) if ontology.main(iri) else None
@@ -113,66 +116,67 @@ def _frames(ontology: Ontology) -> Iterator[tuple[str, str | None, Pose]]:
 
 
 def _anchors(source: MapSource) -> dict[str, Pose]:
-    """Return the poses in a map's frame of what another frame may be stated relative to."""
+    """Collect the poses, in the frame of a map, of everything that another frame may be relative to, by IRI."""
     ontology = source.map.ontology
     anchors = {iri: one.pose for iri, one in source.placed.items()}
-    anchors |= {iri: _HERE for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
+    anchors |= {iri: _IDENTITY for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
     for _, parent, pose in _frames(ontology):
         if parent is not None:
             anchors[parent] = pose.inverse()
     return anchors
 
 
-def _as_stated(first: MapSource, source: MapSource) -> Pose | None:
-    """Return the pose of a map's frame in the first map's by what they state; None if they do not."""
+def _stated_transform(first: MapSource, source: MapSource) -> Pose | None:
+    """Find the stated pose of a map's frame in that of the first; None if neither map relates them."""
     ours, theirs = _anchors(first), _anchors(source)
     parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
     return next((ours[iri] @ theirs[iri].inverse() for iri in parents if iri in ours and iri in theirs), None)
 
 
-# By what both have
+# Estimated frames
 
 
-def _common(first: MapSource, source: MapSource, ontology: Ontology) -> Iterator[tuple[Pose, Pose]]:
-    """Yield the poses in both maps of the things that both have: by one IRI, or by name if both have but one of it."""
-    named = [Counter(local_name(thing.iri) for thing in one.map.objects) for one in (first, source)]
+def _common_objects(first: MapSource, source: MapSource, ontology: Ontology) -> Iterator[tuple[Pose, Pose]]:
+    """Yield the poses in both maps of each common object: same IRI, or a local name that is unique in both."""
+    counts = [Counter(local_name(thing.iri) for thing in one.map.objects) for one in (first, source)]
     ours = {thing.iri: thing for thing in first.map.objects}
     by_name = {local_name(thing.iri): thing for thing in first.map.objects}
     for thing in source.map.objects:
         name = local_name(thing.iri)
-        alone = by_name.get(name) if named[0][name] == named[1][name] == 1 else None
+        alone = by_name.get(name) if counts[0][name] == counts[1][name] == 1 else None
         other = ours.get(thing.iri, alone)
         if other and other.pose and thing.pose and are_related(other, thing, ontology):
             yield other.pose, thing.pose
 
 
 def are_related(a: MapObject, b: MapObject, ontology: Ontology) -> bool:
-    """Return whether a class of one thing is that of the other, or below it."""
+    """Check whether a class of one object equals, or is a sub- or superclass of, one of the other."""
     kinds = [[cls for cls in thing.types if cls != OWL.NamedIndividual] for thing in (a, b)]
     return any(ontology.is_a(x, y) or ontology.is_a(y, x) for x in kinds[0] for y in kinds[1])
 
 
-def _by_things(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
-    """Return the transformation by which most things are at one place in both maps, and how many these are.
+def _estimate(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
+    """Estimate the transformation on which most common objects agree, and count the places at which they do.
 
-    None if that is no transformation at all, or too few are: things move, and some may have moved together.
+    Each common object proposes a candidate; the best is refined by averaging over the objects that agree with it.
+    None unless that is clearly more than without a transformation: objects move, and some may have moved together.
     """
-    counts = [(len(_places(common, _HERE)), _HERE)]
-    ways = (ours @ theirs.inverse() for ours, theirs in common[:MOST_TRIED])
-    counts += [(len(_places(common, way)), way) for way in ways]
-    most, best = max(counts, key=lambda one: one[0])
-    if most < ENOUGH or most <= SURE * counts[0][0]:
+    counts = [(len(_places(common, _IDENTITY)), _IDENTITY)]
+    candidates = (ours @ theirs.inverse() for ours, theirs in common[:MOST_TRIED])
+    counts += [(len(_places(common, transform)), transform) for transform in candidates]
+    best_count, best = max(counts, key=lambda one: one[0])
+    if best_count < ENOUGH or best_count <= CLEARLY_MORE * counts[0][0]:
         return None, counts[0][0]
     agreeing = [pair for pair in common if _is_near(pair[0], best @ pair[1])]
     rotation = orthonormal(np.mean([product(ours.rotation, theirs.rotation.T) for ours, theirs in agreeing], axis=0))
     ours, theirs = (np.mean([pair[side].position for pair in agreeing], axis=0) for side in (0, 1))
-    return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), most
+    return Pose.from_matrix(rigid(rotation, ours - rotated(rotation, theirs))), best_count
 
 
-def _places(common: Sequence[tuple[Pose, Pose]], way: Pose) -> set[tuple[int, ...]]:
-    """Return the places, in cells, of the things that are at one place in both maps after a transformation."""
-    at = (ours.position for ours, theirs in common if _is_near(ours, way @ theirs))
-    return {tuple(round(one / NEAR) for one in position) for position in at}
+def _places(common: Sequence[tuple[Pose, Pose]], transform: Pose) -> set[tuple[int, ...]]:
+    """Cells of the objects whose poses agree after a transformation; objects close together count once."""
+    agreeing = (ours.position for ours, theirs in common if _is_near(ours, transform @ theirs))
+    return {tuple(round(one / NEAR) for one in position) for position in agreeing}
 
 
 def _is_near(a: Pose, b: Pose) -> bool:
@@ -184,42 +188,42 @@ def _is_same(a: Pose, b: Pose) -> bool:
 
 
 def _check_one_frame(first: MapSource, source: MapSource, common: int, alike: int) -> None:
-    """Raise BadInput if two maps are in different frames, by what they state, or as nothing is where it was."""
+    """Raise BadInput if two maps seem to be in different frames: by their statements, or as no objects agree."""
     if alike >= ENOUGH:
         return
-    lost = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
+    parents = [parent for one in (first, source) for _, parent, _ in _frames(one.map.ontology) if parent is not None]
     ours, theirs = _named_frames(first), _named_frames(source)
-    if lost:
-        why = f"the frame of one is stated relative to {local_name(lost[0])}, of which the other states no pose"
+    if parents:
+        why = f"the frame of one is stated relative to {local_name(parents[0])}, which has no pose in the other"
     elif ours and theirs and not ours & theirs:
         why = f"poses are relative to {local_name(min(ours))} in one and to {local_name(min(theirs))} in the other"
     elif common >= ENOUGH and not alike:
-        why = f"none of the {common} things that both have is where it was"
+        why = f"none of their {common} common objects is in the same place"
     else:
         return
-    message = f"nothing tells how the frames of {first.name} and {source.name} lie to each other: {why}"
+    message = f"the transformation between the frames of {first.name} and {source.name} is unknown: {why}"
     help = (
-        f"state the pose (orientation) of the map of {source.name}, relativeTo the map of {first.name} or a thing in it"
+        f"state the pose (orientation) of the map of {source.name}, relativeTo the map of {first.name} or an object "
+        f"in it; or add {ENOUGH} objects to both that have not moved"
     )
-    help += f"; or have {ENOUGH} things in both that have not moved"
     raise BadInput([error("M028", message, Span(str(source.map.ontology.documents[0].path)), help)])
 
 
 def _named_frames(source: MapSource) -> set[str]:
-    """Return the maps that poses of a map are stated to be relative to."""
+    """Maps (IRIs) to which poses of a map are relative."""
     ontology = source.map.ontology
     maps = set(ontology.individuals(expand("SemanticEnvironmentMap")))
-    own = {PosesOfThings(ontology, []).place_of(iri) for iri in maps}
-    relative = (t for t in source.statements if t.predicate == expand("relativeTo") and t.subject not in own)
+    own_poses = {PosesOfThings(ontology, []).place_of(iri) for iri in maps}
+    relative = (t for t in source.statements if t.predicate == expand("relativeTo") and t.subject not in own_poses)
     return {str(t.object) for t in relative if t.object in maps}
 
 
-# Relative to what only another map places
+# Poses relative to objects of other maps
 
 
 def completed(source: MapSource, known: Mapping[str, Placement]) -> MapSource:
-    """Return a map with the placements of things that are stated relative to what only other maps place."""
-    ontology, found = source.map.ontology, dict[str, Placement]()
+    """Add the placements of objects whose poses are relative to objects that only other maps place (``known``)."""
+    ontology, added = source.map.ontology, dict[str, Placement]()
     times = {one.event: one.time for seen in PosesOfThings(ontology, []).places.values() for one in seen}
     stated_at = [(str(t.subject), str(t.object)) for t in source.statements if t.predicate == expand("eventOccursAt")]
     places, acted = dict(stated_at), expand("objectActedOn")
@@ -228,21 +232,21 @@ def completed(source: MapSource, known: Mapping[str, Placement]) -> MapSource:
         thing, event = str(triple.object), str(triple.subject)
         parent, time = parents.get(places.get(event, ""), ""), times.get(event, -math.inf)
         matrix = read_transform(ontology, places[event], []) if parent in known else None
-        if matrix is not None and (thing not in found or time >= found[thing].time):
+        if matrix is not None and (thing not in added or time >= added[thing].time):
             facts = tuple(facts_of(ontology, event))
-            found[thing] = Placement(thing, known[parent].pose @ Pose.from_matrix(matrix), time, parent, facts)
-    return replace(source, placed=source.placed | found)
+            added[thing] = Placement(thing, known[parent].pose @ Pose.from_matrix(matrix), time, parent, facts)
+    return replace(source, placed=source.placed | added)
 
 
-# In another frame
+# Statements in another frame
 
 
 def _maps_with_files(ontology: Ontology) -> list[str]:
     return [iri for iri in ontology.individuals(expand("Map")) if any(ontology.said(iri, "linkToMapFile"))]
 
 
-def _turned(triple: Triple, way: Pose, ontology: Ontology) -> Triple:
-    """Return a statement about a vector of the map in another frame."""
+def _rotated_vector(triple: Triple, transform: Pose, ontology: Ontology) -> Triple:
+    """Rotate a statement about a component of a vector into another frame."""
     axis = _AXES.get(local_name(triple.predicate))
     parts = [stated(ontology, str(triple.subject), name) for name in _AXES]
     if axis is None or not all(parts):
@@ -250,7 +254,7 @@ def _turned(triple: Triple, way: Pose, ontology: Ontology) -> Triple:
     values = [None if part is None else length(part, []) for part in parts]
     if any(value is None for value in values):
         return triple
-    return replace(triple, object=decimal(float(rotated(way.rotation, np.array(values, dtype=float))[axis])))
+    return replace(triple, object=decimal(float(rotated(transform.rotation, np.array(values, dtype=float))[axis])))
 
 
 _AXES = {"vectorX": 0, "vectorY": 1, "vectorZ": 2}

@@ -1,6 +1,6 @@
-"""Furniture that has an inside: behind its doors, at its compartments and where its drawers are, which are open above.
+"""Cavities of furniture: behind its doors, at its compartments, and where its drawers slide; drawers are open above.
 
-Furniture with none of these stays a solid box, unless the map states that it is open: nobody reaches into it.
+Other furniture stays a solid box that nobody can reach into, unless the map states that it is open.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from sim.leaves import inside
 from sim.scene import BodyShape, Cavity
 
 WALL = 0.02
-"""Thickness of walls and shelves of which nothing is known [m]."""
+"""Default thickness of walls and shelves [m]."""
 SHEET = 0.01
-"""The same for drawers [m]."""
+"""Default thickness of the walls of drawers [m]."""
 BEYOND = 0.1
-"""Length by which the room of a compartment goes beyond the open side of its furniture [m]."""
-ROOM_FOR_IT = 0.05
-"""A thing that sticks into a shelf or a wall by no more than this has room there: maps are not better [m]."""
+"""Length by which a cavity sticks out of the open side of its furniture, so that nothing closes it [m]."""
+TOLERATED = 0.05
+"""An object that penetrates a wall or shelf by less than this pushes it back: maps are no more accurate [m]."""
 
 
 def hollowed(
@@ -35,60 +35,61 @@ def hollowed(
     compartments: Callable[[Body], Sequence[Body]],
     report: Callable[[Body, Sequence[Body], Sequence[str]], None],
 ) -> list[Body]:
-    """Return all bodies, furniture hollow behind its doors, at its compartments and in its drawers, empty or not.
+    """Cut cavities into furniture behind its doors, at its compartments and in its drawers, empty or not.
 
-    ``stated``: the rooms inside a body of which the map says that it is open; it is hollow in any case, there or behind
-    its doors. ``compartments`` are parts of furniture inside of which things may lie. ``report`` is told the furniture,
-    what lies inside and the names of its openings, none if there is no way to reach into it.
+    ``stated`` gives the cavity of a body that the map states to be open, ``compartments`` the parts of furniture that
+    may contain objects. ``report`` receives furniture, the objects inside and the names of its openings: none if
+    nobody can reach into it. Returns all bodies.
     """
     by_name = {body.name: body for body in bodies}
     joints = tuple(joints)
     slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
-    runs: dict[str, list[Cavity]] = {}
+    slide_cavities: dict[str, list[Cavity]] = {}
     for joint in joints:
         if joint.leaf in slides and joint.holder is not None:
-            runs.setdefault(joint.holder, []).append(_run_of(by_name[joint.leaf], by_name[joint.holder], joint))
+            slide_cavities.setdefault(joint.holder, []).append(
+                _slide_of(by_name[joint.leaf], by_name[joint.holder], joint)
+            )
     doors: dict[str, list[Body]] = {}
     for joint in joints:
         if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
             doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
     movable = [body for body in bodies if body.movable]
-    contents: list[_Filled] = []
+    contents: list[_Contents] = []
     for body in bodies:
         if body.movable or body.shape is not BodyShape.BOX:
             continue
-        things, own = _content(body, movable) if movable else [], stated(body)
+        things, cavity = _content(body, movable) if movable else [], stated(body)
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
-        parts = [] if own else [part for part in compartments(body) if part.name not in slides]
-        rooms = _rooms(body, own, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
-        held = [thing for thing in things if any(_is_in(room, body, thing) for _, room in rooms)]
-        openings = list(dict(rooms))
+        parts = [] if cavity else [part for part in compartments(body) if part.name not in slides]
+        rooms = _rooms(body, cavity, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
+        reachable = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
         if things:
-            contents.append(_Filled(body, things, openings if held else []))
-        if body.name in runs:
-            by_name[body.name] = replace(body, cavities=tuple(runs[body.name]))
-        if rooms and (held or not things):
-            cavities = tuple(_with_room(room, body, held) for _, room in rooms)
-            by_name[body.name] = replace(body, cavities=(*cavities, *runs.get(body.name, ())))
-            for part in parts:
-                if part.name in openings:
+            contents.append(_Contents(body, things, [*rooms] if reachable else []))
+        if body.name in slide_cavities:
+            by_name[body.name] = replace(body, cavities=tuple(slide_cavities[body.name]))
+        if rooms and (reachable or not things):
+            cavities = tuple(_with_room(room, body, reachable) for room in rooms.values())
+            by_name[body.name] = replace(body, cavities=(*cavities, *slide_cavities.get(body.name, ())))
+            for part in parts:  # a compartment is a cavity of its furniture from here on, not a body
+                if part.name in rooms:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
     for one in contents:
-        if left := one.without_drawers(contents):
-            report(one.body, left, one.openings)
+        if to_report := one.without_drawers(contents):
+            report(one.body, to_report, one.openings)
     return list(by_name.values())
 
 
 @dataclass(frozen=True, slots=True)
-class _Filled:
-    """The movable things inside of furniture, and the names of its openings: none without a way to reach them."""
+class _Contents:
+    """Movable objects inside furniture, and the names of its openings: none if they are out of reach."""
 
     body: Body
     things: list[Body]
     openings: list[str]
 
-    def without_drawers(self, others: Iterable[_Filled]) -> list[Body]:
-        """Return the things; if there is no way to them, without those that lie in its drawers, which can be opened."""
+    def without_drawers(self, others: Iterable[_Contents]) -> list[Body]:
+        """Objects to report: all, or, without openings, those that do not lie in drawers of their own."""
         volume = np.prod(self.body.size)
         inner = [one for one in others if not self.openings and one.openings and np.prod(one.body.size) < volume]
         within = {thing.name for one in inner for thing in one.things}
@@ -96,40 +97,31 @@ class _Filled:
 
 
 def _rooms(
-    body: Body, own: Sequence[Cavity], doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
-) -> list[tuple[str, Cavity]]:
-    """Return the rooms in a body with what opens them: doors, compartments without one, or itself."""
-    if is_drawer and not own:
-        return [(body.name, _open_above(body))]
+    body: Body, cavity: Cavity | None, doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
+) -> dict[str, Cavity]:
+    """Cavities of a body by the name of what opens them: doors, compartments without a door, or the body itself."""
+    if is_drawer and cavity is None:
+        return {body.name: _open_above(body)}
     front = _front(body, doors)
-    rooms = [(door.name, room_behind(door, body)) for door in doors]
-    rooms += [(part.name, _compartment(part, body, *front)) for part in parts]
-    return rooms or [(body.name, room) for room in own]
+    rooms = {door.name: room_behind(door, body) for door in doors}
+    rooms |= {part.name: _compartment(part, body, *front) for part in parts}
+    return rooms if rooms or cavity is None else {body.name: cavity}
 
 
-def open_at(
-    size: Sequence[float], sides: Iterable[str], boards: Sequence[float] = (), walls: float = WALL
-) -> list[Cavity]:
-    """Return the rooms inside a box, along its axes, that is open at sides such as "+x"; none if nothing is open.
-
-    ``boards`` divide it: heights of their tops above its lower end, the lowest first [m]. It is then open in front.
-    """
-    sides = tuple(sides) or ("+x",) * bool(boards)
+def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) -> Cavity | None:
+    """Cavity of a box that is open at sides such as "+x"; None if no side is valid or the walls leave no space."""
     low, high = -np.asarray(size) / 2 + walls, np.asarray(size) / 2 - walls
-    known = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
-    for sign, axis in known:
+    openings = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
+    for sign, axis in openings:
         if sign == "+":
             high["xyz".index(axis)] += walls + BEYOND
         else:
             low["xyz".index(axis)] -= walls + BEYOND
-    floors = [height - size[2] / 2 for height in boards] or [low[2]]
-    ceilings = [*(floor - walls for floor in floors[1:]), high[2]]
-    rooms = [((*low[:2], floor), (*high[:2], ceiling)) for floor, ceiling in zip(floors, ceilings, strict=True)]
-    return [_cavity(*map(np.array, room)) for room in rooms if known and np.less(*room).all()]
+    return _cavity(low, high) if openings and (low < high).all() else None
 
 
 def room_behind(leaf: Body, furniture: Body) -> Cavity:
-    """Return the room in furniture, in its frame, that a leaf closes: as high and wide as the leaf, up to the back."""
+    """Cavity of furniture, in its frame, behind a leaf: as high and wide as the leaf, and deep up to the back wall."""
     half, (axis, sign) = np.asarray(furniture.size) / 2, face_of(leaf, furniture)
     local = _in_frame(leaf, furniture)
     low, high = (np.clip(end, -half + WALL, half - WALL) for end in (local.min(axis=0), local.max(axis=0)))
@@ -139,7 +131,7 @@ def room_behind(leaf: Body, furniture: Body) -> Cavity:
 
 
 def face_of(leaf: Body, furniture: Body) -> tuple[int, float]:
-    """Return the face of furniture that a closed leaf is at: an axis of the furniture, and 1 or -1 along it."""
+    """Find the face of furniture that a closed leaf covers: an axis of the furniture, and 1 or -1 along it."""
     normal = leaf.pose.rotation[:, int(np.argmin(leaf.size))]
     axis = int(np.argmax(np.abs(furniture.pose.rotation.T @ normal)))
     local = (furniture.pose.inverse() @ leaf.pose).position
@@ -147,13 +139,13 @@ def face_of(leaf: Body, furniture: Body) -> tuple[int, float]:
 
 
 def _content(body: Body, movable: Sequence[Body]) -> list[Body]:
-    """Return those of movable bodies whose centre is inside a piece of furniture."""
-    found = inside(body.pose, body.size, np.array([other.pose.position for other in movable]))
-    return [movable[index] for index in np.flatnonzero(found).tolist()]
+    """List the movable bodies whose centre is inside a piece of furniture."""
+    is_inside = inside(body.pose, body.size, np.array([other.pose.position for other in movable]))
+    return [movable[index] for index in np.flatnonzero(is_inside).tolist()]
 
 
 def _front(body: Body, doors: Sequence[Body]) -> tuple[int, float]:
-    """Return the open face of furniture: where its doors are, else its x axis."""
+    """Front face of furniture: where its doors are, else +x."""
     return face_of(doors[0], body) if doors else (0, 1.0)
 
 
@@ -168,7 +160,7 @@ def _compartment(part: Body, furniture: Body, axis: int, sign: float) -> Cavity:
 
 
 def _open_above(body: Body) -> Cavity:
-    """Return the inside of a drawer."""
+    """Cavity of a drawer, open at the top."""
     half = np.asarray(body.size) / 2
     up = body.pose.rotation[2]
     axis = int(np.argmax(np.abs(up)))
@@ -180,13 +172,13 @@ def _open_above(body: Body) -> Cavity:
     return _cavity(low, high)
 
 
-def _run_of(drawer: Body, furniture: Body, joint: Articulation) -> Cavity:
-    """Return the room in furniture that a drawer leaves when it is pulled out."""
+def _slide_of(drawer: Body, furniture: Body, joint: Articulation) -> Cavity:
+    """Cavity of furniture in which a drawer slides."""
     half, local = np.asarray(furniture.size) / 2, _in_frame(drawer, furniture)
-    way = furniture.pose.rotation.T @ np.asarray(joint.axis)
-    axis = int(np.argmax(np.abs(way)))
+    slide = furniture.pose.rotation.T @ np.asarray(joint.axis)
+    axis = int(np.argmax(np.abs(slide)))
     low, high = local.min(axis=0), local.max(axis=0)
-    if way[axis] > 0:
+    if slide[axis] > 0:
         high[axis] = half[axis] + BEYOND
     else:
         low[axis] = -half[axis] - BEYOND
@@ -199,19 +191,19 @@ def _is_in(room: Cavity, body: Body, thing: Body) -> bool:
 
 
 def _with_room(room: Cavity, body: Body, things: Iterable[Body]) -> Cavity:
-    """Return a cavity in which things are that belong there: a shelf into which one sticks a little gives way."""
+    """Widen a cavity around the objects in it that penetrate its walls by less than :data:`TOLERATED`."""
     low, high = (np.asarray(room.centre) + sign * np.asarray(room.size) / 2 for sign in (-1.0, 1.0))
     for thing in things:
         if _is_in(room, body, thing):
             local = _in_frame(thing, body)
             lower, upper = local.min(axis=0), local.max(axis=0)
-            low = np.where((lower < low) & (lower > low - ROOM_FOR_IT), lower, low)
-            high = np.where((upper > high) & (upper < high + ROOM_FOR_IT), upper, high)
+            low = np.where((lower < low) & (lower > low - TOLERATED), lower, low)
+            high = np.where((upper > high) & (upper < high + TOLERATED), upper, high)
     return _cavity(low, high)
 
 
 def _in_frame(body: Body, furniture: Body) -> Array:
-    """Return the corners (8, 3) of a body's box in the frame of furniture."""
+    """Corners (8, 3) of a body's box in the frame of furniture."""
     pose = furniture.pose.inverse() @ body.pose
     return corners(pose, body.size)
 

@@ -1,7 +1,8 @@
-"""Things that a robot holds when a run begins: those that hang, by a map's kinematic chain, from a link of its hand.
+"""Objects in a robot's hand when a run begins: the map links them to the hand by a kinematic chain.
 
-How they are held no file says. A tool with a blade points ahead, its blade's normal across the way in which fingers
-close, and is held :data:`BEHIND` its blade; other things are held in their middle, their z axis across the fingers.
+Maps do not state the grasp, so it is assumed. A tool with a blade points along the approach axis, its blade's normal
+perpendicular to the closing axis, and is held :data:`BEHIND` its blade. Other objects are held at their centre, with
+their z axis perpendicular to both axes.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from planlang.geometry.matrices import product, rotated
 BEHIND = 0.3
 """Distance of the hand behind the centre of a tool's blade [m]."""
 STOWED = Pose((0.0, 0.0, -100.0))
-"""The pose of things until a robot has them in its hand: far below everything."""
+"""Pose of such objects until the robot is in the world: far below everything."""
 Axis = tuple[float, float, float]
 
 
 class HandOfArm(Protocol):
-    """An arm, as :class:`executive.robots.robot.Arm` describes it."""
+    """What is needed of an :class:`executive.robots.robot.Arm`."""
 
     @property
     def hand_link(self) -> str:
@@ -37,7 +38,7 @@ class HandOfArm(Protocol):
 
     @property
     def approach(self) -> Axis:
-        """Unit vector in the tip frame along which the hand moves towards what it grasps."""
+        """Unit vector in the tip frame along which the hand moves towards an object."""
 
     @property
     def closing(self) -> Axis:
@@ -45,12 +46,12 @@ class HandOfArm(Protocol):
 
 
 def is_in_hand(thing: MapObject, semantic_map: SemanticMap) -> bool:
-    """Return whether a thing hangs from a link of a robot."""
+    """Check whether the map links an object to a robot."""
     return bool(_links(thing, semantic_map))
 
 
 def held_by(arm: HandOfArm, semantic_map: SemanticMap) -> Iterator[MapObject]:
-    """Yield the things that an arm holds when a run begins: those that hang from its hand, by the name of the link."""
+    """Yield the objects that an arm holds when a run begins: those linked to its hand or tip, by the link's name."""
     ends = (arm.hand_link, arm.tip)
     for thing in semantic_map.objects:
         names = _links(thing, semantic_map)
@@ -64,7 +65,7 @@ def _links(thing: MapObject, semantic_map: SemanticMap) -> list[str]:
 
 
 def grip_of(arm: HandOfArm, thing: MapObject, semantic_map: SemanticMap) -> Pose:
-    """Return the pose of a thing in the frame of the tip of the arm that holds it."""
+    """Assume the pose of an object in the tip frame of the arm that holds it."""
     approach, closing = np.array(arm.approach), np.array(arm.closing)
     across = np.cross(approach, closing)
     blade = Blade.of(semantic_map.ontology, thing.iri)
@@ -73,12 +74,12 @@ def grip_of(arm: HandOfArm, thing: MapObject, semantic_map: SemanticMap) -> Pose
         pose[:3, :3] = np.column_stack([approach, closing, across])
         return Pose.from_matrix(pose)
     ahead = blade.ahead / np.linalg.norm(blade.ahead)
-    there, own = _axes(approach, across), _axes(ahead, blade.normal)
-    pose[:3, :3] = product(there, own.T)
+    in_tip, in_tool = _axes(approach, across), _axes(ahead, blade.normal)
+    pose[:3, :3] = product(in_tip, in_tool.T)
     pose[:3, 3] = BEHIND * approach - rotated(pose[:3, :3], blade.position)
     return Pose.from_matrix(pose)
 
 
 def _axes(first: Array, second: Array) -> Array:
-    """Return two orthogonal unit vectors and their cross product as columns (3, 3)."""
+    """Rotation (3, 3) whose columns are two orthogonal unit vectors and their cross product."""
     return np.column_stack([first, second, np.cross(first, second)])

@@ -1,6 +1,6 @@
-"""The numbers that maps state: sizes and poses, in SI units, finite, rigid; each with its place in the file.
+"""Numbers stated by maps: lengths, sizes and poses, converted to SI units and checked; rotations are made rigid.
 
-One that cannot be read costs what it says, with a warning, and nothing else of the map.
+A number that cannot be read is ignored, with a warning that points into the file; the rest of the map is kept.
 """
 
 from __future__ import annotations
@@ -19,67 +19,67 @@ from planlang.units import IncompatibleUnits, conversion, stated_number, unit, u
 
 
 def stated(ontology: Ontology, subject: str, prop: str) -> Triple | None:
-    """Return the last statement of a property about a subject, which replaces earlier ones; None if there is none."""
-    found = tuple(ontology.triples(subject, expand(prop)))
-    return found[-1] if found else None
+    """Find the last statement of a property of a subject, which replaces earlier ones; None if there is none."""
+    triples = tuple(ontology.triples(subject, expand(prop)))
+    return triples[-1] if triples else None
 
 
 FARTHEST = 1e7
-"""Greatest number in a map [m]: the distance from a pole to the equator, by which surveyed maps count."""
+"""Greatest coordinate in a map [m]: surveying grids count up to the distance from the equator to a pole."""
 LARGEST = 1e4
-"""Greatest extent of a thing [m]."""
+"""Greatest extent of an object [m]."""
 
 
-def length(triple: Triple, found: list[Diagnostic]) -> float | None:
-    """Return the number a triple states, in the unit of its property; None with a warning if it is none."""
-    values = lengths(triple, found)
+def length(triple: Triple, notes: list[Diagnostic]) -> float | None:
+    """Read the number that a triple states, in the unit of its property; None with a warning if it is not one."""
+    values = lengths(triple, notes)
     if values is None:
         return None
     if len(values) != 1:
-        found.append(_unreadable(triple, f"one number is expected, {_text(triple)!r} is {len(values)}"))
+        notes.append(_unreadable(triple, f"expected one number, found {len(values)}: {_text(triple)!r}"))
         return None
     return values[0]
 
 
-def lengths(triple: Triple, found: list[Diagnostic], most: float = FARTHEST) -> tuple[float, ...] | None:
-    """Return the numbers of a literal such as "0.4 0.8 1.2", in the unit of its property.
+def lengths(triple: Triple, notes: list[Diagnostic], most: float = FARTHEST) -> tuple[float, ...] | None:
+    """Read the numbers of a literal such as "0.4 0.8 1.2", in the unit of its property.
 
-    None, with a warning, if one is none or more than ``most``, or if their own unit does not fit the property.
+    None, with a warning, if a word is not a number, a number exceeds ``most``, or their unit does not fit the property.
     """
     text = _text(triple)
     try:
-        if "_" in text:  # Python would read 1_000
+        if "_" in text:  # float() accepts 1_000
             raise ValueError
         numbers = tuple(float(word) for word in text.replace(",", " ").split())
     except ValueError:
-        found.append(_unreadable(triple, f"not a number: {text!r}"))
+        notes.append(_unreadable(triple, f"not a number: {text!r}"))
         return None
     if not all(math.isfinite(number) for number in numbers):
-        found.append(_unreadable(triple, f"not a finite number: {text!r}"))
+        notes.append(_unreadable(triple, f"not a finite number: {text!r}"))
         return None
-    converted = _converted(triple, numbers, found)
+    converted = _converted(triple, numbers, notes)
     if converted is not None and any(abs(number) > most for number in converted):
-        found.append(_unreadable(triple, f"{text} is more than {most:,.0f} m"))
+        notes.append(_unreadable(triple, f"{text} is more than {most:,.0f} m"))
         return None
     return converted
 
 
-def _converted(triple: Triple, numbers: tuple[float, ...], found: list[Diagnostic]) -> tuple[float, ...] | None:
-    """Return numbers in the unit of the property; None with a warning if their own unit does not fit."""
+def _converted(triple: Triple, numbers: tuple[float, ...], notes: list[Diagnostic]) -> tuple[float, ...] | None:
+    """Convert numbers to the unit of the property; None with a warning if their own unit does not fit."""
     if not isinstance(triple.object, Literal) or (name := unit_of(triple.object)) is None:
         return numbers
     prop = local_name(triple.predicate)
     if unit(name) is None:
-        message = f"{prop} is in {name}, an unknown unit; the number is read without it"
-        found.append(warning("M030", message, triple.span, "use a unit of QUDT, such as Meter"))
+        message = f"{prop} is in the unknown unit {name}; the unit is ignored"
+        notes.append(warning("M030", message, triple.span, "use a unit of QUDT, such as Meter"))
         return numbers
     try:
         converted = conversion(triple.object, unit_of_property(prop))
         return numbers if converted is None else tuple(converted(number) for number in numbers)
     except IncompatibleUnits as wrong:
-        found.append(warning("M030", f"{prop} is left out: {wrong}", triple.span))
+        notes.append(warning("M030", f"{prop} is left out: {wrong}", triple.span))
     except ValueError as wrong:
-        found.append(_unreadable(triple, str(wrong)))
+        notes.append(_unreadable(triple, str(wrong)))
     return None
 
 
@@ -105,12 +105,12 @@ THIN = 0.001
 """Extent of a door that has none [m]."""
 
 
-def read_size(ontology: Ontology, iri: str, types: Iterable[str], found: list[Diagnostic]) -> Size | None:
-    """Return the size of an individual; extents that the file does not state are filled in, and noted.
+def read_size(ontology: Ontology, iri: str, types: Iterable[str], notes: list[Diagnostic]) -> Size | None:
+    """Read the size of an individual; missing extents are filled in from its classes, with a note.
 
-    It is None when an extent is negative, or neither stated nor known for a class: such a thing is a marker.
+    None if an extent is negative, or neither stated nor a default of a class: such an object is a mere place.
     """
-    extents = stated_size(ontology, iri, found)
+    extents = stated_size(ontology, iri, notes)
     if any(value is not None and value < 0 for value in extents):
         return None
     if all(extents):
@@ -119,74 +119,51 @@ def read_size(ontology: Ontology, iri: str, types: Iterable[str], found: list[Di
     types = tuple(types)
     size, origins = [], []
     for name, value in zip(EXTENTS, extents, strict=True):
-        filled, origin = (value, "") if value else _default(ontology, types, name, any(extents), found)
+        filled, origin = (value, "") if value else _default(ontology, types, name, any(extents), notes)
         size.append(filled)
         origins.append(f"{name} {filled} m ({origin})" if origin else "")
     span = ontology.span(iri)
     if None in size:
         if any(value is not None for value in extents):
             missing = ", ".join(name for name, value in zip(EXTENTS, size, strict=True) if value is None)
-            found.append(note("M006", f"{local_name(iri)} has no {missing} and no class that knows one: a place", span))
+            message = f"{local_name(iri)} has no {missing}, and its class has no default: it is a mere place"
+            notes.append(note("M006", message, span))
         return None
-    found.append(note("M005", f"{local_name(iri)}: {', '.join(filter(None, origins))}", span))
+    notes.append(note("M005", f"{local_name(iri)}: {', '.join(filter(None, origins))}", span))
     x, y, z = (value or 0.0 for value in size)
     return (x, y, z)
 
 
-def read_boards(
-    ontology: Ontology, iri: str, types: Iterable[str], size: Size | None, found: list[Diagnostic]
-) -> tuple[float, ...]:
-    """Heights of the boards of a shelf above its lower end [m], the lowest first; none for what has no boards.
-
-    Those that the thing states, else those of its nearest class, of which the ones within its height are noted.
-    """
-    if size is None:
-        return ()
-    own = stated(ontology, iri, "boardHeights")
-    of_class = (one for cls in types for one in ontology.inherited_restrictions(cls, expand("boardHeights")))
-    default = None if own else next(of_class, None)
-    said = Triple(iri, expand("boardHeights"), default.filler, default.span) if default else own
-    heights = sorted(lengths(said, found, LARGEST) or ()) if said else []
-    boards = tuple(height for height in heights if 0 <= height < size[2])
-    if own and len(boards) < len(heights):
-        found.append(_unreadable(own, f"a shelf {size[2]} m high has boards from 0 m to there"))
-        return ()
-    if default and boards:
-        shown = ", ".join(f"{height} m" for height in boards)
-        found.append(note("M005", f"{local_name(iri)}: boards at {shown} (default of its class)", ontology.span(iri)))
-    return boards
-
-
-def stated_size(ontology: Ontology, iri: str, found: list[Diagnostic]) -> tuple[float | None, ...]:
-    """Return the three extents that a file states, None for each that it does not."""
+def stated_size(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> tuple[float | None, ...]:
+    """Read the three stated extents; None for each that is missing."""
     values: list[float | None] = [None, None, None]
     for name in TRIPLES:
         triple = stated(ontology, iri, name)
-        numbers = lengths(triple, found, LARGEST) if triple else None
+        numbers = lengths(triple, notes, LARGEST) if triple else None
         if triple and numbers and len(numbers) == 3:
-            values = [_positive(number, name, triple.span, found) for number in numbers]
+            values = [_positive(number, name, triple.span, notes) for number in numbers]
     for index, name in enumerate(EXTENTS):
         triple = stated(ontology, iri, name)
-        numbers = lengths(triple, found, LARGEST) if triple else None
+        numbers = lengths(triple, notes, LARGEST) if triple else None
         if triple and numbers:
-            values[index] = _positive(numbers[0], name, triple.span, found)
+            values[index] = _positive(numbers[0], name, triple.span, notes)
     radius = stated(ontology, iri, "radius")
-    numbers = lengths(radius, found, LARGEST / 2) if radius else None
+    numbers = lengths(radius, notes, LARGEST / 2) if radius else None
     if radius and numbers and values[0] is None and values[1] is None:
-        diameter = _positive(2 * numbers[0], "radius", radius.span, found)
+        diameter = _positive(2 * numbers[0], "radius", radius.span, notes)
         values[0] = values[1] = diameter
     return tuple(values)
 
 
-def _positive(value: float, name: str, span: Span | None, found: list[Diagnostic]) -> float:
+def _positive(value: float, name: str, span: Span | None, notes: list[Diagnostic]) -> float:
     if value < 0:
-        message = f"{name} is {value} m; a thing cannot be smaller than nothing: it is taken for a mere place"
-        found.append(warning("M007", message, span))
+        message = f"{name} is negative: {value} m; the object is a mere place"
+        notes.append(warning("M007", message, span))
     return value
 
 
 def _default(
-    ontology: Ontology, types: tuple[str, ...], name: str, partly: bool, found: list[Diagnostic]
+    ontology: Ontology, types: tuple[str, ...], name: str, partly: bool, notes: list[Diagnostic]
 ) -> tuple[float | None, str]:
     if partly and ontology.any_is_a(types, ("Door",)):
         return THIN, "doors are thin"
@@ -197,13 +174,13 @@ def _default(
                     value = _number_of(restriction)
                     if value is not None:
                         return value, f"default of {local_name(ancestor)}"
-                    message = f"{name} of {local_name(ancestor)} is left out: no size is {restriction.filler.value!r}"
-                    found.append(warning("M002", message, restriction.span))
+                    message = f"{name} of {local_name(ancestor)} is left out: not a size: {restriction.filler.value!r}"
+                    notes.append(warning("M002", message, restriction.span))
     return None, ""
 
 
 def _number_of(restriction: Restriction) -> float | None:
-    """Return the size that a restriction states [m]; None if it is none."""
+    """Read the extent that a restriction states [m]; None if it is not a valid one."""
     try:
         unit_name = unit_of_property(local_name(restriction.property))
         value = stated_number(restriction.filler, unit_name) if isinstance(restriction.filler, Literal) else math.nan
@@ -213,31 +190,31 @@ def _number_of(restriction: Restriction) -> float | None:
 
 
 TOLERANCE = 1e-3
-"""Entries of a rotation may differ by this from an orthonormal matrix before that is worth a note."""
+"""Greatest deviation of R^T R from the identity without a note."""
 
 FLAT = 0.1
-"""Volume of a matrix's axes, relative to a cube of their mean length, that is no basis: one axis a twentieth."""
+"""Least determinant of a usable matrix, relative to its scale cubed: one of its axes has a twentieth of the length."""
 
 POSE = 'a pose needs m00..m22 and m03, m13, m23, or translation "x y z" and a heading or quaternion "x y z w"'
-"""What is said of one that lacks something."""
+"""Advice for an incomplete pose."""
 
 _ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
 _TRANSLATION = ("m03", "m13", "m23")
 
 
-def read_transform(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
-    """Return the homogeneous (4, 4) matrix that an individual states, repaired to a rigid one; lengths in metres.
+def read_transform(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> Array | None:
+    """Read the homogeneous matrix (4, 4) that an individual states, made rigid; lengths in metres.
 
     Understands RotationMatrix3D with m00..m23 (the last row is not needed), and ``translation "x y z"`` with
-    ``heading`` (degrees about the z axis) or ``quaternion "x y z w"``. None, with a warning in ``found``, if numbers
+    ``heading`` (degrees about the z axis) or ``quaternion "x y z w"``. None, with a warning in ``notes``, if numbers
     are missing or not finite.
     """
     if stated(ontology, iri, "m00") or stated(ontology, iri, "m03"):
-        return _from_entries(ontology, iri, found)
-    return _from_quaternion(ontology, iri, found)
+        return _from_entries(ontology, iri, notes)
+    return _from_quaternion(ontology, iri, notes)
 
 
-def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
+def _from_entries(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> Array | None:
     matrix = np.eye(4)
     missing = []
     complete = True
@@ -246,46 +223,45 @@ def _from_entries(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Arra
         if triple is None:
             missing.append(name)
             continue
-        value = length(triple, found)
+        value = length(triple, notes)
         if value is None:
             complete = False
         else:
             matrix[int(name[1]), int(name[2])] = value
     if missing:
         message = f"the matrix {local_name(iri)} has no {', '.join(missing)}"
-        found.append(warning("M003", message, ontology.span(iri), POSE))
+        notes.append(warning("M003", message, ontology.span(iri), POSE))
     if missing or not complete:
         return None
-    matrix[:3, :3] = rigid(matrix[:3, :3], local_name(iri), ontology.span(iri), found)
+    matrix[:3, :3] = rigid(matrix[:3, :3], local_name(iri), ontology.span(iri), notes)
     return matrix
 
 
-def _from_quaternion(ontology: Ontology, iri: str, found: list[Diagnostic]) -> Array | None:
+def _from_quaternion(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> Array | None:
     values: dict[str, tuple[float, ...]] = {"quaternion": (0.0, 0.0, 0.0, 1.0)}
-    turned = stated(ontology, iri, "heading")
-    if turned is not None and not stated(ontology, iri, "quaternion"):
-        heading = length(turned, found)
-        half = math.radians(heading or 0.0) / 2
+    heading = stated(ontology, iri, "heading")
+    if heading is not None and not stated(ontology, iri, "quaternion"):
+        half = math.radians(length(heading, notes) or 0.0) / 2
         values["quaternion"] = (0.0, 0.0, math.sin(half), math.cos(half))
     for name, count in (("translation", 3), ("quaternion", 4)):
         triple = stated(ontology, iri, name)
         if triple is None and name in values:
-            if turned is not None or ontology.is_a(iri, expand("EnduringThing-Localized")):
-                continue  # a thing that states its pose itself is not turned unless it says so
-            found.append(note("M004", f"the pose {local_name(iri)} has no quaternion; not turned", ontology.span(iri)))
+            if heading is not None or ontology.is_a(iri, expand("EnduringThing-Localized")):
+                continue  # objects that state their own translation usually need no rotation: no note
+            notes.append(note("M004", f"the pose {local_name(iri)} has no quaternion; not rotated", ontology.span(iri)))
             continue
-        numbers = lengths(triple, found) if triple else None
+        numbers = lengths(triple, notes) if triple else None
         if triple and numbers is None:
             return None
         if triple is None or numbers is None or len(numbers) != count:
             message = f"the pose {local_name(iri)} states neither a matrix nor a {name} of {count} numbers"
             span = triple.span if triple else ontology.span(iri)
-            found.append(warning("M003", message, span, POSE))
+            notes.append(warning("M003", message, span, POSE))
             return None
         values[name] = numbers
     norm = float(np.linalg.norm(values["quaternion"]))
     if norm < 1e-6:
-        found.append(warning("M004", f"the quaternion of {local_name(iri)} is zero; not turned", ontology.span(iri)))
+        notes.append(warning("M004", f"the quaternion of {local_name(iri)} is zero; not rotated", ontology.span(iri)))
         quaternion = (0.0, 0.0, 0.0, 1.0)
     else:
         x, y, z, w = (value / norm for value in values["quaternion"])
@@ -294,21 +270,21 @@ def _from_quaternion(ontology: Ontology, iri: str, found: list[Diagnostic]) -> A
     return Pose((px, py, pz), quaternion).matrix()
 
 
-def rigid(rotation: Array, name: str, span: Span | None, found: list[Diagnostic]) -> Array:
-    """Return the rotation (3, 3) that a matrix means, which may be a reflection or not orthonormal; repairs are noted.
+def rigid(rotation: Array, name: str, span: Span | None, notes: list[Diagnostic]) -> Array:
+    """Repair a matrix (3, 3) to a rotation, with a diagnostic for each repair.
 
-    A reflection keeps its x axis (the front of a thing) and its z axis, y is turned around: a box looks the same.
-    Others become the nearest rotation (polar decomposition). One without three directions is replaced by no rotation.
+    A reflection keeps its x axis (the front of an object) and its z axis, and y is reversed: a box looks the same.
+    A matrix that is not orthonormal becomes the nearest rotation (polar decomposition), a singular one the identity.
     """
     volume = float(np.sum(np.cross(rotation[0], rotation[1]) * rotation[2]))
     extent = float(np.sqrt(np.sum(rotation * rotation) / 3))
     if abs(volume) <= FLAT * extent**3:
-        found.append(warning("M004", f"the matrix {name} has no three directions; taken as not turned", span))
+        notes.append(warning("M004", f"the matrix {name} is singular; not rotated", span))
         return np.eye(3)
     if np.abs(product(rotation.T, rotation) - np.eye(3)).max() > TOLERANCE:
-        found.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))
+        notes.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))
     nearest = orthonormal(rotation)
     if volume < 0:
-        found.append(note("M001", f"the matrix {name} is a reflection; its y axis is turned around", span))
+        notes.append(note("M001", f"the matrix {name} is a reflection; its y axis is reversed", span))
         nearest[:, 1] *= -1.0
     return nearest

@@ -1,7 +1,7 @@
-"""Models of things: their features, which are parts that are points, lines or planes, as an ontology states them.
+"""Object models: features of objects, which are parts that are points, lines or planes.
 
-A feature's position is that of its latest perception, else of its ``orientation``, in the frame of the whole thing, and
-its direction is in that frame as well. Of what a thing has no model of, its box tells: see :data:`DERIVED`.
+Position and direction of a feature are in the frame of the whole object; the position is that of its latest
+perception, else of its ``orientation``. Features that no part provides are derived from the box: see :data:`DERIVED`.
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ from planlang.units import stated_number, unit_of_property
 from sim.bodies import BLADE
 
 PARTS = ("properPhysicalParts", "physicalParts", "properParts-Physical")
-"""Properties from a thing to its parts."""
+"""Properties from an object to its parts."""
 WHOLES = ("physicalPartOf", "properPhysicalPartOf", "partOf")
-"""Properties from a part to what it is a part of."""
+"""Properties from a part to its whole."""
 UPWARDS = 0.9
-"""Least cosine between up and the normal of a plane that things stand on."""
+"""Least cosine between up and the normal of a supporting plane."""
 IN_THE_MIDDLE = 0.01
-"""Distance from a tool's middle up to which its grip, or the palm, is on neither side of it [m]."""
+"""Within this distance of an object's centre, the grip or the palm is on neither side of it [m]."""
 _DEEPEST = 20
+"""Greatest depth of nested parts and of relative poses: a guard against cycles."""
 
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """A thing with features: its individual, its size if that is known, and up in its own frame (3,)."""
+    """An object with features: its individual, its size if known, and up in its own frame (3,)."""
 
     iri: str
     size: Size | None
     up: Array
     wall: float = 0.0
-    """Thickness of the walls of what is hollow and open above; 0 for what is solid [m]."""
+    """Thickness of the walls of a vessel that is open above; 0 for a solid object [m]."""
     grip: Array | None = None
-    """The place in its own frame (3,) at which a hand holds it."""
+    """Point in its own frame (3,) at which a hand holds it [m]."""
     palm: Array | None = None
-    """The place of that hand's palm (3,), behind its grip."""
+    """Point of that hand's palm (3,) in the same frame, behind the grip [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """A part, or a whole thing: position and direction in the frame of the thing, and which individual it is."""
+class Located:
+    """A feature, or the whole object: its individual, if any, and position and direction in the object's frame."""
 
     iri: str | None
     position: Array
@@ -59,28 +60,28 @@ class Found:
 
 
 class ObjectModels:
-    """The models that one ontology has."""
+    """The object models of an ontology."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._ontology = ontology
         self._poses = PosesOfThings(ontology, [])
 
     def grounded(self, feature: Feature, thing: Thing) -> Feature | None:
-        """Return a feature with the kind, position and direction that the model of its thing says; None without it.
+        """Ground a feature: look up its kind, position and direction in the model of its object; None if it has none.
 
-        Where several parts fit, the one with the fewest steps from the whole is meant, then the first of the file.
+        Of several matching parts, the one with the fewest steps from the whole is used, then the first of the file.
         """
         if feature.is_grounded:
             return feature
         whole = self._described(thing.iri, thing)
-        found = next(self._along(feature.path, whole, thing), None)
-        if found is None:
+        located = next(self._along(feature.path, whole, thing), None)
+        if located is None:
             return None
-        direction = None if found.direction is None else _vector(found.direction)
-        return replace(feature, kind=found.kind, position=_vector(found.position), direction=direction)
+        direction = None if located.direction is None else _vector(located.direction)
+        return replace(feature, kind=located.kind, position=_vector(located.position), direction=direction)
 
-    def _along(self, path: Sequence[str], start: Found, thing: Thing) -> Iterator[Found]:
-        """Yield what a path of classes leads to, nearest parts first."""
+    def _along(self, path: Sequence[str], start: Located, thing: Thing) -> Iterator[Located]:
+        """Yield the features at the end of a path of classes, nearest parts first."""
         if not path:
             yield start
             return
@@ -97,35 +98,35 @@ class ObjectModels:
         return self._ontology.is_a(iri, expand(cls)) or any(local_name(one) == local_name(cls) for one in types)
 
     def _parts(self, iri: str | None) -> list[str]:
-        """Return the parts of a thing, and theirs, those with the fewest steps first."""
-        found = dict.fromkeys(() if iri is None else self._direct(iri))
-        level = list(found)
+        """List the parts of an object, breadth first."""
+        parts = dict.fromkeys(() if iri is None else self._direct(iri))
+        level = list(parts)
         for _ in range(_DEEPEST):
-            level = [part for one in level for part in self._direct(one) if part not in found and part != iri]
-            found.update(dict.fromkeys(level))
-        return list(found)
+            level = [part for one in level for part in self._direct(one) if part not in parts and part != iri]
+            parts.update(dict.fromkeys(level))
+        return list(parts)
 
     def _direct(self, iri: str) -> list[str]:
         down = [part for parts in self._ontology.linked(iri, *PARTS) for part in parts]
         up = (triple.subject for triple in self._ontology.using(*WHOLES) if triple.object == iri)
         return list(dict.fromkeys((*down, *(one for one in up if isinstance(one, str)))))
 
-    def parts_of_class(self, iri: str, cls: str) -> Iterator[Found]:
-        """Yield the features of a thing's parts of a class, the nearest first."""
+    def parts_of_class(self, iri: str, cls: str) -> Iterator[Located]:
+        """Yield the parts of an object that are of a class, nearest first."""
         thing = Thing(iri, None, np.array([0.0, 0.0, 1.0]))
         return self._along((cls,), self._described(iri, thing), thing)
 
-    def _described(self, iri: str, thing: Thing) -> Found:
+    def _described(self, iri: str, thing: Thing) -> Located:
         position = np.zeros(3) if iri == thing.iri else self.matrix(iri, thing.iri)[:3, 3]
         for name, kind in (("longitudinalDirection", FeatureKind.LINE), ("normalDirection", FeatureKind.PLANE)):
             for vector in self._ontology.linked(iri, name)[0]:
                 direction = np.array([self._number(vector, f"vector{axis}") for axis in "XYZ"])
                 if np.linalg.norm(direction) > 0.0:
-                    return Found(iri, position, direction, kind)
-        return Found(iri, position)
+                    return Located(iri, position, direction, kind)
+        return Located(iri, position)
 
     def matrix(self, part: str, whole: str, depth: int = 0) -> Array:
-        """Return the pose (4, 4) of a part in the whole; what is relative to nothing is taken as in the whole."""
+        """Compute the pose (4, 4) of a part in the whole; a pose without ``relativeTo`` is already in that frame."""
         place = self._poses.place_of(part)
         matrix = read_transform(self._ontology, place, []) if place is not None else None
         if place is None or matrix is None:
@@ -136,7 +137,7 @@ class ObjectModels:
         return product(self.matrix(parent, whole, depth + 1), matrix)
 
     def _number(self, iri: str, name: str) -> float:
-        """Return the number that an individual states; 0 if it states none."""
+        """Read a number of an individual; 0 if it states none, or an invalid one."""
         for triple in self._ontology.said(iri, name):
             try:
                 value = triple.object
@@ -145,89 +146,89 @@ class ObjectModels:
                 return 0.0
         return 0.0
 
-    # What follows from parts, and from the box
+    # Derived features
 
-    def _main_axis(self, of: Found, thing: Thing) -> Found:
-        """Return a line itself, else the largest cone of a thing, else the axis of its box that is up."""
+    def _main_axis(self, of: Located, thing: Thing) -> Located:
+        """Main axis: a line itself, else the axis of the largest cone among the parts, else the z axis of the box."""
         if of.kind is FeatureKind.LINE:
             return of
         axes = self._features(of, thing, FeatureKind.LINE)
         if axes:
             return max(axes, key=lambda one: self._number(one.iri or "", "areaOfObject"))
-        return Found(None, np.zeros(3), np.array([0.0, 0.0, 1.0]), FeatureKind.LINE)
+        return Located(None, np.zeros(3), np.array([0.0, 0.0, 1.0]), FeatureKind.LINE)
 
-    def _centre(self, of: Found, thing: Thing) -> Found:
-        return Found(of.iri, of.position)
+    def _centre(self, of: Located, thing: Thing) -> Located:
+        return Located(of.iri, of.position)
 
-    def _supporting_plane(self, of: Found, thing: Thing) -> Found:
-        """Return the largest plane whose normal is up, else the upper side of the box."""
+    def _supporting_plane(self, of: Located, thing: Thing) -> Located:
+        """Largest plane whose normal points up, else the upper side of the box."""
         planes = self._features(of, thing, FeatureKind.PLANE)
         up = [one for one in planes if one.direction is not None and _cosine(one.direction, thing.up) > UPWARDS]
         if up:
             return max(up, key=lambda one: self._number(one.iri or "", "areaOfObject"))
         return self._upper_side(of, thing)
 
-    def _upper_side(self, of: Found, thing: Thing) -> Found:
+    def _upper_side(self, of: Located, thing: Thing) -> Located:
         axis = int(np.argmax(np.abs(thing.up)))
         normal = np.zeros(3)
         normal[axis] = 1.0 if thing.up[axis] >= 0 else -1.0
-        return Found(None, normal * (0.0 if thing.size is None else thing.size[axis] / 2), normal, FeatureKind.PLANE)
+        return Located(None, normal * (0.0 if thing.size is None else thing.size[axis] / 2), normal, FeatureKind.PLANE)
 
-    def _bottom_inside(self, of: Found, thing: Thing) -> Found:
-        """Return the floor of a vessel, as its upper side."""
+    def _bottom_inside(self, of: Located, thing: Thing) -> Located:
+        """Floor of a vessel, seen from inside; the top of a solid object."""
         height = 0.0 if thing.size is None else thing.size[2]
         floor = thing.wall - height / 2 if thing.wall else height / 2
-        return Found(None, np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]), FeatureKind.PLANE)
+        return Located(None, np.array([0.0, 0.0, floor]), np.array([0.0, 0.0, 1.0]), FeatureKind.PLANE)
 
-    def _bottom_side(self, of: Found, thing: Thing) -> Found:
-        """Return the lower side of the box, with its normal up."""
+    def _bottom_side(self, of: Located, thing: Thing) -> Located:
+        """Lower side of the box, with its normal pointing up."""
         top = self._upper_side(of, thing)
         return replace(top, position=-top.position)
 
-    def _flat_side(self, of: Found, thing: Thing) -> Found:
-        """Return the largest side of the box that looks away from the palm, else down, with its normal outwards.
+    def _flat_side(self, of: Located, thing: Thing) -> Located:
+        """Largest side of the box that faces away from the palm, else down, with its normal outwards.
 
-        The grip does not tell: it is often in the middle, whichever side the hand came from.
+        The palm decides, not the grip, which is often in the middle whichever side the hand came from.
         """
         size = np.ones(3) if thing.size is None else np.array(thing.size)
         axis = int(np.argsort(size, kind="stable")[0])
         above = thing.up if thing.palm is None or abs(thing.palm[axis]) <= IN_THE_MIDDLE else thing.palm
         normal = (-1.0 if above[axis] >= 0 else 1.0) * np.eye(3)[axis]
-        return Found(None, normal * size[axis] / 2, normal, FeatureKind.PLANE)
+        return Located(None, normal * size[axis] / 2, normal, FeatureKind.PLANE)
 
-    def _length(self, of: Found, thing: Thing) -> Found:
+    def _length(self, of: Located, thing: Thing) -> Located:
         return self._edge(thing, 2)
 
-    def _width(self, of: Found, thing: Thing) -> Found:
+    def _width(self, of: Located, thing: Thing) -> Located:
         return self._edge(thing, 1)
 
-    def _edge(self, thing: Thing, rank: int) -> Found:
-        """Return the line through the middle of the box along the axis with so many shorter ones."""
+    def _edge(self, thing: Thing, rank: int) -> Located:
+        """Line through the centre of the box along an axis, by rank of extent: 0 the shortest, 2 the longest."""
         size = np.ones(3) if thing.size is None else np.array(thing.size)
         axis = np.eye(3)[np.argsort(size, kind="stable")[rank]]
-        return Found(None, np.zeros(3), axis, FeatureKind.LINE)
+        return Located(None, np.zeros(3), axis, FeatureKind.LINE)
 
-    def _tip(self, of: Found, thing: Thing) -> Found:
-        """Return the front end of the longest axis, as a line out of it; of what is held that far from the hand."""
+    def _tip(self, of: Located, thing: Thing) -> Located:
+        """Front end of the longest axis, as a line pointing outwards; for a held object, the end away from the grip."""
         size = np.ones(3) if thing.size is None else np.array(thing.size)
         along = int(np.argmax(size))
         sign = 1.0 if thing.grip is None or thing.grip[along] <= IN_THE_MIDDLE else -1.0
         axis = sign * np.eye(3)[along]
-        return Found(None, axis * size[along] / 2, axis, FeatureKind.LINE)
+        return Located(None, axis * size[along] / 2, axis, FeatureKind.LINE)
 
-    def _mouth(self, of: Found, thing: Thing) -> Found:
-        """Return the cap of a bottle, else the middle of the upper rim with the axis through it."""
+    def _mouth(self, of: Located, thing: Thing) -> Located:
+        """Cap of a bottle, else the centre of the upper rim with the vertical axis through it."""
         caps = [one for one in self._along(("BottleCap",), of, thing) if one.direction is not None]
         height = 0.0 if thing.size is None else thing.size[2]
-        rim = Found(None, np.array([0.0, 0.0, height / 2]), np.array([0.0, 0.0, 1.0]), FeatureKind.LINE)
+        rim = Located(None, np.array([0.0, 0.0, height / 2]), np.array([0.0, 0.0, 1.0]), FeatureKind.LINE)
         return caps[0] if caps else rim
 
-    def _features(self, of: Found, thing: Thing, kind: FeatureKind) -> list[Found]:
+    def _features(self, of: Located, thing: Thing, kind: FeatureKind) -> list[Located]:
         every = (self._described(iri, thing) for iri in self._parts(of.iri))
         return [one for one in every if one.kind is kind]
 
 
-DERIVED: dict[str, Callable[[ObjectModels, Found, Thing], Found]] = {
+DERIVED: dict[str, Callable[[ObjectModels, Located, Thing], Located]] = {
     "ObjectMainAxis": ObjectModels._main_axis,
     "CenterOfObject": ObjectModels._centre,
     "SupportingPlane": ObjectModels._supporting_plane,
@@ -240,12 +241,12 @@ DERIVED: dict[str, Callable[[ObjectModels, Found, Thing], Found]] = {
     "ToolTip": ObjectModels._tip,
     "MouthOfVessel": ObjectModels._mouth,
 }
-"""Class of a feature that no part of a thing needs to be -> how it follows from the others, or from the thing's box."""
+"""Class of a feature -> how it is derived if no part of the object is of that class."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blade:
-    """The blade of a tool in the tool's frame: its position, the way to its front side, its unit normal, (3,) each."""
+    """The blade of a tool in the tool's frame: position, vector to its front edge and unit normal, (3,) each."""
 
     position: Array
     ahead: Array
@@ -253,7 +254,7 @@ class Blade:
 
     @staticmethod
     def of(ontology: Ontology, iri: str) -> Blade | None:
-        """Return the blade that the model of a tool has, with its front side; None if it has none."""
+        """Find the blade in the model of a tool, and its front side; None if either is missing."""
         models = ObjectModels(ontology)
         for blade in models.parts_of_class(iri, "BladeOfADevice"):
             front = next(models.parts_of_class(blade.iri or "", "FrontSide"), None)
@@ -267,10 +268,10 @@ class Blade:
         return None
 
     def box(self, size: Size) -> tuple[Size, Vector]:
-        """Return extents and centre, in the tool's frame, of a box of some size that ends where the blade does.
+        """Compute extents and centre, in the tool's frame, of a box around the tool that ends with the blade.
 
-        It lies along the axis that is nearest to the way ahead, and is thin along the one nearest to the normal; the
-        blade is its lower side.
+        The longest extent is along the axis nearest to ``ahead``, the shortest along that nearest to ``normal``; the
+        blade is the lower side of the box.
         """
         along, normal = int(np.argmax(np.abs(self.ahead))), int(np.argmax(np.abs(self.normal)))
         short, middle, long = sorted(size)

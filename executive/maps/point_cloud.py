@@ -1,4 +1,4 @@
-"""Points as PCL writes them (PCD), as PLY, or as lines of numbers (XYZ), read with bounds.
+"""Point clouds as PCD (of PCL), PLY or lines of numbers (XYZ); sizes are bounded.
 
 Formats: https://pointclouds.org/documentation/tutorials/pcd_file_format.html, http://paulbourke.net/dataformats/ply.
 """
@@ -16,10 +16,10 @@ from planlang.files import read_file
 from planlang.geometry import Array
 
 LARGEST = 64_000_000
-"""Bytes that are read at most."""
+"""Greatest size of a file [bytes]."""
 MOST_POINTS = 4_000_000
 LONGEST_HEADER = 10_000
-"""Bytes of a header."""
+"""Greatest size of a header [bytes]."""
 CODE = "M024"
 SUFFIXES = (".pcd", ".ply", ".xyz")
 
@@ -31,10 +31,7 @@ _NUMBERS = re.compile(rb"(?:[0-9eE+.\- ]|nan|NaN|inf)*+")
 
 
 def read_points(path: Path) -> Array:
-    """Return the points (n, 3) of a file in its frame [m]; not all need be finite.
-
-    Raises BadInput with one error that says what is wrong.
-    """
+    """Read the points (n, 3) of a file, in its own frame [m]; some may be NaN. Raises BadInput with one error."""
     content = read_file(path, CODE, largest=LARGEST)
     try:
         match path.suffix.lower():
@@ -43,41 +40,41 @@ def read_points(path: Path) -> Array:
             case ".ply":
                 points = _ply(content)
             case _:
-                points = _lines(content)
+                points = _xyz(content)
     except ValueError as problem:
         raise BadInput([error(CODE, str(problem), Span(str(path), 1))]) from None
     return points.astype(np.float64)
 
 
 def _pcd(content: bytes) -> Array:
-    """Return the points of a PCD file. Raises ValueError."""
-    found = re.match(rb"(.*?(?:^|\n)DATA[ \t]+(\w+)[ \t\r]*)\n", content[:LONGEST_HEADER], re.DOTALL)
-    if found is None:
-        raise ValueError("this is no PCD file: no line of its beginning is DATA ascii or DATA binary")
-    lines = [line.split() for line in found[1].decode("ascii", "replace").splitlines()]
+    """Read the points of a PCD file. Raises ValueError."""
+    match = re.match(rb"(.*?(?:^|\n)DATA[ \t]+(\w+)[ \t\r]*)\n", content[:LONGEST_HEADER], re.DOTALL)
+    if match is None:
+        raise ValueError("not a PCD file: its header must end with DATA ascii or DATA binary")
+    lines = [line.split() for line in match[1].decode("ascii", "replace").splitlines()]
     header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
     fields, count = header.get("FIELDS", []), _count(header.get("POINTS") or header.get("WIDTH", []))
-    several = [_count([one]) for one in header.get("COUNT", ["1"] * len(fields))]
+    widths = [_count([one]) for one in header.get("COUNT", ["1"] * len(fields))]
     kinds = [f"{kind}{size}" for kind, size in zip(header.get("TYPE", []), header.get("SIZE", []), strict=False)]
-    if not len(fields) == len(several) == len(kinds) or not all(1 <= number <= 1000 for number in several):
-        raise ValueError("FIELDS, SIZE, TYPE and COUNT of a PCD file have an entry for each field")
-    encoding, data = found[2].decode(), content[found.end() :]
+    if not len(fields) == len(widths) == len(kinds) or not all(1 <= number <= 1000 for number in widths):
+        raise ValueError("FIELDS, SIZE, TYPE and COUNT of the PCD header must have one entry per field")
+    encoding, data = match[2].decode(), content[match.end() :]
     if encoding == "ascii":
-        return _table(data, fields, several, count)
+        return _table(data, fields, widths, count)
     if encoding != "binary":
-        raise ValueError(f"DATA {encoding} is not read: pcl_convert_pcd_ascii_binary writes ascii or binary")
+        raise ValueError(f"cannot read DATA {encoding}: convert it with pcl_convert_pcd_ascii_binary")
     unknown = [kind for kind in kinds if kind not in _PCD_TYPES]
     if unknown:
-        raise ValueError(f"{unknown[0]} is no type and size of a PCD file's field")
-    return _records(data, fields, [f"<{_PCD_TYPES[kind]}" for kind in kinds], several, count)
+        raise ValueError(f"unknown TYPE and SIZE of a PCD field: {unknown[0]}")
+    return _records(data, fields, [f"<{_PCD_TYPES[kind]}" for kind in kinds], widths, count)
 
 
 def _ply(content: bytes) -> Array:
-    """Return the vertices of a PLY file. Raises ValueError."""
-    found = re.match(rb"(ply\r?\n.*?\n)end_header[ \t\r]*\n", content[:LONGEST_HEADER], re.DOTALL)
-    if found is None:
-        raise ValueError("this is no PLY file: it begins with ply, and its header ends with end_header")
-    lines = [line.split() for line in found[1].decode("ascii", "replace").splitlines()[1:]]
+    """Read the vertices of a PLY file. Raises ValueError."""
+    match = re.match(rb"(ply\r?\n.*?\n)end_header[ \t\r]*\n", content[:LONGEST_HEADER], re.DOTALL)
+    if match is None:
+        raise ValueError("not a PLY file: its header must begin with ply and end with end_header")
+    lines = [line.split() for line in match[1].decode("ascii", "replace").splitlines()[1:]]
     lines = [words for words in lines if words and words[0] not in ("comment", "obj_info")]
     elements = [row for row, words in enumerate(lines) if words[0] == "element"] or [len(lines)]
     element, properties = lines[elements[0] : elements[0] + 1], lines[elements[0] + 1 : [*elements, None][1]]
@@ -86,64 +83,64 @@ def _ply(content: bytes) -> Array:
         or element[0][1:2] != ["vertex"]
         or not all(len(words) == 3 and words[0] == "property" and words[1] in _PLY_TYPES for words in properties)
     ):
-        raise ValueError("the first element of a PLY file is to be vertex, and its properties numbers")
+        raise ValueError("the first element of the PLY header must be vertex, with numeric properties only")
     fields, count = [words[2] for words in properties], _count(element[0][2:])
     encoding = next((words[1] for words in lines if words[0] == "format" and len(words) == 3), "")
-    data, ones = content[found.end() :], [1] * len(fields)
+    data, ones = content[match.end() :], [1] * len(fields)
     if encoding == "ascii":
         return _table(data, fields, ones, count)
     order = {"binary_little_endian": "<", "binary_big_endian": ">"}.get(encoding)
     if order is None:
-        raise ValueError(f"the format of this PLY file is {encoding[:40]!r}: ascii or binary is read")
+        raise ValueError(f"the format of a PLY file must be ascii or binary, not {encoding[:40]!r}")
     return _records(data, fields, [order + _PLY_TYPES[words[1]] for words in properties], ones, count)
 
 
-def _lines(content: bytes) -> Array:
-    """Return the points of lines that begin with x, y and z; what follows # is a comment. Raises ValueError."""
+def _xyz(content: bytes) -> Array:
+    """Read the points of lines that begin with x, y and z; # starts a comment. Raises ValueError."""
     lines = [line for line in re.sub(rb"#[^\n]*", b"", content).splitlines() if line.strip()]
     _count([str(len(lines))])
     width = len(lines[0].split()) if lines else 3
     if width < 3 or any(len(line.split()) != width for line in lines):
-        raise ValueError("each line of an XYZ file has as many numbers as the first: x, y, z and others")
+        raise ValueError("each line of an XYZ file must begin with x, y, z, and have as many numbers as the first")
     return _table(b"\n".join(lines), ["x", "y", "z"], [1, 1, width - 2], len(lines))
 
 
 def _count(words: Sequence[str]) -> int:
-    """Return a number of points. Raises ValueError."""
+    """Read a number of points, or of values of a field. Raises ValueError."""
     if len(words) != 1 or not re.fullmatch(r"\d{1,9}", words[0]):
-        raise ValueError("the header states no number of points")
+        raise ValueError("the header must state the number of points")
     if int(words[0]) > MOST_POINTS:
-        raise ValueError(f"over {MOST_POINTS:,} points: make them fewer (pcl_voxel_grid, CloudCompare)")
+        raise ValueError(f"over {MOST_POINTS:,} points: downsample the cloud (pcl_voxel_grid, CloudCompare)")
     return int(words[0])
 
 
-def _columns(fields: Sequence[str], several: Sequence[int]) -> list[int]:
-    """Return the columns of x, y and z; each field has so many. Raises ValueError."""
-    starts = np.concatenate([[0], np.cumsum(several)]).tolist()
+def _columns(fields: Sequence[str], widths: Sequence[int]) -> list[int]:
+    """Find the columns of x, y and z; ``widths`` are numbers of columns per field. Raises ValueError."""
+    starts = np.concatenate([[0], np.cumsum(widths)]).tolist()
     if any(fields.count(name) != 1 for name in "xyz"):
-        raise ValueError(f"the fields of a point are to be x, y and z, not {', '.join(fields)[:80]}")
+        raise ValueError(f"points must have the fields x, y and z, not {', '.join(fields)[:80]}")
     return [starts[fields.index(name)] for name in "xyz"]
 
 
-def _table(data: bytes, fields: Sequence[str], several: Sequence[int], count: int) -> Array:
-    """Return points of text with so many numbers for each. Raises ValueError."""
-    columns, width = _columns(fields, several), sum(several)
+def _table(data: bytes, fields: Sequence[str], widths: Sequence[int], count: int) -> Array:
+    """Read points written as text. Raises ValueError."""
+    columns, width = _columns(fields, widths), sum(widths)
     words = data.split(maxsplit=count * width)[: count * width]
     if len(words) != count * width or not _NUMBERS.fullmatch(b" ".join(words)):
-        raise ValueError(f"{count} points of {width} numbers are announced, and not there")
+        raise ValueError(f"the header promises {count} points of {width} numbers, but the data differ")
     try:
         numbers = np.array(list(map(float, words)))
     except ValueError:
-        raise ValueError("something else than numbers is among the points") from None
+        raise ValueError("the points contain something other than numbers") from None
     return numbers.reshape(count, width)[:, columns]
 
 
-def _records(data: bytes, fields: Sequence[str], kinds: Sequence[str], several: Sequence[int], count: int) -> Array:
-    """Return points of records. Raises ValueError."""
-    _columns(fields, several)
-    named = [name if name in ("x", "y", "z") else f"_{index}" for index, name in enumerate(fields)]
-    kind = np.dtype([(name, one, (number,)) for name, one, number in zip(named, kinds, several, strict=True)])
+def _records(data: bytes, fields: Sequence[str], kinds: Sequence[str], widths: Sequence[int], count: int) -> Array:
+    """Read points written as binary records. Raises ValueError."""
+    _columns(fields, widths)
+    names = [name if name in ("x", "y", "z") else f"_{index}" for index, name in enumerate(fields)]
+    kind = np.dtype([(name, one, (number,)) for name, one, number in zip(names, kinds, widths, strict=True)])
     if len(data) < count * kind.itemsize:
-        raise ValueError(f"{count} points of {kind.itemsize} bytes are announced, and not there")
+        raise ValueError(f"the header promises {count} points of {kind.itemsize} bytes, but the file is shorter")
     records = np.frombuffer(data, dtype=kind, count=count)
     return np.stack([records[name][:, 0].astype(np.float64) for name in "xyz"], axis=1)

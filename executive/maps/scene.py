@@ -1,4 +1,4 @@
-"""The scene of a map: every thing with a pose becomes a body; what stands on what; where a robot can start."""
+"""The scene of a map: bodies, supports, controls of devices, and start poses for a robot."""
 
 from __future__ import annotations
 
@@ -28,44 +28,44 @@ from sim.joints import Articulation
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
 
 PENETRATION = 0.02
-"""Greatest penetration of a thing into its support [m]."""
+"""Greatest penetration of an object into its support [m]."""
 
-HAIR = 1e-6
-"""More than rounding, less than matters [m]."""
+ROUNDING = 1e-6
+"""Tolerance for rounding errors [m]."""
 
 GAP = 0.03
-"""Greatest gap between them [m]; the cameras that made real maps were not better."""
+"""Greatest gap between an object and its support [m]: the accuracy of the cameras that made real maps."""
 
 FLOOR = "floor"
 """Support of a body that stands on the ground."""
 
 
 class Standing:
-    """The supports of the bodies of a scene."""
+    """Finds what the bodies of a scene stand on."""
 
     def __init__(self, scene: Scene, poses: Mapping[str, Pose] | None = None) -> None:
-        """Find the supports; ``poses`` replace those of the scene."""
+        """Index the bodies by their bounding boxes; ``poses``, by name, override those of the scene."""
         self._poses = {body.name: (poses or {}).get(body.name, body.pose) for body in scene.bodies}
         self._scene = scene
-        there = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]
-        self._names = [body.name for body in there]
+        solid = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]
+        self._names = [body.name for body in solid]
         matrices = Pose.matrices(self._poses[name] for name in self._names)
-        half = np.array([body.size for body in there]).reshape(-1, 3) / 2
+        half = np.array([body.size for body in solid]).reshape(-1, 3) / 2
         self._centres, reach = matrices[:, :3, 3], rotated(np.abs(matrices[:, :3, :3]), half)
         self._low, self._high = self._centres - reach, self._centres + reach
 
     def support(self, name: str) -> str | None:
-        """Return the name of the body that a body stands on, :data:`FLOOR`, or None when there is nothing below it.
+        """Find the name of the body that a body stands on, or :data:`FLOOR`; None if it stands on nothing.
 
-        The support is the highest top within :data:`PENETRATION` above and :data:`GAP` below the body's lowest point,
-        under the body's centre.
+        The support is the body with the highest top that is below the centre of the body, and from :data:`GAP` below
+        its lowest point to :data:`PENETRATION` above it.
         """
         pose = self._poses[name]
         low, place = float(corners(pose, self._scene.body(name).size)[:, 2].min()), np.array(pose.position[:2])
         best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
         tops = self._high[:, 2]
-        near = (tops - PENETRATION - HAIR <= low) & (low <= tops + GAP + HAIR)
-        near &= ((self._low[:, :2] - HAIR <= place) & (place <= self._high[:, :2] + HAIR)).all(axis=1)
+        near = (tops - PENETRATION - ROUNDING <= low) & (low <= tops + GAP + ROUNDING)
+        near &= ((self._low[:, :2] - ROUNDING <= place) & (place <= self._high[:, :2] + ROUNDING)).all(axis=1)
         for other in (self._names[index] for index in np.flatnonzero(near).tolist()):
             at, size = self._poses[other], self._scene.body(other).size
             top = float(corners(at, size)[:, 2].max())
@@ -76,7 +76,7 @@ class Standing:
 
 
 def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:
-    """Return :meth:`Standing.support` of one body."""
+    """Find the support of one body: see :meth:`Standing.support`."""
     return Standing(scene, poses).support(name)
 
 
@@ -91,10 +91,10 @@ ROUND = (
     "EatingVessel",
     "Bowl-Generic",
 )
-"""Classes of things that are cylinders about their z axis."""
+"""Classes of objects modelled as cylinders about their z axis."""
 
 SOFT = ("TableCovering", "Napkin", "PaperTowel")
-"""Classes of things that fingers pinch from above: they make a fold."""
+"""Classes of cloth and paper: fingers pinch a fold from above."""
 
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
 """Classes of furniture that people push around."""
@@ -112,65 +112,65 @@ FIXED = (
     "Place",
     "SpaceRegion",
 )
-"""Classes of things that stay where the map says, light furniture and what is carried left out."""
+"""Classes of immovable objects, except for :data:`LIGHT_FURNITURE` and :data:`CARRIED`."""
 
 CARRIED = ("PackagingContainerProduct",)
-"""Classes of things that people carry about, though they are kinds of containers as furniture is."""
+"""Classes of portable objects that are subclasses of :data:`FIXED` ones."""
 
 CONTAINERS = ("StorageConstruct", "Box-Container", "Container", "Refrigerator", "Dishwasher", "Oven", "Shelf")
-"""Classes of things inside of which others may lie: as a part of something larger, such a thing is a compartment."""
+"""Classes of objects that may contain others: as a part of furniture, such an object is a compartment."""
 
 NAMED = "#NamedIndividual"
-"""End of the class of which every individual is."""
+"""Suffix of owl:NamedIndividual, the class of all individuals."""
 
 ROOMY, STOREY = 1.5, 1.9
-"""Least width and height of what is a room if other things are in it, though its class is unknown [m]."""
+"""Least width and height at which an object of unknown class with others inside is presumed to be a room [m]."""
 
 MARGIN = 1.5
-"""Margin around all things within which a robot may drive if the map has no room [m]."""
+"""Margin around all bodies in which a robot may drive if the map has no room [m]."""
 
 
-def scene_of(semantic_map: SemanticMap, found: list[Diagnostic] | None = None) -> Scene:
-    """Return the bodies of a map, in its order; what was decided on the way is appended to ``found``.
+def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -> Scene:
+    """Build the scene of a map, with bodies in the order of the map; assumptions are appended to ``notes``.
 
-    Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, persons are persons, a room
-    with a size is its walls; things without size are markers. Things without place are left out. Furniture is hollow
-    where things lie in it; what turns or slides is closed.
+    Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, a room with a size becomes its
+    walls, and objects without a size are markers. Objects without a pose are left out. Furniture is hollow behind its
+    doors, at its compartments and in its drawers. Leaves are closed unless the map states a joint position.
     """
-    found = [] if found is None else found
+    notes = [] if notes is None else notes
     bodies = []
     handles = {iri for thing in semantic_map.objects for iri, _ in _handles(thing, semantic_map)}
-    rooms = set(_presumed_rooms(semantic_map, found))
+    rooms = set(_presumed_rooms(semantic_map, notes))
     for thing in semantic_map.objects:
         if thing.iri in handles:
-            continue  # it is a part of the body that it moves with
+            continue  # a handle belongs to the body that it moves with
         if is_in_hand(thing, semantic_map) and thing.size is not None:
             bodies.append(_body(thing, STOWED, semantic_map))
         elif thing.pose is not None:
             bodies.append(_body(thing, thing.pose, semantic_map))
         elif thing.size is not None and not is_content(thing):
-            found.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
+            notes.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
     bodies = [replace(body, shape=BodyShape.ROOM, movable=False) if body.iri in rooms else body for body in bodies]
-    bodies, joints = articulated(bodies, semantic_map, found)
-    bodies = _opened(bodies, joints, semantic_map, found)
-    bodies = with_contents(bodies, semantic_map, found)
+    bodies, joints = articulated(bodies, semantic_map, notes)
+    bodies = _opened(bodies, joints, semantic_map, notes)
+    bodies = with_contents(bodies, semantic_map, notes)
     if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
-        bodies = with_doorways(bodies, semantic_map, found)
+        bodies = with_doorways(bodies, semantic_map, notes)
     if semantic_map.has_files:
-        from executive.maps.files import with_obstacles  # most maps are what they state
+        from executive.maps.files import with_obstacles  # imported late: few maps refer to files
 
-        bodies = with_obstacles(bodies, semantic_map, found)
+        bodies = with_obstacles(bodies, semantic_map, notes)
     controls = controls_of(bodies, joints, semantic_map)
     rules = rules_of(semantic_map.ontology)
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)
-    _check_support(scene, semantic_map, found)
+    _check_support(scene, semantic_map, notes)
     return scene
 
 
-def _presumed_rooms(semantic_map: SemanticMap, found: list[Diagnostic]) -> Iterator[str]:
-    """Yield the IRIs of things of unknown classes that are as large as rooms and have others inside, and report them.
+def _presumed_rooms(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Iterator[str]:
+    """Yield the IRIs of objects of unknown class that are as large as rooms and contain others, with a note for each.
 
-    As solid boxes they would leave no way to anything.
+    As solid boxes they would make everything inside unreachable.
     """
     for thing in semantic_map.objects:
         classes = [cls for cls in thing.types if not cls.endswith(NAMED)]
@@ -182,9 +182,9 @@ def _presumed_rooms(semantic_map: SemanticMap, found: list[Diagnostic]) -> Itera
         local = moved(thing.pose.inverse().matrix(), np.array(others).reshape(-1, 3))
         if (np.abs(local) < np.array(thing.size) / 2).all(axis=1).any():
             cls = local_name(classes[0]) if classes else "RoomOfMine"
-            message = f"{thing.name} is taken for a room, as other things are inside it"
-            help = f"say so in the map: Class: {cls} SubClassOf: RoomInAConstruction"
-            found.append(note("M031", message, thing.span, help))
+            message = f"{thing.name} is presumed to be a room, as it contains other objects"
+            help = f"define its class in the map: Class: {cls} SubClassOf: RoomInAConstruction"
+            notes.append(note("M031", message, thing.span, help))
             yield thing.iri
 
 
@@ -194,20 +194,20 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     size, soft = thing.size or (0.0, 0.0, 0.0), semantic_map.is_a(thing, *SOFT)
     wall = number_of_class(semantic_map.ontology, thing.types, "wallThickness") or 0.0
     wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
-    handled = shape in (BodyShape.BOX, BodyShape.CYLINDER)
+    is_solid = shape in (BodyShape.BOX, BodyShape.CYLINDER)
     handles = tuple(_handles(thing, semantic_map))
-    movable = handled and _movable(thing, semantic_map, wide=soft or wall > 0 or bool(handles))
+    movable = is_solid and _movable(thing, semantic_map, wide=soft or wall > 0 or bool(handles))
     blade = Blade.of(semantic_map.ontology, thing.iri) if thing.parts else None
     size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
     wall *= movable
     body = Body(thing.name, pose, size, shape, thing.iri, shorten(cls), movable, centre=centre, wall=wall, soft=soft)
-    every = (above for one in thing.types for above in semantic_map.ontology.ancestors(one))
-    kinds = tuple(dict.fromkeys(map(local_name, every)))
+    ancestors = (above for one in thing.types for above in semantic_map.ontology.ancestors(one))
+    kinds = tuple(dict.fromkeys(map(local_name, ancestors)))
     return replace(body, handles=tuple(handle for _, handle in handles), kinds=kinds)
 
 
 def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str, Handle]]:
-    """Yield the parts, by IRI, by which hands take a thing, however wide that is; no furniture and no leaf is."""
+    """Yield the handles of a movable object, with their IRIs; those of furniture and leaves are separate bodies."""
     if not thing.parts or thing.pose is None or semantic_map.is_a(thing, *LIGHT_FURNITURE):
         return
     if _movable(thing, semantic_map, wide=True) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
@@ -229,7 +229,7 @@ def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
 
 
 def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool:
-    """Return whether a thing is moved by people; ``wide``: it can be taken though it is."""
+    """Check whether an object is movable; ``wide`` objects can be grasped even if they are too wide for a hand."""
     if thing.size is None or thing.hinged_to or semantic_map.holder(thing):
         return False
     if semantic_map.is_a(thing, *LIGHT_FURNITURE):
@@ -241,9 +241,9 @@ def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool
 
 
 def _opened(
-    bodies: list[Body], joints: Sequence[Articulation], semantic_map: SemanticMap, found: list[Diagnostic]
+    bodies: list[Body], joints: Sequence[Articulation], semantic_map: SemanticMap, notes: list[Diagnostic]
 ) -> list[Body]:
-    """Return all bodies; furniture with movable things inside is hollow, if it can be, and reported."""
+    """Make furniture hollow, with a diagnostic about each piece that contains movable objects."""
     by_iri = {body.iri: body for body in bodies}
 
     def stated(body: Body) -> Sequence[Cavity]:
@@ -253,24 +253,25 @@ def _opened(
     def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
         parts = (semantic_map.find(iri) for iri in (() if thing is None else thing.parts))
-        kept = (part for part in parts if part is not None and semantic_map.is_a(part, *CONTAINERS))
-        return [by_iri[part.iri] for part in kept if part.iri in by_iri]
+        containers = (part for part in parts if part is not None and semantic_map.is_a(part, *CONTAINERS))
+        return [by_iri[part.iri] for part in containers if part.iri in by_iri]
 
     def report(body: Body, content: Sequence[Body], openings: Sequence[str]) -> None:
         thing, names = semantic_map.find(body.iri), ", ".join(one.name for one in content)
         span = None if thing is None else thing.span
         if openings:
             message = f"{names} inside {body.name}, which is hollow at {', '.join(openings)}"
-            found.append(note("M013", message, span))
+            notes.append(note("M013", message, span))
         elif not any(body in compartments(other) for other in bodies):
             message = f"{names} inside {body.name}, which is modelled as a solid box: out of reach"
-            found.append(warning("M014", message, span, f"place it on {body.name}, or leave {body.name} out"))
+            help = f"place it on {body.name}, or state a door, a compartment or an openSide of {body.name}"
+            notes.append(warning("M014", message, span, help))
 
     return hollowed(bodies, joints, stated, compartments, report)
 
 
-def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnostic]) -> None:
-    """Report things that stand nowhere: the simulator keeps them in the air, but it is rarely meant."""
+def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnostic]) -> None:
+    """Warn of objects that stand on nothing: the simulator keeps them in the air, which is rarely intended."""
     boxes = [body for body in scene.bodies if body.shape is BodyShape.BOX]
     turns = np.array([body.pose.rotation.T for body in boxes]).reshape(-1, 3, 3)
     centres = np.array([body.pose.position for body in boxes]).reshape(-1, 3)
@@ -279,16 +280,13 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, found: list[Diagnost
         thing = semantic_map.find(body.iri)
         if not body.movable or thing is None or body.pose == STOWED:
             continue
-        held = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
-        if not held.any() and standing.support(body.name) is None:  # a box is in itself: it may be in the air
-            found.append(_unsupported(body, scene, thing.span))
-        for shelf in (boxes[index] for index in np.flatnonzero(held).tolist()):
-            stated = semantic_map.find(shelf.iri)
-            found += _over_board(body, shelf, () if stated is None else stated.boards, thing.span)
+        is_inside = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
+        if not is_inside.any() and standing.support(body.name) is None:  # boxes are inside themselves: never warned of
+            notes.append(_unsupported(body, scene, thing.span))
 
 
 def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
-    """Return the warning about a thing that stands on nothing, with the height at which it would stand."""
+    """Write the warning about an object that stands on nothing, with the height at which it would stand."""
     heights = corners(body.pose, body.size)[:, 2]
     low, high, z = float(heights.min()), float(heights.max()), body.pose.position[2]
     others = {one.name: corners(one.pose, one.size) for one in scene.bodies if one.shape is BodyShape.BOX}
@@ -300,9 +298,9 @@ def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
     }
     name = max((one for one in below if below[one] < high), key=below.__getitem__, default="the floor")
     top = below.get(name, 0.0)
-    where = f"{low - top:.3f} m over {name}" if low >= top else f"{top - low:.3f} m inside of {name}"
+    where = f"{low - top:.3f} m over {name}" if low >= top else f"{top - low:.3f} m inside {name}"
     message = f"{body.name} stands on nothing: its lowest point is {where}"
-    help = f"a pose is that of the middle: with {z + top - low:.3f} as its height {body.name} stands on {name}"
+    help = f"a pose is that of the box centre: with z = {z + top - low:.3f}, {body.name} stands on {name}"
     return warning("M015", message, span, help)
 
 
@@ -317,7 +315,7 @@ def _over_board(body: Body, shelf: Body, boards: Sequence[float], span: Span | N
 
 
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
-    """Return the rectangle around the rooms, or around everything with a margin."""
+    """Bounding rectangle of the rooms, or of all bodies with a margin: x_min, y_min, x_max, y_max [m]."""
     bodies = tuple(bodies)
     rooms = [body for body in bodies if body.shape is BodyShape.ROOM]
     points = [
@@ -333,23 +331,23 @@ def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:
 
 
 GRIDS = ((10.0, 0.05), (50.0, 0.25), (1000.0, 5.0))
-"""Distances from the centre that are searched, with steps of the grid [m]; a coarser one only if a finer has none."""
+"""Half widths and steps of grids of start positions [m]; a coarser grid is searched only if the finer has no result."""
 
 CLEARANCE = 0.1
 """Free distance around the robot's radius [m]."""
 
 BLOCK = 500
-"""Places that are looked at in one go."""
+"""Number of positions checked at once."""
 
 HEADROOM = 2.0
-"""Bodies above this height are driven under [m]."""
+"""Robots drive under bodies above this height [m]."""
 
 
 def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, float]]:
-    """Yield the free poses (x, y, yaw 0), those nearest the centre of the room, or of all things without one, first.
+    """Yield free start poses (x, y, yaw 0), nearest to the centre of the first room, or of all bodies, first.
 
-    Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within the room. Of equally near
-    places the one with the smallest x, then y is the first. A coarser grid is looked at only when a finer has none.
+    Free: a disc of ``radius`` and :data:`CLEARANCE` [m] touches no body and lies within a room. Ties are broken by x,
+    then by y.
     """
     rooms = [body for body in scene.bodies if body.shape is BodyShape.ROOM]
     x_min, y_min, x_max, y_max = scene.bounds
@@ -358,22 +356,22 @@ def default_starts(scene: Scene, radius: float) -> Iterator[tuple[float, float, 
     solid = (body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM))
     placed = [(scene.first_pose(body), body.size) for body in solid if body.pose != STOWED]
     outer = [footprint(pose, size) for pose, size in placed if corners(pose, size)[:, 2].min() < HEADROOM]
-    found = False
-    for reach, spacing in GRIDS:
-        points = _grid(centre, min(reach, max(x_max - x_min, y_max - y_min)), spacing)
+    any_free = False
+    for half_width, spacing in GRIDS:
+        points = _grid(centre, min(half_width, max(x_max - x_min, y_max - y_min)), spacing)
         points = points[np.all((points >= (x_min, y_min)) & (points <= (x_max, y_max)), axis=1)]
         for first in range(0, len(points), BLOCK):
             block = points[first : first + BLOCK]
             free = block[_free(block, inner, outer, radius + CLEARANCE)]
-            found = found or len(free) > 0
+            any_free = any_free or len(free) > 0
             yield from ((x + 0.0, y + 0.0, 0.0) for x, y in free.tolist())
-        if found:
+        if any_free:
             return
 
 
-def _grid(centre: Array, reach: float, spacing: float) -> Array:
-    """Return points (n, 2) up to ``reach`` from the centre along each axis: the nearest first, then by x and y."""
-    steps = int(np.ceil(reach / spacing))
+def _grid(centre: Array, half_width: float, spacing: float) -> Array:
+    """Build a square grid (n, 2) around the centre, sorted by distance, then by x and y."""
+    steps = int(np.ceil(half_width / spacing))
     axis = spacing * np.arange(-steps, steps + 1)
     offsets = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     order = np.lexsort((offsets[:, 1], offsets[:, 0], np.hypot(*offsets.T).round(6)))
@@ -381,80 +379,80 @@ def _grid(centre: Array, reach: float, spacing: float) -> Array:
     return points
 
 
-def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], keep: float) -> NDArray[np.bool_]:
-    """Return which points (m, 2) keep a distance [m] from the outlines of bodies and the edges of a room, (m,)."""
+def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], clearance: float) -> NDArray[np.bool_]:
+    """Mask (m,) of the points (m, 2) with enough clearance [m] from footprints of bodies and the edges of a room."""
     free = np.ones(len(points), bool)
     if rooms:
-        free &= np.any([_signed_distance(room, points) <= -keep for room in rooms], axis=0)
+        free &= np.any([_signed_distance(room, points) <= -clearance for room in rooms], axis=0)
     for body in bodies:
-        free &= _signed_distance(body, points) >= keep
+        free &= _signed_distance(body, points) >= clearance
     return free
 
 
 def _signed_distance(polygon: Array, points: Array) -> Array:
-    """Return the distance of (m, 2) points to a counter-clockwise convex polygon (n, 2), negative inside, (m,)."""
+    """Compute distances (m,) of points (m, 2) from a counter-clockwise convex polygon (n, 2), negative inside."""
     edges = np.roll(polygon, -1, axis=0) - polygon
     lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-12)
     arrows = points[:, None] - polygon[None]
     along = np.clip(np.einsum("mnk,nk->mn", arrows, edges) / lengths**2, 0.0, 1.0)
-    away = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
+    distances = np.linalg.norm(arrows - along[..., None] * edges, axis=2).min(axis=1)
     side = (edges[:, 0] * arrows[..., 1] - edges[:, 1] * arrows[..., 0]) / lengths
-    signed: Array = np.where(np.all(side >= 0, axis=1), -away, away)
+    signed: Array = np.where(np.all(side >= 0, axis=1), -distances, distances)
     return signed
 
 
 CONTROLS = ("PushButton", "ControlKnob")
-"""Classes of parts by which they are."""
+"""Classes of parts by which devices are switched."""
 LOW = 0.15
-"""Height below which the front of a device is too low for a hand [m]."""
+"""Devices lower than this have their presumed button on top, as the front is too low for a hand [m]."""
 FROM_EDGE = 0.03
-"""Distance of a button that no map has from the edge [m]."""
+"""Distance of a presumed button from the edge of its device [m]."""
 
 
 def controls_of(
     bodies: Iterable[Body], joints: Iterable[Articulation], semantic_map: SemanticMap
 ) -> tuple[Control, ...]:
-    """Return the controls of all devices, in the order of the map; of several the first is that of a device."""
+    """Find the controls of all devices, in the order of the map; a device without any gets a presumed button."""
     by_iri = {body.iri: body for body in bodies if body.shape in (BodyShape.BOX, BodyShape.CYLINDER)}
     leaves = {joint.leaf for joint in joints}
     moving = {name for joint in joints for name in joint.parts}
-    found: dict[str, list[Control]] = {
+    controls: dict[str, list[Control]] = {
         thing.iri: [] for thing in semantic_map.objects if thing.iri in by_iri and semantic_map.is_a(thing, *DEVICES)
     }
     for thing in semantic_map.objects:
         body = by_iri.get(thing.iri)
         if body is None or body.name in moving or not semantic_map.is_a(thing, *CONTROLS):
             continue
-        device = next((one.iri for one in _around(thing, semantic_map) if one.iri in found), None)
+        device = next((one.iri for one in _wholes(thing, semantic_map) if one.iri in controls), None)
         if device is not None:
-            found[device].append(_on(by_iri[device], body, turns=body.name in leaves))
+            controls[device].append(_control(by_iri[device], body, turns=body.name in leaves))
     for thing in semantic_map.objects:
-        if thing.iri not in found or found[thing.iri]:
+        if thing.iri not in controls or controls[thing.iri]:
             continue
         if number_of_class(semantic_map.ontology, thing.types, "presumedButtons") != 0:
-            found[thing.iri].append(_derived(by_iri[thing.iri]))
-    return tuple(one for controls in found.values() for one in controls)
+            controls[thing.iri].append(_presumed_button(by_iri[thing.iri]))
+    return tuple(one for of_device in controls.values() for one in of_device)
 
 
-def _on(device: Body, body: Body, *, turns: bool) -> Control:
-    """Return a button or knob: it shows away from its device, along its shortest extent."""
+def _control(device: Body, body: Body, *, turns: bool) -> Control:
+    """Build a control from a button or knob: its normal is its shortest axis, away from the device."""
     axis = int(np.argmin(body.size))
-    away = rotated(body.pose.rotation.T, np.array(body.pose.position) - device.pose.position)
+    outwards = rotated(body.pose.rotation.T, np.array(body.pose.position) - device.pose.position)
     normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
-    normal[axis] = 1.0 if away[axis] >= 0 else -1.0
+    normal[axis] = 1.0 if outwards[axis] >= 0 else -1.0
     point[axis] = normal[axis] * body.size[axis] / 2
     return Control(device.name, body.name, (point[0], point[1], point[2]), (normal[0], normal[1], normal[2]), turns)
 
 
-def _derived(device: Body) -> Control:
+def _presumed_button(device: Body) -> Control:
     depth, _, height = device.size
     if height < LOW:
         return Control(device.name, device.name, (depth / 2 - FROM_EDGE, 0.0, height / 2), (0.0, 0.0, 1.0))
     return Control(device.name, device.name, (depth / 2, 0.0, height / 2 - FROM_EDGE), (1.0, 0.0, 0.0))
 
 
-def _around(thing: MapObject, semantic_map: SemanticMap) -> Iterator[MapObject]:
-    """Yield what a thing is a part of, and what that is a part of."""
+def _wholes(thing: MapObject, semantic_map: SemanticMap) -> Iterator[MapObject]:
+    """Yield what an object is a part of, from the inside out."""
     seen = {thing.iri}
     while (holder := semantic_map.holder(thing)) is not None and holder.iri not in seen:
         seen.add(holder.iri)

@@ -1,1 +1,1 @@
-"""Process modules: they perform primitive actions on the platform."""
+"""Process modules, which perform primitive actions on the platform."""

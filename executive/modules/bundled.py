@@ -1,4 +1,4 @@
-"""The process modules that come with planlang. Those that few plans need are imported when one needs them."""
+"""The process modules that come with planlang. Rarely needed ones are imported on first use."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from planlang.registry import ModuleRegistry, Rank
 
 
 def _takes_several_hands(platform: Platform, action: Action) -> bool:
-    """Return whether an action is about a thing that one hand does not hold."""
+    """Check whether an action handles an object that takes more than one hand."""
     what = action.get("object_acted_on")
     name = platform.scene.bodies.known(what) if isinstance(what, Object) else None
     return name is not None and platform.scene.bodies.hands(name) > 1
 
 
 def bundled_registry() -> ModuleRegistry:
-    """Return a registry with the process modules that come with planlang."""
+    """Build a registry of the process modules that come with planlang."""
     registry = ModuleRegistry()
     for module in (navigation, reaching, grasping, handing_over, perception):
         registry.add(module, "planlang", Rank.BUNDLED)
@@ -34,9 +34,9 @@ def bundled_registry() -> ModuleRegistry:
 
 
 def performed_by(files: Sequence[Path], found: list[Diagnostic]) -> frozenset[str]:
-    """Return the action classes that process modules perform, those of the user's files, which are executed, too.
+    """Collect the action classes that bundled, installed and the user's process modules perform.
 
-    Appends what is wrong with them; raises BadInput for a file that cannot be imported.
+    Executes the user's ``files``. Appends problems to ``found``; raises BadInput if a file cannot be imported.
     """
     registry = bundled_registry()
     registry.add_installed()

@@ -1,7 +1,7 @@
-"""Postures near a named one in which what is held stands upright, whichever way it is held.
+"""Postures near a named one that keep the held object upright, whichever way it was grasped.
 
-A named posture says where the hand is to be; how it is turned there depends on the grasp. It is looked for by inverse
-kinematics, from the hand's place outwards, for all headings; the robot and what it holds must not touch the robot.
+A named posture defines the position of the hand; its orientation depends on the grasp. Inverse kinematics is solved for
+positions from there outwards, in all headings. Postures in self-collision, held object included, are discarded.
 """
 
 from __future__ import annotations
@@ -27,90 +27,90 @@ from planlang.geometry.matrices import moved, product, rigid, rotated
 from planlang.protocols import Configuration
 
 HEADINGS = 16
-"""Directions to which the hand may be turned about the vertical."""
+"""Headings of the hand about the vertical to try."""
 ALONG = (0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3)
 ACROSS = (0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3)
 UP = (0.0, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3)
-"""Distances from the place of the hand in the named posture, in the base's frame [m]."""
+"""Offsets from the hand's position in the named posture, in the base's frame [m]."""
 TURN = 0.15
-"""By how much [m] of distance a turn of the hand by a radian from how it is in the named posture counts."""
+"""Cost of turning the hand from its orientation in the named posture, in metres of offset [m/rad]."""
 OTHERWISE = 0.5
-"""Difference of a joint by which the arm is at a place in another way [rad, m]."""
+"""Joint difference by which two solutions of one hand pose count as distinct [rad, m]."""
 AT_ONCE = 240
-"""Poses whose inverse kinematics is solved in one call."""
+"""Poses per call of inverse kinematics."""
 LOOKED_AT = 40
-"""Postures among which the narrowest are chosen."""
+"""Postures among which to choose the narrowest."""
 MOST = 16
-"""Postures that are kept."""
+"""Most postures to return."""
 NARROWER = 0.04
-"""Differences of the robot's radius, with what it holds, that count [m]: it has to get through doors."""
+"""Step in which widths of the robot with its load are compared [m]: narrower fits through doors."""
 NEAR = 0.01
-"""Differences by which a posture is another [m, rad]."""
+"""Tolerance within which the hand is in a posture [m, rad]."""
 OVER_THE_BASE = 2
-"""Such differences that are put up with, so that nothing that is lost falls on the base."""
+"""Penalty, in steps of NARROWER, for a load above the base, onto which it would fall if lost."""
 _CACHE = Cache("carrying", most=200)
 APART = 0.12
-"""Least distance of the hand's places in two of them [m]; those that are turned apart may be at one place."""
+"""Least distance of the hand between two postures [m]; postures with different orientations may be closer."""
 
 
 def upright_postures(control: Control, arm: ArmModel, held: Held, named: Array) -> list[Array]:
-    """Return joint positions (d,) near those of a named posture (d,) at which what is held is upright, the best first.
+    """Find joint positions (d,) near a named posture (d,) that keep the held object upright, best first.
 
-    Best is where the robot, with what it holds, is as narrow as in the named posture, then what is near that.
+    The best make the robot with its load no wider than the named posture does; ties are ordered by nearness to it.
     """
-    found = list(islice(_free(control, arm, held, named), LOOKED_AT))
-    if not found:
+    postures = list(islice(_free(control, arm, held, named), LOOKED_AT))
+    if not postures:
         return []
-    joints, things = _distances(arm, held, np.stack([named, *found]))
+    joints, loads = _distances(arm, held, np.stack([named, *postures]))
     half = max(held.size[:2]) / 2
-    widths = np.maximum(joints, things + half)
-    worse = np.maximum(0, np.rint((widths[1:] - widths[0]) / NARROWER))
-    worse += OVER_THE_BASE * (things[1:] - half < control.robot.base.radius + NEAR)
-    return [found[k] for k in np.argsort(worse, kind="stable")[:MOST]]
+    widths = np.maximum(joints, loads + half)
+    costs = np.maximum(0, np.rint((widths[1:] - widths[0]) / NARROWER))
+    costs += OVER_THE_BASE * (loads[1:] - half < control.robot.base.radius + NEAR)
+    return [postures[k] for k in np.argsort(costs, kind="stable")[:MOST]]
 
 
 def is_near(arm: ArmModel, held: Held, named: Array, q: Array) -> bool:
-    """Return whether an arm at joint positions (d,) is in a posture like these: near the place, upright."""
+    """Check whether joint positions q (d,) are within the search range of a named posture, with the object upright."""
     there, here = arm.solver.chain.fk(np.stack([named, q]))
     away = np.abs(here[:3, 3] - there[:3, 3]) - np.abs([ALONG, ACROSS, UP]).max(axis=1)
     return bool((away <= NEAR).all() and rotated(here[:3, :3], held.up)[2] >= math.cos(NEAR))
 
 
 def _free(control: Control, arm: ArmModel, held: Held, named: Array) -> Iterator[Array]:
-    """Yield such joint positions, those near the named ones first; no two are alike.
+    """Yield distinct joint positions without self-collision, near the named posture first.
 
-    Solutions are looked for from where the arm is, to which there is often a straight way, and from the named posture.
+    Inverse kinematics starts from the arm's current joints, which often leaves a straight path, and from ``named``.
     """
     targets = _targets(arm, held, arm.solver.chain.fk(named)[0])
-    found: list[tuple[Array, Array]] = []
+    kept: list[tuple[Array, Array]] = []
     for first in range(0, len(targets), AT_ONCE):
-        part = targets[first : first + AT_ONCE]
-        for poses, rows in _ways(control, arm, named, part):
+        batch = targets[first : first + AT_ONCE]
+        for poses, rows in _solutions(control, arm, named, batch):
             for pose, q in zip(poses, rows, strict=True):
-                known = any(_alike(pose, other) and np.abs(q - p).max() < OTHERWISE for other, p in found)
-                if not known and not control.scene.world.self_contacts(_configuration(control, arm, q)):
-                    found.append((pose, q))
+                duplicate = any(_alike(pose, other) and np.abs(q - p).max() < OTHERWISE for other, p in kept)
+                if not duplicate and not control.scene.world.self_contacts(_configuration(control, arm, q)):
+                    kept.append((pose, q))
                     yield q
 
 
-def _ways(control: Control, arm: ArmModel, named: Array, targets: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield which of some targets are reached, and how, begun where the arm is; then begun at the named posture."""
+def _solutions(control: Control, arm: ArmModel, named: Array, targets: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield the reachable targets and their joint positions: seeded with the arm's joints, then with ``named``."""
     solved = np.ones(len(targets), bool)
-    for begin in (control.arm_joints(arm), named):
-        every = np.concatenate([begin[None], arm.seeds])
+    for first in (control.arm_joints(arm), named):
+        every = np.concatenate([first[None], arm.seeds])
         joints, good = np.zeros((len(targets), len(named))), np.zeros(len(targets), bool)
-        # the arm's own seeds led nowhere before where nothing was solved: they would again
+        # Where the first round found nothing, the arm's own seeds have failed already and would again.
         for some, seeds in ((solved, every), (~solved, every[:1])):
             if some.any():
-                joints[some], good[some] = _solved(arm, targets[some], seeds)
+                joints[some], good[some] = _cached_ik(arm, targets[some], seeds)
         solved = good
         yield targets[good], joints[good]
 
 
-def _solved(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return joint positions (n, d) at targets (n, 4, 4), and which are reached, from the user's cache if kept there.
+def _cached_ik(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Solve inverse kinematics for targets (n, 4, 4): joint positions (n, d), and a mask (n,) of those reached.
 
-    Most targets are out of reach, which takes long to find out, and a task that is run again asks for the same ones.
+    Cached per user: most targets are out of reach, which is slow to find out, and repeated tasks ask for the same ones.
     """
     chain = arm.solver.chain
     facts = (chain.digest, chain.dof, _method(), targets.tobytes(), seeds.tobytes())
@@ -126,7 +126,7 @@ def _solved(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDArray
 
 @cache
 def _method() -> str:
-    """Return a digest of what solutions depend on beside the arm and the targets: the code that finds them."""
+    """Hash the code of the solver, so that cached solutions of older code are not used."""
     digest = hashlib.sha256(casadi.CasadiMeta.version().encode())
     for module in (kinematics, symbolic):
         digest.update(Path(str(module.__file__)).read_bytes())
@@ -134,17 +134,17 @@ def _method() -> str:
 
 
 def _targets(arm: ArmModel, held: Held, there: Array) -> Array:
-    """Return tip poses (n, 4, 4) in the base's frame at which what is held is upright, those like ``there`` first."""
+    """Sample tip poses (n, 4, 4) in the base's frame that keep the held object upright, closest to ``there`` first."""
     turns = upright(np.asarray(np.arange(HEADINGS) * (2 * math.pi / HEADINGS), np.float64))
     rotations = product(turns, held.pose.rotation.T)
     approach = np.asarray(arm.frame.approach)
     cosines = rotated(rotations, approach) @ rotated(there[:3, :3], approach)
     away = np.arccos(np.clip(cosines, -1.0, 1.0))
     shifts = np.stack(np.meshgrid(ALONG, ACROSS, UP, indexing="ij"), axis=-1).reshape(-1, 3)
-    place, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(shifts)), np.arange(HEADINGS), indexing="ij"))
-    cost = np.linalg.norm(shifts, axis=1)[place] + TURN * away[turn]
+    shift, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(shifts)), np.arange(HEADINGS), indexing="ij"))
+    cost = np.linalg.norm(shifts, axis=1)[shift] + TURN * away[turn]
     order = np.argsort(cost.round(6), kind="stable")
-    return rigid(rotations[turn[order]], there[:3, 3] + shifts[place[order]])
+    return rigid(rotations[turn[order]], there[:3, 3] + shifts[shift[order]])
 
 
 def _alike(pose: Array, other: Array) -> bool:
@@ -153,7 +153,7 @@ def _alike(pose: Array, other: Array) -> bool:
 
 
 def _distances(arm: ArmModel, held: Held, q: Array) -> tuple[Array, Array]:
-    """Return how far from the axis of the base the farthest joint of the arm is, and the thing's middle, (n,) [m]."""
+    """Compute distances from the base's axis, (n,) each [m]: of the arm's farthest joint, and of the load's centre."""
     chain, tips = arm.solver.chain, arm.solver.chain.fk(q)
     joints = np.linalg.norm(chain.frames(q)[:, :, :2, 3], axis=2).max(axis=1)
     return joints, np.linalg.norm(moved(tips, np.asarray(held.pose.position))[:, :2], axis=1)

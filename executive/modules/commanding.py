@@ -1,4 +1,4 @@
-"""Commanding the true world by subject: base, fingers, camera; the planning scene is kept equal to the belief."""
+"""Commands to the true world for base, fingers and camera; the planning scene is kept in sync with the belief."""
 
 from __future__ import annotations
 
@@ -42,48 +42,48 @@ from sim.falling import falling_time
 T = TypeVar("T")
 
 SAME = 0.01
-"""Share of the opening of a hand by which two are the same."""
+"""Tolerance of openings, as a share of the hand's full opening."""
 
 HEIGHTS = (0.0, 0.3, 0.6, 0.9)
-"""Heights above a touch at which the camera looks for what was touched [m]: a base touches things below the neck."""
+"""Heights above a touch at which to look for the body [m]: the neck cannot bend far enough to see beside the base."""
 ASIDE, FARTHER = 0.01, 8
-"""Steps in which a body that was felt is moved out of the robot [m], and how many of them."""
+"""Step [m] and most steps by which to move a felt body out of the robot."""
 
 
 @dataclass
 class Control:
-    """A robot in a true world, with a belief about it and the scene in which its motions are planned."""
+    """Robot in a true world, with a belief about that world and the scene in which motions are planned."""
 
     world: RobotInterface
-    """The robot among what is really there: commanded, and known only by what it senses."""
+    """The real robot: it takes commands, and the world is known only by its sensors."""
     robot: Robot
     belief: Belief
     scene: PlanningScene
 
     def base(self) -> BasePose:
-        """Return the pose of the base, by odometry."""
+        """Read the pose of the base from odometry."""
         return self.world.configuration().base
 
     def joints(self, names: Sequence[str]) -> Array:
-        """Return the positions (d,) of joints, by encoders [rad, m]."""
-        now = self.world.configuration().joints
-        return np.array([now[name] for name in names])
+        """Read the positions (d,) of joints from the encoders [rad, m]."""
+        positions = self.world.configuration().joints
+        return np.array([positions[name] for name in names])
 
     def arm_joints(self, arm: ArmModel) -> Array:
-        """Return the positions (d,) of the joints of an arm and of what carries it [rad, m]."""
+        """Read the positions (d,) of the joints of an arm, including a torso that carries it [rad, m]."""
         return self.joints(arm.joints)
 
     def sync(self) -> None:
-        """Make the planning scene equal to what is believed; from what a hand has slipped off it holds no more."""
+        """Copy the belief into the planning scene; first drop grips on handles that the hand no longer feels."""
         for leaf in [leaf for leaf, link in self.belief.led.items() if not self.world.feels(link)]:
             self.belief.let_go(leaf)
         self.belief.sync(self.scene.world, self.world.configuration())
 
     async def follow(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> Motion:
-        """Command a motion and wait for its end; it is halted when the caller is evaporated or suspended.
+        """Execute a motion and wait for its end; halt it if the caller is evaporated or suspended.
 
-        ``pushes``: the link of the hand that pushes what it meets, None if that stops it. Raises ObjectLost as soon as
-        a hand of :meth:`watched` no longer feels what it holds, and what the robot itself says that it did not make.
+        ``pushes``: link of the hand that pushes bodies instead of being stopped by them. Raises ObjectLost as soon as a
+        hand of :meth:`watched` no longer feels its object, and the failure of the group if the robot reports one.
         """
         self.world.start(group, trajectory, pushes=pushes)
         try:
@@ -103,32 +103,32 @@ class Control:
     # What the hands hold
 
     def watched(self, group: str) -> Sequence[str]:
-        """Return the arms that must not lose what they hold while a group moves."""
+        """List the arms that must not lose what they hold while a group moves."""
         return [arm for grip in self.belief.held.values() for arm in grip.arms]
 
     async def wait_holding(
-        self, arms: Sequence[str], true: Callable[[], T], name: str, timeout: float | None = None
+        self, arms: Sequence[str], condition: Callable[[], T], name: str, timeout: float | None = None
     ) -> T | None:
-        """Wait until something is true of the world, and return that, None after the timeout.
+        """Wait until a condition of the world is true and return its value; None after the timeout [s].
 
         Raises ObjectLost as soon as one of the arms no longer feels what it is believed to hold.
         """
-        found = await wait_for(Fluent(read=lambda: true() or self._emptied(arms), name=name), timeout=timeout)
+        value = await wait_for(Fluent(read=lambda: condition() or self._emptied(arms), name=name), timeout=timeout)
         self.check_hold(arms)
-        return None if found is None else true()
+        return None if value is None else condition()
 
     def check_hold(self, arms: Sequence[str]) -> None:
-        """Raise ObjectLost if an arm does not feel what it is believed to hold: then that is believed to lie below."""
+        """Raise ObjectLost if an arm no longer feels its object, which is then believed to lie below the hand."""
         if (arm := self._emptied(arms)) is not None:
             self._lose(next(name for name, grip in self.belief.held.items() if arm in grip.arms), arm)
 
     def check_shift(self, touch: Touch) -> None:
-        """Raise ObjectLost if a hand is pressed by what it is believed to hold: that does not move with it any more."""
+        """Raise ObjectLost if a finger is pushed by its own object, which therefore no longer moves with the hand."""
         for name, arm in [(name, arm) for name, grip in self.belief.held.items() for arm in grip.arms]:
             gripper = self.robot.arm(arm).gripper
             if gripper is not None and touch.link in gripper.finger_links:
-                there = Block.of(self.scene.world.pose(name), self.scene.world.size(name))
-                if there.away(np.array(touch.point)) <= MEANT:
+                block = Block.of(self.scene.world.pose(name), self.scene.world.size(name))
+                if block.away(np.array(touch.point)) <= MEANT:
                     self._lose(name, arm)
 
     def _lose(self, what: str, arm: str) -> NoReturn:
@@ -141,21 +141,21 @@ class Control:
         return next((hand.arm for hand in holding if not self.world.feels(hand.link)), None)
 
     def between_fingers(self, arm: str) -> Array | None:
-        """Return the point (3,) of the map about which fingers of an arm feel something; None if they feel nothing."""
+        """Find the point (3,) of the map between the fingers of an arm that feel something; None if none does."""
         gripper = self.robot.arm(arm).gripper
         return pinched(self.world.touches(gripper.finger_links)) if gripper is not None else None
 
     def below(self, name: str) -> Pose:
-        """Return where a body is believed to come down when it leaves the hand."""
+        """Predict the pose at which a body comes to rest when it leaves the hand."""
         self.sync()
         believed = self.scene.world.pose(name)
         x, y, z = believed.position
-        sinks = self.scene.world.height_above_support(name)
+        drop = self.scene.world.height_above_support(name)
         # A body above nothing, or above the void beside a map, is believed to lie on the floor.
-        return Pose((x, y, z - sinks if sinks < z else 0.0), believed.orientation)
+        return Pose((x, y, z - drop if drop < z else 0.0), believed.orientation)
 
     def timed(self, joints: Sequence[str], path: Array, timing: Callable[..., Trajectory] = time_path) -> Trajectory:
-        """Return a path (n, d) of joints with times, within their limits of speed, acceleration and jerk."""
+        """Time a joint path (n, d) within the joints' limits of speed, acceleration and jerk."""
         limits = [self.robot.limits[name] for name in joints]
         return timing(
             tuple(joints),
@@ -168,74 +168,74 @@ class Control:
 
 
 def _failed(group: str, reason: str | None) -> PlanFailure:
-    """Return the failure of a motion that the robot did not make."""
-    about = "" if reason is None else f": {reason}"
+    """Build the failure for a motion of a group that the robot reports as failed."""
+    suffix = "" if reason is None else f": {reason}"
     match group.partition(" of "):
         case ("base", *_):
-            return NavigationGoalNotReached(f"{NavigationGoalNotReached.text}{about}")
+            return NavigationGoalNotReached(f"{NavigationGoalNotReached.text}{suffix}")
         case ("head", *_):
-            return LookingFailure(f"{LookingFailure.text}{about}")
+            return LookingFailure(f"{LookingFailure.text}{suffix}")
         case ("gripper", _, arm) if arm:
-            return GripperGoalNotReached(f"{GripperGoalNotReached.text}{about}", arm=arm)
-    return ManipulationGoalNotReached(f"{ManipulationGoalNotReached.text}{about}", arm=group)
+            return GripperGoalNotReached(f"{GripperGoalNotReached.text}{suffix}", arm=arm)
+    return ManipulationGoalNotReached(f"{ManipulationGoalNotReached.text}{suffix}", arm=group)
 
 
 class Hands:
-    """Moves fingers, and tells the belief what they hold."""
+    """Moves fingers and records in the belief what they hold."""
 
     def __init__(self, control: Control) -> None:
         self._control = control
         self._at_rest: dict[str, float] = {}
-        """Thing that was let go -> plan time at which it has come down as far as it was believed to [s]."""
+        """Released object -> plan time at which it is expected to have come to rest [s]."""
 
     def gripper(self, arm: ArmModel) -> Gripper | None:
-        """Return the gripper of an arm."""
+        """Look up the gripper of an arm; None if it has none."""
         return self._control.robot.arm(arm.name).gripper
 
     def hold(self, what: Object) -> bool:
-        """Return whether the robot holds a thing; False if it is not known which that is."""
+        """Check whether the robot holds an object; False if the designator resolves to none."""
         try:
             return self._control.scene.bodies.bind(what) in self._control.belief.held
         except ObjectUnresolvable:
             return False
 
     async def move(self, arm: ArmModel, *, closed: bool, fingers: Fingers = ()) -> Motion:
-        """Close the fingers, or open them: as far as they go, or to ``fingers``. Those that open let go of a handle."""
+        """Close the fingers fully, or open them fully or to ``fingers``. Opening releases a handle."""
         gripper = self.gripper(arm)
         assert gripper is not None
         if not closed:
-            self._leave(arm)
-        wanted = gripper.closed if closed else dict(fingers) or gripper.opened
-        path = np.stack([self._control.joints(gripper.joints), [wanted[name] for name in gripper.joints]])
+            self._release_handle(arm)
+        goal = gripper.closed if closed else dict(fingers) or gripper.opened
+        path = np.stack([self._control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
         return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
 
     async def close(self, arm: ArmModel) -> Motion:
-        """Close the fingers until they are closed, or something that they feel stops them.
+        """Close the fingers fully, or until they feel an object that stops them.
 
-        Raises GripperGoalNotReached if they end elsewhere: what open fingers are near to is not held.
+        Raises GripperGoalNotReached if they stop for another reason: without touch, nothing is held.
         """
         motion = await self.move(arm, closed=True)
-        now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
-        if motion.touch is None and now and arm.openings.share(now) > SAME:
+        current = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
+        if motion.touch is None and current and arm.openings.share(current) > SAME:
             raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
         return motion
 
     async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
-        """Bring the fingers of a free hand, closed or not, to the opening for which a hand pose was checked, if any."""
+        """Move the fingers of an empty hand to the opening for which a hand pose was validated, if one is given."""
         if not fingers or self._control.scene.arms.held(arm.name) is not None:
             return
-        now = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
-        if abs(arm.openings.share(now) - arm.openings.share(dict(fingers))) > SAME:
+        current = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
+        if abs(arm.openings.share(current) - arm.openings.share(dict(fingers))) > SAME:
             await self.move(arm, closed=False, fingers=fingers)
 
     def lead(self, arm: ArmModel, leaf: str) -> None:
-        """Let a door or drawer, on the handle of which the fingers have closed, move with the hand from now on."""
+        """Couple a door or drawer to the hand that has closed on its handle: from now on they move together."""
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.grip(link)
         control.belief.leads(leaf, link)
         control.sync()
 
-    def _leave(self, arm: ArmModel) -> None:
+    def _release_handle(self, arm: ArmModel) -> None:
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.loosen(link)
         for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
@@ -243,17 +243,17 @@ class Hands:
         control.sync()
 
     def is_on(self, arm: ArmModel, name: str) -> bool:
-        """Return whether what the closed fingers feel is where a body is believed to be."""
+        """Check whether the closed fingers feel something where a body is believed to be."""
         point = self._control.between_fingers(arm.name)
         return point is not None and self._control.scene.bodies.block(name).away(point) <= MEANT
 
     def between_fingers(self, arm: ArmModel) -> str | None:
-        """Return the body that the closed fingers feel: of the believed ones that which explains what they feel."""
+        """Find the believed body that explains what the closed fingers feel; None if there is none."""
         point = self._control.between_fingers(arm.name)
         return None if point is None else self._control.scene.bodies.graspable_at(point)
 
     def grasp(self, arm: ArmModel, name: str) -> None:
-        """Grip what the fingers have closed on; what that is believed to be moves with the hand from now on."""
+        """Grip the object between the fingers, believed to be ``name``, which moves with the hand from now on."""
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.grip(link)
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
@@ -263,37 +263,37 @@ class Hands:
             control.belief.loaded(name, riders)
 
     def let_go(self, name: str, *, to: str | None = None) -> None:
-        """Let a held body go: it comes down on what is below, or a person has it."""
+        """Release a held body: it falls onto what is below, or a person ``to`` takes it."""
         control = self._control
-        place = control.below(name)
-        fall = control.scene.world.pose(name).position[2] - place.position[2]
+        rest = control.below(name)
+        fall = control.scene.world.pose(name).position[2] - rest.position[2]
         self._at_rest[name] = now() + falling_time(fall)
         for hand in control.belief.held[name].hands:
             control.world.loosen(hand.link)
-        control.belief.released(name, place, to=to)
+        control.belief.released(name, rest, to=to)
         control.sync()
 
     async def settled(self, name: str) -> None:
-        """Wait until a body that was let go has had the time to fall as far as it is believed to."""
+        """Wait until a released body has had the time to come to rest."""
         await sleep(max(0.0, self._at_rest.pop(name) - now()))
 
     async def offer(self, arm: ArmModel, name: str, patience: float) -> bool:
-        """Wait until somebody pulls at a held body, which the wrist feels; False if nobody does in ``patience`` [s].
+        """Wait until the wrist feels a person pull at a held body; False if nobody does within ``patience`` [s].
 
-        Raises ObjectLost when it leaves the hand otherwise.
+        Raises ObjectLost if the body leaves the hand otherwise.
         """
         pulled = partial(self._control.world.pulled, self._control.robot.arm(arm.name).tip)
         return bool(await self._control.wait_holding([arm.name], pulled, f"{name} taken", patience))
 
 
 class Sensing:
-    """Turns the camera; everything that is sensed changes the belief."""
+    """Points the camera, and updates the belief with images and touches."""
 
     def __init__(self, control: Control) -> None:
         self._control = control
 
     async def look_at(self, point: Array, name: str) -> None:
-        """Turn the neck so that a map point (3,) is in the picture; raises LookingGoalUnreachable."""
+        """Turn the neck so that a map point (3,) is in the image. Raises LookingGoalUnreachable beyond its limits."""
         control, camera, gaze = self._control, self._control.robot.camera, self._control.scene.visibility.gaze
         if gaze is None or camera is None:
             await checkpoint()
@@ -307,12 +307,12 @@ class Sensing:
         await control.follow("head", control.timed(gaze.joints, np.stack([control.joints(gaze.joints), neck])))
 
     def see(self) -> tuple[str, ...]:
-        """Take a picture and return the names of what was recognised; without camera, what the map is trusted about."""
+        """Take an image and return the names of recognised bodies; without a camera, of those taken from the map."""
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
             return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
-        seen = self._control.world.detect(camera.link)
-        detections = [one for one in seen if belief.recognises(one.name)]
+        visible = self._control.world.detect(camera.link)
+        detections = [one for one in visible if belief.recognises(one.name)]
         belief.see(detections)
         self._control.sync()
         if corrected := out_of_arms(detections, self._control.scene):
@@ -322,16 +322,16 @@ class Sensing:
         return tuple(detection.name for detection in detections)
 
     def scan(self) -> None:
-        """Take a picture of depths: the belief learns which space is free."""
+        """Take a depth image and mark the free space that it shows."""
         control, camera, space = self._control, self._control.robot.camera, self._control.scene.space
         if camera is not None and space is not None:
             eye = np.array(control.world.link_pose(camera.link).position)
             space.integrate(eye, *control.world.scan(camera.link))
 
     def hidden(self, points: Array) -> tuple[NDArray[np.bool_], Array]:
-        """Take a picture of depths: return which points (n, 3) something hides from the camera, (n,), and where.
+        """Take a depth image and find which points (n, 3) of the map are hidden from the camera.
 
-        The latter, (k, 3), are the points of the map at which the lines of sight to the hidden ones end.
+        Returns a mask (n,), and the points (k, 3) of the map at which the lines of sight to hidden points end.
         """
         control, camera = self._control, self._control.robot.camera
         if camera is None or not len(points):
@@ -340,7 +340,7 @@ class Sensing:
         return hiding(eye, points, *control.world.scan(camera.link))
 
     async def _look_over(self, point: Array) -> None:
-        """Look at what was touched at a map point (3,), or, where the neck cannot bend that far, as low as it can."""
+        """Look at a touched map point (3,), or as low above it as the neck can bend."""
         async with using("head"):
             for height in HEIGHTS:
                 with suppress(LookingGoalUnreachable):
@@ -349,19 +349,18 @@ class Sensing:
         self.see()
 
     def _explain(self) -> None:
-        """Forget the obstacles where a thing is that has been seen from here."""
+        """Forget the anonymous obstacles that a body seen from here explains."""
         belief, bodies = self._control.belief, self._control.scene.bodies
-        felt = {name: np.array(belief.pose(name).position) for name in belief.names() if name in NAMES}
-        seen = [
-            bodies.block(name) for name in belief.names() if felt and name not in felt and belief.seen_from_here(name)
-        ]
-        belief.forget([name for name, at in felt.items() if any(block.away(at) <= EDGE for block in seen)])
+        obstacles = {name: np.array(belief.pose(name).position) for name in belief.names() if name in NAMES}
+        others = (name for name in belief.names() if obstacles and name not in obstacles)
+        seen = [bodies.block(name) for name in others if belief.seen_from_here(name)]
+        belief.forget([name for name, at in obstacles.items() if any(block.away(at) <= EDGE for block in seen)])
         self._control.sync()
 
     def not_seen(self, name: str) -> None:
-        """Remember that a body was looked for in vain from here.
+        """Record that a body was not seen from here.
 
-        A thing that was looked for in vain before and would be seen from here is not where it was believed to be.
+        After the second time, an object that should be visible from here is no longer believed to be at its place.
         """
         scene, belief = self._control.scene, self._control.belief
         again = bool(belief.looked_in_vain(name))
@@ -371,14 +370,14 @@ class Sensing:
             self._control.sync()
 
     def is_out_of_sight(self, name: str) -> bool:
-        """Return True for what was seen from elsewhere, was not touched since, and cannot be seen from here."""
+        """Check whether a body was seen from elsewhere, not touched since, and is hidden from here."""
         scene = self._control.scene
         return self._control.belief.remembers(name) and scene.visibility.hidden(scene.base(), name) is not None
 
     def must_look(self, what: Object) -> bool:
-        """Return whether a thing to grasp, or a person to give to, has not been seen since the base last moved.
+        """Check whether a graspable object or a person has yet to be seen since the base last moved.
 
-        False for what was seen from elsewhere and cannot be seen from here.
+        False for a body that was seen from elsewhere and is hidden from here.
         """
         scene, belief = self._control.scene, self._control.belief
         name = scene.bodies.bind(what)
@@ -387,10 +386,10 @@ class Sensing:
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 
     async def bump(self, motion: Motion) -> None:
-        """Learn from what a motion was blocked by: a touch at a point, and what the camera shows there.
+        """Update the belief from the touch that stopped a motion, and from an image of that point.
 
-        Where a believed thing explains the touch it is believed to stand so much nearer; else there is an obstacle. An
-        obstacle that turns out to be a known thing is forgotten. Raises ObjectLost as :meth:`Control.check_shift` does.
+        If a believed body explains the touch, move it there; otherwise add an anonymous obstacle, which is forgotten
+        once a body seen there explains it. Raises ObjectLost as :meth:`Control.check_shift` does.
         """
         control, touch = self._control, motion.touch
         if touch is None:
@@ -405,19 +404,19 @@ class Sensing:
         control.sync()
 
     def _felt(self, name: str, pose: Pose, normal: Array) -> None:
-        """Believe a body at a pose, or as much farther against a normal (3,) that no arm is inside of it."""
+        """Move a believed body to a pose, or on against the contact normal (3,) until it overlaps no arm."""
         control, collisions = self._control, self._control.scene.collisions
         for number in range(FARTHER):
             x, y, z = (np.array(pose.position) - number * ASIDE * normal).tolist()
             control.belief.bump(name, Pose((x, y, z), pose.orientation))
             control.sync()
             arms = [(arm, control.arm_joints(arm)) for arm in control.scene.arms.all]
-            met = (contact for arm, q in arms for contact in collisions.contacts(control.base(), arm, q))
-            if all(contact.body != name for contact in met):
+            contacts = (contact for arm, q in arms for contact in collisions.contacts(control.base(), arm, q))
+            if all(contact.body != name for contact in contacts):
                 return
 
     def support_of(self, name: str) -> Block | None:
-        """Return the shape of the body that something is believed to stand on."""
+        """Look up the block of the body that supports an object; None if there is none."""
         world = self._control.scene.world
         support = world.support(name)
         return self._control.scene.bodies.block(support) if support is not None and support in world.names() else None

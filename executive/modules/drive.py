@@ -1,4 +1,4 @@
-"""Motions of the base: paths through the planning scene, and places nearby where arms have room."""
+"""Motions of the base: paths through the planning scene, and nearby poses with room for the arms."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from planlang.geometry import Array, matrices
 from planlang.protocols import Trajectory
 
 CHECKS = 0.08
-"""Distance of the poses at which a path of the base is checked at first [m]; the timed path is checked again."""
+"""Initial spacing of collision checks along a base path [m]; the timed path is checked again."""
 FINER = (1.0, 0.5, 0.25)
-"""Factors of that distance: a timed path that touches something between checks is planned again with closer ones."""
+"""Factors of CHECKS: a timed path that collides between checks is planned again with closer checks."""
 ROOMY = 0.01
-"""A pose with this much room around the robot's outline, taken for round, touches nothing and is not checked [m]."""
+"""Clearance around the robot's circular outline above which a pose needs no exact check [m]."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
-"""Distances at which room for the carrying posture is looked for [m]; the base is to stay near its work."""
+"""Distances at which to search for room for the carrying posture [m]; short, so that the base stays near its work."""
 LEVEL = 0.5
-"""Level share of the direction of a hand from which on that is a heading."""
+"""Least horizontal component of a hand's unit approach direction that defines a heading."""
 STRIDE, HAIR = 0.025, 1e-6
-"""Steps in which a straight way of the base is looked at, and what rounding takes from them [m]."""
+"""Spacing of checks on a straight motion of the base, and tolerance for rounding [m]."""
 
 
 class Drive:
@@ -42,10 +42,10 @@ class Drive:
         self._control = control
 
     def path(self, goal: BasePose) -> Trajectory:
-        """Return a timed path of the base through the planning scene; raises a MotionError.
+        """Plan a timed path of the base through the planning scene. Raises a MotionError.
 
-        While a room is explored it leads over what was seen, if it can: what nobody has seen may be full. Where the
-        robot has no room to turn as it is, it leads past with headings in which it has room.
+        During exploration, prefers floor that has been seen, since unseen space may be occupied. Where the robot has
+        no room to turn freely, searches headings too (:func:`plan_tight_path`).
         """
         control = self._control
         control.sync()
@@ -76,19 +76,19 @@ class Drive:
         return [(contact.part, contact.body) for contact in self._control.scene.collisions.contacts((x, y, yaw))]
 
     def _timed(self, goal: BasePose, plan: Callable[[float], Array]) -> Trajectory:
-        """Return a path, planned with checks at a distance [m], with times: it touches nothing between them either."""
+        """Time the path that ``plan`` finds for a spacing of checks [m]; refine until it is free between checks too."""
         control, scene = self._control, self._control.scene
         obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
         for factor in FINER:
             trajectory = self.timed(plan(CHECKS * factor))
             rows = trajectory.positions[1:]
-            doubtful = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
-            if not any(self._touching(*row) for row in doubtful.tolist()):
+            close = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
+            if not any(self._touching(*row) for row in close.tolist()):
                 return trajectory
         raise NoPath(control.base(), goal, {"finer checks": len(FINER)})
 
     def timed(self, poses: Array) -> Trajectory:
-        """Return a path of the base (n, 3) with times, within its limits of speed, acceleration and jerk."""
+        """Time a path of the base (n, 3) within its limits of speed, acceleration and jerk."""
         limits = self._control.robot.base
         return time_path(
             ("x", "y", "yaw"),
@@ -100,38 +100,38 @@ class Drive:
         )
 
     def seconds(self, goal: BasePose) -> float | None:
-        """Return the time to drive to a base pose [s], None if no path is found."""
+        """Compute the time to drive to a base pose [s]; None if no path is found."""
         try:
             return (len(self.path(goal).positions) - 1) / self._control.world.rate
         except MotionError:
             return None
 
     def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
-        """Return the nearest base pose, here or around, where arms can go to postures (d,); None if there is none.
+        """Find the nearest base pose at which arms are free in the given postures (d,); None if there is none.
 
-        It is at least so far from here [m]. Poses to which the robot can go straight, as its arms are now, come first,
-        and those opposite of where the first arm's hand shows: it gets out of a cabinet, and off a handle, as it came.
+        The pose is at least ``least`` [m] away. Straight motions with the arms as they are come first, and of these the
+        ones opposite to the first hand's approach: a hand leaves a cabinet or a handle the way it came.
         """
-        here, contacts, bent = self._control.base(), self._control.scene.collisions.contacts, None
+        here, contacts, indirect = self._control.base(), self._control.scene.collisions.contacts, None
         poses = BasePoses(self._control.scene)
-        work = self._heading(postures[0][0]) if postures else here[2]
-        around = () if self._control.robot.base.fixed else poses.beside(work, BACK_OFF)
-        for pose in chain((here,), around):
+        heading = self._heading(postures[0][0]) if postures else here[2]
+        nearby = () if self._control.robot.base.fixed else poses.beside(heading, BACK_OFF)
+        for pose in chain((here,), nearby):
             if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not poses.has_room(pose)):
                 continue
             if any(contacts(pose, arm, posture) for arm, posture in postures):
                 continue
             if all(map(poses.has_room, poses_along(np.array([here, pose]), STRIDE + HAIR))):
                 return pose
-            bent = bent or pose
-        return bent
+            indirect = indirect or pose
+        return indirect
 
     def _heading(self, arm: ArmModel) -> float:
-        """Return the heading in the map in which a hand approaches things as it is now [rad]."""
+        """Compute the heading of a hand's approach in the map [rad]; the base's heading for a vertical approach."""
         x, y, _ = matrices.rotated(self._control.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
         return math.atan2(y, x) if math.hypot(x, y) > LEVEL else self._control.base()[2]
 
     def moved(self) -> None:
-        """Record that the base has moved: things have to be looked at again before they are handled."""
+        """Record that the base has moved, so that objects must be looked at again before they are handled."""
         self._control.belief.base_moved()
         self._control.sync()

@@ -1,8 +1,8 @@
-"""Effects of actions: what their classes declare is applied to the true world and to the belief once a module is done.
+"""Effects of actions: once a module is done, apply what the action's class declares to the true world and the belief.
 
-A process module cannot change what there is by itself. A module whose motions pour or turn things over by themselves in
-the simulator says ``physical = True``: then these effects are left to the simulator, and only believed. One whose hand
-pushes buttons and turns knobs says ``by_hand = True``: then the simulator switches what these belong to.
+Process modules do not create, destroy or transform objects themselves. ``physical = True`` on a module means that its
+motions pour or turn objects over in the simulator; these effects are then applied to the belief only. Likewise
+``by_hand = True`` means that its hand pushes buttons and turns knobs, so that the simulator switches their devices.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from sim.changes import Changes
 from sim.processes import due, warm
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
-"""Properties of an action with what it destroys, turns over or pours."""
+"""Properties of an action that name what it destroys, turns over or pours."""
 VESSELS = ("to_location", "device_used", *ACTED_ON)
-"""Properties of an action with the vessel that something comes into being in, the nearest first."""
+"""Properties of an action that may name the vessel of a product, in order of preference."""
 
 
 class ActionEffects:
@@ -43,27 +43,27 @@ class ActionEffects:
     def __init__(self, platform: Platform) -> None:
         self._platform = platform
         self._physics = platform.world if isinstance(platform.world, Physics) else None
-        """The world, if it has to be told what actions bring about."""
+        """The world, if it does not simulate the effects of actions by itself."""
         self.restored()
 
     def there(self) -> frozenset[str]:
-        """Return the names of the things of the believed world."""
+        """Collect the names of the believed objects."""
         return frozenset(self._platform.scene.world.names())
 
     def untouched(self) -> bool:
-        """Return whether nobody else has changed what there is."""
+        """Check whether only declared effects have changed the world."""
         return self._physics is None or self._physics.changed == self._changed
 
     def restored(self) -> None:
-        """Take the world as it is."""
+        """Accept the world as it is, for later calls of :meth:`untouched`."""
         self._changed = 0 if self._physics is None else self._physics.changed
-        """Number of changes of the world, as far as is known here."""
+        """Number of changes of the world that are accounted for."""
 
     def pass_time(self) -> None:
-        """Let heat do its work in the believed world up to now; nothing else happens there by itself."""
+        """Simulate heating in the believed world up to now, the only process that goes on there by itself."""
         try:
             time = now()
-        except PlanStructureError:  # no plan is running, so that no time passes
+        except PlanStructureError:  # without a running plan, no time passes
             return
         belief, changes = self._platform.belief, self._believed
         passed, belief.time = time - belief.time, time
@@ -76,7 +76,7 @@ class ActionEffects:
         return self._platform.scene.world.changes
 
     def of(self, action: Action) -> Effects:
-        """Return the effects that an action's class declares; what the action states itself counts, too."""
+        """Collect the effects that an action's class declares, and the inputs and outputs that the action states."""
         ontology = self._platform.belief.map.ontology
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
         effects = effects_of(ontology, expand(action.type), ancestors)
@@ -91,7 +91,7 @@ class ActionEffects:
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
-        """Return whether heat, or one of some classes of actions, makes what a designator means."""
+        """Check whether heating or one of some action classes can create the object that a designator describes."""
         effects = (self.of(Action(action)) for action in actions)
         created = [
             *(cls for one in effects for cls in one.created),
@@ -100,10 +100,10 @@ class ActionEffects:
         return any(self._is_a(cls, what.type) for cls in created)
 
     def due(self, action: Action) -> float | None:
-        """Return how long heat still takes to make what an action acts on [s]; None for what is there, or is not made.
+        """Compute how long heating still takes to produce the object of an action [s]; None if nothing is awaited.
 
-        What is turned over has to be made on the side that is heated. So a pancake is turned when its lower side is
-        baked, although no step of the recipe waits for that.
+        An object to turn over must be done on its heated side: a pancake is turned when its lower side is baked,
+        although no step of the recipe waits for that.
         """
         self._platform.sync()
         for what in (what for name in ACTED_ON for what in _objects(action, name)):
@@ -116,28 +116,29 @@ class ActionEffects:
         return None
 
     def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
-        """Apply the effects of an action that was performed; what it acts on and is not there is left out."""
+        """Apply the effects of a performed action and of an enclosing one that it completes; skip missing objects."""
         for cls in self.of(action).completes:
-            around = (one for one in actions_around() if expand(cls) in map(expand, self._platform.ancestors(one.type)))
-            for one in islice(around, 1):
+            outer = (one for one in actions_around() if expand(cls) in map(expand, self._platform.ancestors(one.type)))
+            for one in islice(outer, 1):
                 self.apply(one, physical=physical, by_hand=by_hand)
         effects = replace(self.of(action), completes=())
         if not effects:
             return
         self._platform.sync()
         before = set(self._platform.scene.world.names())
-        if effects.flow_rate is None:  # what is poured creates nothing but what lands
+        if effects.flow_rate is None:  # pouring creates only the object that lands
             self._transform(action, effects)
         self._turn_over(action, effects, physical=physical)
         self._switch(action, effects, by_hand=by_hand)
         self._pour(action, effects, physical=physical)
-        self._tell(before, {})
+        self._update_belief(before, {})
         self._name_what_landed(action, effects, before)
         self._platform.sync()
 
     # One kind of effect after the other
 
     def _transform(self, action: Action, effects: Effects) -> None:
+        """Replace destroyed objects, and contents of vessels, by the objects created."""
         things, used = [], []
         for what, name in self._bound(action, ACTED_ON):
             types = {self._believed.type_of(name), what.type} if self._platform.belief.means(what, name) else set()
@@ -145,26 +146,25 @@ class ActionEffects:
                 things.append(name)
             else:
                 content = self._believed.matter.contents.get(name, {})
-                vessel = what.iri is not None or self._platform.belief.means(
-                    what, name
-                )  # what is in a bowl is mixed with the rest
-                meant = [type for type in content if vessel or self._is_a(type, what.type)]
+                # A designator of the vessel itself stands for everything in it, one of a substance for that only.
+                whole = what.iri is not None or self._platform.belief.means(what, name)
+                meant = [type for type in content if whole or self._is_a(type, what.type)]
                 used += [(name, type) for type in meant if any(self._is_a(type, cls) for cls in effects.destroyed)]
         if not (things or used) and (effects.destroyed or not effects.created):
             return
         things, used = list(dict.fromkeys(things)), list(dict.fromkeys(used))
         outputs = dict(self._outputs(action, effects.created))
-        place = self._vessel(action, effects, things, used)
-        usual = tuple((name, self._usual(self._believed.type_of(name)) or 0.0) for name in things)
+        vessel = self._vessel(action, effects, things, used)
+        amounts = tuple((name, self._usual_amount(self._believed.type_of(name)) or 0.0) for name in things)
         before = set(self._platform.scene.world.names())
-        self._do(Transformed(usual, tuple(used), tuple(outputs), place))
-        self._tell(before, {output.name: described for output, described in outputs.items()})
+        self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel))
+        self._update_belief(before, {output.name: described for output, described in outputs.items()})
         for output, described in outputs.items():
             if described is not None and output.name in self._platform.belief.made:
                 self._platform.belief.bound_to(described, output.name)
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[tuple[Output, Object | None]]:
-        """Yield what comes into being, under names that nothing has in any world, and how the action describes it."""
+        """Yield created objects under names that are free in all worlds, each with the action's designator of it."""
         stated, ontology = list(_objects(action, "outputs_created")), self._platform.belief.map.ontology
         taken: set[str] = set()
         for cls in created:
@@ -173,12 +173,12 @@ class ActionEffects:
             taken.add(name)
             type = shorten(cls)
             what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
-            yield Output(name, type, self._usual(type)), what
+            yield Output(name, type, self._usual_amount(type)), what
 
     def _vessel(
         self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
     ) -> str | None:
-        """Return the vessel in which something comes into being: of the action, of its inputs, else a usual one."""
+        """Choose the vessel of a product: one that the action names, one of an input, else one of a usual class."""
         changes = self._believed
         named = [name for _, name in self._bound(action, VESSELS)]
         below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
@@ -187,10 +187,10 @@ class ActionEffects:
         return next((name for name in every if name not in things and changes.is_vessel(name)), None)
 
     def _nearest(self, cls: str) -> list[str]:
-        """Return the things of a class, the nearest to the robot first."""
+        """List the believed objects of a class, nearest to the robot first."""
         belief, (x, y, _) = self._platform.belief, self._platform.base()
-        found = belief.of_class(Object(shorten(cls)))
-        return sorted(found, key=lambda name: math.dist(belief.pose(name).position[:2], (x, y)))
+        objects = belief.of_class(Object(shorten(cls)))
+        return sorted(objects, key=lambda name: math.dist(belief.pose(name).position[:2], (x, y)))
 
     def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
         for name in self._turning(action, effects):
@@ -198,7 +198,7 @@ class ActionEffects:
             self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
     def _turning(self, action: Action, effects: Effects) -> Iterator[str]:
-        """Yield what an action turns over; what a hand holds cannot be."""
+        """Yield the objects that an action turns over, without those that a hand still holds."""
         for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
             types = (what.type, self._believed.type_of(name))
             fits = any(self._is_a(one, cls) for one in types for cls in effects.turned)
@@ -206,7 +206,7 @@ class ActionEffects:
                 yield name
 
     def lying(self, action: Action) -> dict[str, Pose] | None:
-        """Return where things lie that an action turns over; None if its class turns nothing over."""
+        """Map the objects that an action turns over to their believed poses; None if its class turns nothing over."""
         effects = self.of(action)
         if not effects.turned:
             return None
@@ -214,7 +214,7 @@ class ActionEffects:
         return {name: self._platform.belief.pose(name) for name in self._turning(action, effects)}
 
     async def check_turned(self, lay: Mapping[str, Pose]) -> None:
-        """Raise ObjectNotTurned for what is seen to lie as it did."""
+        """Raise ObjectNotTurned for an object that is seen to lie as before."""
         for name, pose in lay.items():
             await check_turned(self._platform, name, pose)
 
@@ -237,14 +237,14 @@ class ActionEffects:
         stated = action.get("amount")
         if isinstance(stated, int | float):
             amount = float(stated)
-        else:  # "pour the mix" is all of it, "pour from the bottle" some of it
-            all_of_it = self._believed.matter.total(source)
-            amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else all_of_it
+        else:  # "pour the mix" empties the vessel, "pour from the bottle" pours the usual amount
+            total = self._believed.matter.total(source)
+            amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else total
         flowed = self._do(Poured(source, target, amount), only_believed=physical)
         self._platform.belief.poured(source, target, flowed)
 
     def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
-        """Let what a pouring step says that it creates mean what has come to lie where it was poured."""
+        """Bind the outputs that a pouring action states to the object that has landed where it poured."""
         new = [name for name in self._platform.scene.world.names() if name not in before]
         for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
             for name in new[:1]:
@@ -253,27 +253,29 @@ class ActionEffects:
     # Helpers
 
     def _worlds(self) -> list[Physics]:
-        """Return the believed world, then that which has to be told, too."""
+        """List the believed world and, if it does not simulate effects itself, the true one."""
         return [self._platform.scene.world, *([] if self._physics is None else [self._physics])]
 
     def _do(self, change: Change, *, only_believed: bool = False) -> float:
-        """Make a change in both worlds; return how much is believed to have flowed [ml]."""
+        """Apply a change to both worlds; return the amount believed to have flowed [ml]."""
         flowed = self._platform.scene.world.do(change)
         if self._physics is not None and not only_believed:
             self._physics.do(change)
         return flowed
 
-    def _tell(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
-        """Tell the belief which things of the believed world came into being, and which are gone."""
-        world, belief = self._platform.scene.world, self._platform.belief
-        after = world.names()
-        for name in sorted(before - set(after)):
+    def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
+        """Remove destroyed objects of the planning scene from the belief, and add new ones."""
+        belief = self._platform.belief
+        for name in sorted(before - set(self._platform.scene.world.names())):
             if name in belief.names():
                 belief.destroyed(name)
         self.learn(before, outputs)
 
     def learn(self, before: Collection[str], outputs: Mapping[str, Object | None] = MappingProxyType({})) -> None:
-        """Tell the belief which things of the believed world came into being."""
+        """Add the objects that are new in the planning scene to the belief.
+
+        ``outputs``: name of a new object -> the action's designator of it.
+        """
         world, belief = self._platform.scene.world, self._platform.belief
         for name in (name for name in world.names() if name not in before and name not in belief.names()):
             body, what = world.scene.body(name), outputs.get(name)
@@ -282,26 +284,26 @@ class ActionEffects:
             belief.came_to_be(thing, world.pose(name))
 
     def _bound(self, action: Action, properties: Iterable[str]) -> list[tuple[Object, str]]:
-        """Return the things that fill properties of an action, with their names; what is not there is left out."""
-        found = []
+        """Resolve the objects that fill properties of an action to names; leave out missing and destroyed ones."""
+        bound = []
         for what in (what for name in properties for what in _objects(action, name)):
             try:
                 name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
                 continue
             if name in self._believed.bodies.bodies and name not in self._believed.bodies.removed:
-                found.append((what, name))
-        return list(dict.fromkeys(found))
+                bound.append((what, name))
+        return list(dict.fromkeys(bound))
 
     def _is_a(self, type: str, cls: str) -> bool:
         return self._believed.rules.is_a(shorten(type), shorten(cls))
 
-    def _usual(self, type: str) -> float | None:
+    def _usual_amount(self, type: str) -> float | None:
         return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")
 
 
 class ModuleWithEffects(WrappedModule):
-    """A process module after whose actions the effects are applied that their classes declare."""
+    """Process module that applies the effects declared by an action's class after performing it."""
 
     def __init__(self, module: ProcessModule, effects: ActionEffects) -> None:
         super().__init__(module)
@@ -309,13 +311,14 @@ class ModuleWithEffects(WrappedModule):
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise: that of a thing that did not turn over, too."""
+        """Failure classes that it may raise, including that of an object that did not turn over."""
         return (*super().failures, ObjectNotTurned)
 
     async def execute(self, action: Action) -> Any:
-        """Perform the action, then apply its effects; raises PlanStructureError if the module has changed things.
+        """Perform the action, then apply its effects.
 
-        Raises ObjectNotTurned if the class of the action turns things over, and nothing has turned.
+        Raises PlanStructureError if the module has changed the world by itself, and ObjectNotTurned if the action's
+        class turns objects over and none has turned.
         """
         self._effects.pass_time()
         if (due := self._effects.due(action)) is not None:
@@ -326,21 +329,21 @@ class ModuleWithEffects(WrappedModule):
         self._effects.pass_time()
         if not self._effects.untouched():
             raise PlanStructureError(
-                f"process module {self.name} has changed what there is, which only declared effects do: state an "
-                "ObjectChange by the class of its actions (docs/guides/modules.md)"
+                f"process module {self.name} has changed the world itself, which only declared effects may do: state "
+                "an ObjectChange for the class of its actions (docs/guides/modules.md)"
             )
         there = self._effects.lying(action)
         self._effects.apply(action, physical=self.physical, by_hand=self.by_hand)
         self._effects.restored()
         if there == {}:
-            raise ObjectNotTurned(f"nothing is there that {local_name(action.type)} could turn over")
+            raise ObjectNotTurned(f"there is nothing that {local_name(action.type)} could turn over")
         if self.physical and there:
             await self._effects.check_turned(there | lay)
         return result
 
 
 def _objects(action: Action, name: str) -> Iterator[Object]:
-    """Yield the things that fill a property, and those that its locations are about."""
+    """Yield the objects that fill a property, and the reference objects of its locations."""
     value = action.get(name)
     for part in value if isinstance(value, tuple) else (value,):
         if isinstance(part, Location):

@@ -1,4 +1,4 @@
-"""Looking for the things of an action that are yet to be found, before a process module that drives performs it."""
+"""Search for the objects of an action at unknown places before a process module that drives performs it."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from planlang.language.process_module import ProcessModule, WrappedModule
 
 
 class LookingFirst(WrappedModule):
-    """A process module that, if its action takes the base, may look for what the action is about.
+    """Process module that first searches for its action's objects, if the action uses the base.
 
-    What does not take the base stands where the plan has put it: there the recoveries of the plan look.
+    Other actions are performed where the plan has put the robot; there the plan's recoveries search.
     """
 
     def __init__(self, module: ProcessModule, platform: Platform, finding: frozenset[str]) -> None:
-        """``finding`` are the action classes that look for things themselves."""
+        """Wrap ``module``. ``finding``: action classes that search for objects themselves."""
         super().__init__(module)
         self._platform, self._finding = platform, finding
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise: those of looking, too."""
+        """Failure classes that it may raise, including those of the search."""
         return (*super().failures, PerceptionFailure, LookingFailure, ObjectNowhereToBeFound)
 
     async def execute(self, action: Action) -> Any:
-        """Look for what is unknown, then perform the action; raises ObjectNowhereToBeFound for what is not found."""
+        """Search for unknown objects, then perform the action. Raises ObjectNowhereToBeFound if a search fails."""
         for what in self._unknown(action):
             await perform(looking_for(what))
         return await super().execute(action)
 
     def _unknown(self, action: Action) -> Iterator[Object]:
-        """Yield the things that an action is about and of which it is not known where they are."""
+        """Yield the objects of an action whose place is unknown."""
         platform = self._platform
         if not platform.belief.unknown or "base" not in self.resources(action):
             return
@@ -48,7 +48,7 @@ class LookingFirst(WrappedModule):
 
 
 def looking_for(what: Object) -> Action:
-    """Return the action of looking for a thing."""
+    """Build the action that searches for an object."""
     return action("LookingForSomething", object_acted_on=what)
 
 

@@ -1,7 +1,7 @@
-"""The table of the bundled process modules that are imported when an action needs them: most runs need few.
+"""Table of the bundled process modules that are imported only when an action needs them; most runs need few.
 
-It repeats what their classes say, so that these need not be imported to be asked. ``python -m
-executive.modules.on_demand`` writes it anew.
+It repeats the declarations of their classes, so that a lookup imports none of them. Regenerate it with
+``python -m executive.modules.on_demand``.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from planlang.designators import Action
 from planlang.registry import OnDemand, marked
 
 AT_ONCE = ("base.navigation", "arm.reaching", "gripper.grasping", "gripper.handing_over", "looking.perception")
-"""Files whose process modules every run needs."""
+"""Modules that every run needs; they are imported at once and are not in the table."""
 TABLE = Path(__file__).with_name("on_demand.json")
 
 
 def on_demand(performs: Mapping[str, Callable[[Any, Action], bool]]) -> Iterator[OnDemand]:
-    """Yield what is in the table; ``performs`` are questions of modules, by name, that perform some actions only."""
+    """Yield the table's entries. ``performs``: module name -> predicate, for modules that perform only some actions."""
     for one in json.loads(TABLE.read_text(encoding="utf-8")):
         name, kinds = one["name"], tuple(getattr(failures, kind) for kind in one["failures"])
         yield OnDemand(one["place"], name, tuple(one["actions"]), kinds, performs.get(name))
 
 
 def table() -> str:
-    """Return the table, as the classes are now."""
+    """Build the table's JSON from the current classes."""
     folder = Path(__file__).parent
     files = (file.relative_to(folder).with_suffix("") for file in folder.rglob("*.py") if file.stem != "__init__")
     names = sorted(name for file in files if (name := ".".join(file.parts)) not in AT_ONCE)

@@ -1,6 +1,6 @@
-"""Memory that the phases of constrained motions share: where things were when their recipe began, what held before.
+"""State shared by the phases of a constrained motion: initial poses of objects, and constraints of the phase before.
 
-A recipe is told by the place of the plan function in the tree of the run, which a resumed run has again.
+A recipe is identified by the path of its plan function in the task tree, which is the same in a resumed run.
 """
 
 from __future__ import annotations
@@ -13,53 +13,54 @@ from planlang.motion_constraints import MotionConstraint
 from planlang.records import dataclass
 
 MOST = 16
-"""Recipes that are remembered; the one that went on longest ago is forgotten first."""
+"""Recipes to remember; the least recently used is forgotten first."""
 
 
 @dataclass(slots=True)
 class Pour:
-    """Something that is being poured out of a vessel; amounts in ml."""
+    """Liquid being poured out of a vessel; amounts in ml."""
 
     by: str
-    """Class of the action that turned the vessel over."""
+    """Class of the action that tilted the vessel."""
     asked: float
+    """Amount to pour."""
     into: str | None = None
-    """The vessel that it should get into; None if it is poured onto something."""
+    """Receiving vessel; None when pouring onto a surface."""
     flowed: float = 0.0
-    """Amount that has left the vessel, and has got into the other one if there is one."""
+    """Amount that has left the vessel; with a receiving vessel, that has arrived in it."""
     until: float = 0.0
-    """Plan time until which ``flowed`` is counted [s]."""
+    """Plan time up to which ``flowed`` is counted [s]."""
 
 
 @dataclass(slots=True)
 class Phase:
-    """The state of one recipe between its phases."""
+    """State of one recipe between its phases."""
 
     things: dict[str, Pose] = field(default_factory=dict)
-    """Thing -> its believed pose in the map when a motion was first about it."""
+    """Object -> its believed pose in the map when a motion first used it."""
     tools: dict[str, str] = field(default_factory=dict)
-    """Description of a tool -> the thing that it meant first: a cup that is empty still is the cup."""
+    """Description of a tool -> the object it was first bound to: "the full cup" stays bound once it is empty."""
     before: tuple[MotionConstraint, ...] = ()
-    """The active constraints of the phase before, as the recipe states them."""
+    """Active constraints of the previous phase, as the recipe states them."""
     taken: dict[str, Pose] = field(default_factory=dict)
-    """What hands held when the phase before ended -> its pose in the map when it was grasped."""
-    way: Array | None = None
-    """The joint values (m, n) through which the phase before moved."""
+    """Object held at the end of the previous phase -> its pose in the map when it was grasped."""
+    path: Array | None = None
+    """Joint path (m, n) of the previous phase."""
     pours: dict[str, Pour] = field(default_factory=dict)
-    """Vessel -> what is being poured out of it, or was when a motion failed."""
+    """Vessel -> the pour in progress, or interrupted when a motion failed."""
 
 
 class Phases:
-    """The recipes of one run whose motions are constrained."""
+    """States of the recipes with constrained motions in one run."""
 
     def __init__(self) -> None:
         self._known: dict[str, Phase] = {}
 
     def current(self) -> Phase:
-        """Return the state of the recipe that runs."""
+        """Look up the state of the running recipe; a new one on its first motion."""
         path = innermost_plan()
-        found = self._known.pop(path, None) or Phase()
-        self._known[path] = found
+        phase = self._known.pop(path, None) or Phase()
+        self._known[path] = phase
         while len(self._known) > MOST:
             del self._known[next(iter(self._known))]
-        return found
+        return phase

@@ -1,4 +1,4 @@
-"""Several ways to do something, one after another: the first problem is the one that is told."""
+"""Alternatives tried one after another: if all fail, the first failure is the one to report."""
 
 from __future__ import annotations
 
@@ -9,20 +9,23 @@ from planlang.failures import ManipulationFailure, NavigationFailure
 
 
 class Tries:
-    """Attempts, each in a ``with`` of this: a failure of some classes ends the attempt only, and the first is kept."""
+    """Context manager around each attempt: suppresses failures of some classes and keeps the first."""
 
     def __init__(self, *kinds: type[PlanFailure]) -> None:
-        """Without classes those of arms and of the base."""
+        """Suppress failures of ``kinds``; by default those of manipulation and navigation."""
         self._kinds = kinds or (ManipulationFailure, NavigationFailure)
         self.problem: PlanFailure | None = None
+        """First failure of any attempt."""
         self.last: PlanFailure | None = None
-        """The problem of the last attempt, None if it had none."""
+        """Failure of the last attempt, None if it succeeded."""
 
     def __enter__(self) -> None:
         self.last = None
 
-    def __exit__(self, kind: type[BaseException] | None, found: BaseException | None, at: TracebackType | None) -> bool:
-        if not isinstance(found, self._kinds):
+    def __exit__(
+        self, kind: type[BaseException] | None, failure: BaseException | None, at: TracebackType | None
+    ) -> bool:
+        if not isinstance(failure, self._kinds):
             return False
-        self.problem, self.last = self.problem or found, found
+        self.problem, self.last = self.problem or failure, failure
         return True

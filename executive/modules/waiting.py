@@ -1,4 +1,4 @@
-"""The process module that lets time pass."""
+"""Process module that waits."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from planlang.language.process_module import process_module
 
 @process_module
 class Waiting(PlatformModule):
-    """Waits as long as the action says; meanwhile heat and whatever else goes on does its work."""
+    """Waits for the duration that the action states; other processes, such as heating, continue."""
 
     name = "waiting"
     actions = ("Waiting",)
     failures = (DesignatorFailure,)
 
     async def execute(self, action: Action) -> None:
-        """Wait for ``duration`` [s]; raises ActionUnresolvable without one."""
+        """Wait for ``duration`` [s]. Raises ActionUnresolvable if it is missing or negative."""
         duration = action.get("duration")
         if isinstance(duration, bool) or not isinstance(duration, int | float) or not duration >= 0:
-            raise ActionUnresolvable("waiting needs a duration in seconds, at least 0", designator=str(action))
+            raise ActionUnresolvable("state a duration of at least 0 seconds to wait for", designator=str(action))
         await sleep(float(duration))

@@ -1,8 +1,8 @@
-"""Ways out of shallow penetrations: short motions of an arm or the base to where they are free.
+"""Escapes from shallow penetrations: short motions of an arm or the base to a collision-free configuration.
 
-What is believed and what is seen are a little wrong, so that a robot at rest may seem to be in what it only touches.
-From there no path is planned; first it goes a little way to where it is in nothing, and on that way it is in no more
-than before. Whatever is really there stops it, and is felt.
+Beliefs and camera poses are slightly wrong, so a robot at rest may seem to penetrate what it only touches. No path can
+be planned from a start in collision. An escape adds no new contact pair on its way; if something is really there, the
+robot feels it and stops.
 """
 
 from __future__ import annotations
@@ -19,21 +19,24 @@ from planlang.geometry import Array
 from planlang.protocols import Contact, Trajectory
 
 SHALLOW = 0.03
-"""Depth up to which a penetration is taken for an error of the belief [m]."""
+"""Depth up to which a penetration counts as an error of the belief [m]."""
 REACHES = (1, 2, 4, 8)
-"""Lengths of an arm's ways, in steps of the resolution at which its motions are checked."""
+"""Lengths of an arm's escapes, in steps of its collision-checking resolution."""
 DIRECTIONS = 24
-"""Directions of an arm's joints that are tried at each length, besides those of single joints."""
+"""Random joint-space directions tried at each length, besides those of single joints."""
 DISTANCES = (0.02, 0.04, 0.08, 0.12)
-"""Lengths of the base's ways [m]."""
+"""Lengths of the base's escapes [m]."""
 CHECKS = 0.01
-"""Distance of the poses of the base that are checked [m]."""
+"""Spacing of collision checks along an escape of the base [m]."""
 
 Contacts = Callable[[Array], tuple[Contact, ...]]
 
 
 def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Trajectory | None:
-    """Return a short motion by which an arm gets out of what it is in; None if there is none, or it is deep in."""
+    """Find a short motion that takes an arm out of collision; None if there is none, or the penetration is deep.
+
+    ``touches``: the body that the hand may touch.
+    """
     start, collisions, base = platform.arm_joints(arm), platform.scene.collisions, platform.base()
 
     def contacts(q: Array) -> tuple[Contact, ...]:
@@ -44,8 +47,8 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
         single = np.concatenate([np.eye(len(start)), -np.eye(len(start))])
         for reach in REACHES:
             drawn = random.normal(size=(DIRECTIONS, len(start)))
-            for way in (*single, *(drawn / np.abs(drawn).max(axis=1)[:, None])):
-                q = start + reach * arm.resolution * way
+            for direction in (*single, *(drawn / np.abs(drawn).max(axis=1)[:, None])):
+                q = start + reach * arm.resolution * direction
                 if arm.solver.chain.within(q[None], 1e-6).all():
                     yield q
 
@@ -54,7 +57,7 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
 
 
 def way_out_of_base(platform: Platform) -> Trajectory | None:
-    """Return a short motion by which the base gets out of what the robot is in; None as for an arm."""
+    """Find a short motion of the base that takes the robot out of collision; None as for an arm."""
     start, poses = np.array(platform.base()), BasePoses(platform.scene)
     if platform.robot.base.fixed:
         return None
@@ -71,16 +74,16 @@ def way_out_of_base(platform: Platform) -> Trajectory | None:
 def _first_free(
     start: Array, ends: Iterator[Array], contacts: Contacts, pieces: Callable[[Array, Array], int]
 ) -> Array | None:
-    """Return the first end that is free, on the way to which there is nothing that is not in the way at the start."""
-    now = contacts(start)
-    if not now or max(contact.depth for contact in now) > SHALLOW:
+    """Find the first collision-free end that a straight line reaches without contact pairs other than the start's."""
+    at_start = contacts(start)
+    if not at_start or max(contact.depth for contact in at_start) > SHALLOW:
         return None
-    pairs = {(contact.part, contact.body) for contact in now}
+    pairs = {(contact.part, contact.body) for contact in at_start}
     for end in ends:
         if contacts(end):
             continue
         shares = np.linspace(0.0, 1.0, pieces(start, end) + 1)[1:-1]
-        met = ((one.part, one.body) for share in shares for one in contacts(start + share * (end - start)))
-        if pairs.issuperset(met):
+        touched = ((one.part, one.body) for share in shares for one in contacts(start + share * (end - start)))
+        if pairs.issuperset(touched):
             return end
     return None

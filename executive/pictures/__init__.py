@@ -1,1 +1,1 @@
-"""Recording of a run for people to look at."""
+"""Pictures, videos and recordings of runs, and drawings of graphs, floor plans and reachability maps."""

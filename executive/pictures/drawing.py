@@ -1,4 +1,4 @@
-"""Tools for pictures: a sheet that is made smaller at the end, fonts, colour scales."""
+"""2D drawing to PNG and SVG: an oversampled sheet, fonts, colour scales."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ Point = tuple[float, float]
 Box = tuple[float, float, float, float]
 """Left, top, right, bottom."""
 Path = Sequence[Point] | Sequence[float]
-"""Points, or their coordinates one after another."""
+"""Points, or a flat sequence of their coordinates."""
 
 FINE = 2
-"""Everything is drawn so many times larger, then made smaller: smooth edges."""
+"""Oversampling: a sheet is drawn this many times larger and scaled down in the end, for smooth edges."""
 PAPER, INK, FAINT = (255, 255, 255), (40, 40, 40), (120, 120, 120)
 
 
 class Pen:
-    """Draws on an image and keeps the same as SVG; coordinates and widths are in pixels of the sheet."""
+    """Draws on an image and records the same drawing as SVG; coordinates and widths are in pixels of the sheet."""
 
     def __init__(self, image: Image.Image) -> None:
         self._draw = ImageDraw.Draw(image)
         self.elements: list[str] = []
 
     def line(self, points: Path, fill: Colour, width: int = 1) -> None:
-        """Draw a line through points."""
+        """Draw a polyline."""
         self._draw.line(points, fill=fill, width=width)
         self.elements.append(f'<polyline points="{_listed(points)}" {_style(None, fill, width)}/>')
 
@@ -42,7 +42,7 @@ class Pen:
     def rectangle(
         self, box: Box, fill: Colour | None = None, outline: Colour | None = None, width: int = 1, radius: float = 0
     ) -> None:
-        """Draw a rectangle, with round corners if they have a radius."""
+        """Draw a rectangle, with rounded corners if ``radius`` is positive."""
         self._draw.rounded_rectangle(box, radius, fill=fill, outline=outline, width=width)
         left, top, right, bottom = box
         size = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}" rx="{radius:g}"'
@@ -58,13 +58,13 @@ class Pen:
         self.elements.append(f"<circle {place} {_style(fill, outline, width)}/>")
 
     def text(self, at: Point, text: str, size: int, fill: Colour, anchor: str, *, halo: bool = False) -> None:
-        """Write a line; ``anchor`` as Pillow has them, ``halo`` with a white border."""
-        around = 2 * FINE if halo else 0
-        self._draw.text(at, text, fill, font(size), anchor, stroke_width=around, stroke_fill=PAPER)
+        """Draw a line of text; ``anchor`` is a text anchor of Pillow, ``halo`` adds a white border."""
+        border_width = 2 * FINE if halo else 0
+        self._draw.text(at, text, fill, font(size), anchor, stroke_width=border_width, stroke_fill=PAPER)
         across = {"l": "start", "m": "middle", "r": "end"}[anchor[0]]
         down = {"a": font(size).getmetrics()[0], "m": 0.3 * size * FINE, "s": 0.0}[anchor[1]]
         style = f'font-size="{size * FINE}" text-anchor="{across}" fill="{_hex(fill)}"'
-        border = f' paint-order="stroke" stroke="{_hex(PAPER)}" stroke-width="{2 * around}"' if halo else ""
+        border = f' paint-order="stroke" stroke="{_hex(PAPER)}" stroke-width="{2 * border_width}"' if halo else ""
         self.elements.append(f'<text x="{at[0]:.1f}" y="{at[1] + down:.1f}" {style}{border}>{escape(text)}</text>')
 
 
@@ -83,26 +83,26 @@ def _hex(colour: Colour) -> str:
 
 
 class Sheet:
-    """A white picture of so many pixels; sizes of text and lines are in pixels of the result, places are not."""
+    """A white canvas. Its size and sizes of text are in pixels of the result, positions in oversampled pixels."""
 
     def __init__(self, width: float, height: float) -> None:
         self.image = Image.new("RGB", (round(width * FINE), round(height * FINE)), PAPER)
         self.pen = Pen(self.image)
 
     def finished(self) -> Image.Image:
-        """Return the picture in its size."""
+        """Scale the drawing down to its final size."""
         width, height = self.image.size
         return self.image.resize((width // FINE, height // FINE), Image.Resampling.LANCZOS)
 
     def save(self, path: File) -> None:
-        """Write it in the format of the path's suffix: SVG or PNG; raises OSError as writing does."""
+        """Write a file: SVG if its suffix is .svg, else PNG. Raises OSError."""
         if path.suffix.lower() == ".svg":
             path.write_text(self.svg(), encoding="utf-8", newline="\n")
         else:
             self.finished().save(path, format="PNG")
 
     def svg(self) -> str:
-        """Return it as SVG."""
+        """The drawing as SVG."""
         width, height = self.image.size
         size = f'width="{width // FINE}" height="{height // FINE}" viewBox="0 0 {width} {height}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">'
@@ -110,19 +110,19 @@ class Sheet:
         return "\n".join([head, f"<!-- {MARK} -->", paper, *self.pen.elements, "</svg>", ""])
 
     def paste(self, other: Sheet, at: tuple[int, int], height: int | None = None) -> None:
-        """Put another sheet on this one, or so much of its upper part [pixels of the sheet]."""
-        width, whole = other.image.size
-        height = whole if height is None else height
+        """Copy another sheet, or its upper ``height`` oversampled pixels, onto this one."""
+        width, full_height = other.image.size
+        height = full_height if height is None else height
         self.image.paste(other.image.crop((0, 0, width, height)), at)
         place = f'x="{at[0]}" y="{at[1]}" width="{width}" height="{height}"'
         self.pen.elements += [f"<svg {place}>", *other.pen.elements, "</svg>"]
 
     def text(self, at: Point, text: str, size: int, colour: Colour = INK, anchor: str = "la") -> None:
-        """Write a line; ``anchor`` as Pillow has them."""
+        """Draw a line of text; ``anchor`` is a text anchor of Pillow."""
         self.pen.text(at, text, size, colour, anchor)
 
     def halo(self, at: Point, text: str, size: int, colour: Colour = INK) -> None:
-        """Write a line around a middle, legible on anything."""
+        """Draw a line of text centred at a point, with a border that makes it legible on any background."""
         self.pen.text(at, text, size, colour, "mm", halo=True)
 
     def disc(self, at: Point, radius: float, *, fill: Colour | None = None, outline: Colour | None = None) -> None:
@@ -134,7 +134,7 @@ class Sheet:
         self.pen.circle(at, radius, None, colour, width * FINE)
 
     def scale(self, at: Point, size: Point, stops: Sequence[Colour]) -> None:
-        """Draw a strip of all colours of a scale, low ones on the left."""
+        """Draw the bar of a colour scale, low values on the left."""
         (left, top), (width, height) = at, size
         for column in range(round(width)):
             colour = blended(stops, column / max(width - 1, 1))
@@ -142,24 +142,24 @@ class Sheet:
 
 
 def blended(stops: Sequence[Colour], share: float) -> Colour:
-    """Return the colour of a scale at a share in 0..1, between its stops."""
-    place = min(max(share, 0.0), 1.0) * (len(stops) - 1)
-    first = min(int(place), len(stops) - 2)
+    """Interpolate a colour scale linearly between its stops; ``share`` is clamped to 0..1."""
+    position = min(max(share, 0.0), 1.0) * (len(stops) - 1)
+    first = min(int(position), len(stops) - 2)
     red, green, blue = (
-        round(a + (b - a) * (place - first)) for a, b in zip(stops[first], stops[first + 1], strict=True)
+        round(a + (b - a) * (position - first)) for a, b in zip(stops[first], stops[first + 1], strict=True)
     )
     return red, green, blue
 
 
 def font(size: int) -> ImageFont.FreeTypeFont:
-    """Return the font of so many pixels of the result."""
-    found = ImageFont.load_default(size * FINE)
-    assert isinstance(found, ImageFont.FreeTypeFont)
-    return found
+    """Font of a size in pixels of the result."""
+    default = ImageFont.load_default(size * FINE)
+    assert isinstance(default, ImageFont.FreeTypeFont)
+    return default
 
 
 def wrapped(text: str, size: int, width: float) -> list[str]:
-    """Return the lines of a text that are no wider than so many pixels of the sheet, broken between words."""
+    """Break a text between words into lines no wider than ``width`` oversampled pixels."""
     lines: list[str] = []
     for word in text.split(" "):
         longer = f"{lines[-1]} {word}" if lines else word

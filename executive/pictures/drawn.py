@@ -1,4 +1,4 @@
-"""What pictures and recordings show of a world: shapes that move together, and what a recording needs."""
+"""Drawable form of a world, for pictures and recordings: shapes grouped by the body or link that they move with."""
 
 from __future__ import annotations
 
@@ -32,54 +32,55 @@ _WHITE: Rgba = (255, 255, 255, 255)
 _WALL: Rgba = (236, 234, 226, 255)
 _FLOOR: Rgba = (190, 184, 172, 255)
 _LOW = 0.12
-"""Height of what is left of walls [m]."""
+"""Height of cut-off walls [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles in the frame of their shape [m], in plain numbers that pictures, pages and recordings all take.
+    """Triangle mesh in the frame of its shape [m].
 
-    Vertices are repeated where faces meet in an edge: the mean of the faces around one is the normal of the surface.
+    Vertices are duplicated along sharp edges, so that the mean normal of the faces around a vertex is that of the
+    surface.
     """
 
     vertices: NDArray[np.float32]
     """(n, 3)"""
     triangles: NDArray[np.int32]
-    """(m, 3): indices into the vertices, anticlockwise seen from outside."""
+    """(m, 3): indices of vertices, counterclockwise seen from outside."""
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A primitive or a mesh, placed in the frame of what it belongs to."""
+    """A primitive or a mesh, posed in the frame of its body or link."""
 
     kind: str
     """"box", "cylinder" (axis along z), "sphere" or "mesh"."""
     size: tuple[float, float, float]
-    """Extents along x, y and z [m]; of a mesh those of the box around it."""
+    """Extents along x, y and z [m]; for a mesh those of its bounding box."""
     pose: Pose = HERE
     colour: tuple[int, int, int, int] = GREY
     """Red, green, blue and opacity, 0..255."""
     mesh: Mesh | None = None
-    """The surface of a shape of kind "mesh"."""
+    """Surface of a shape of kind "mesh"."""
     outward: tuple[float, float, float] | None = None
-    """Of a wall the direction away from its room, in the frame of what it belongs to."""
+    """For walls, the direction away from the room, in the frame of the body."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """Shapes that move together. A path that continues another's is placed in the frame of that one."""
+    """Shapes of a body, limb or link, which move together. A path that extends another one is a child of it."""
 
     path: tuple[str, ...]
     shapes: tuple[Shape, ...]
     pose: Callable[[], Pose]
-    """Their current pose, in the map or in the frame of the path that theirs continues."""
+    """Computes the current pose in the parent's frame, or in the map."""
 
 
 def drawn_in(world: Truth | PlanningWorld, *, walls: bool = False) -> tuple[Drawn, ...]:
-    """Return all bodies of a world as they look, limbs of people one by one, and the links of its robot.
+    """Collect all bodies of a world, with people's limbs one by one, and the links of its robot.
 
-    Of walls only a low edge is left, so that one looks into rooms, unless ``walls`` are asked for: those between a
-    viewer and the room are for the viewer to leave out.
+    Walls are cut off at a low height so that one can look into rooms. With ``walls`` they are complete, and the caller
+    leaves out those between the viewer and the room.
     """
     drawn: list[Drawn] = []
     for name in world.names():
@@ -91,7 +92,7 @@ def drawn_in(world: Truth | PlanningWorld, *, walls: bool = False) -> tuple[Draw
 
 
 def _body(world: Truth | PlanningWorld, body: Body, *, walls: bool) -> Iterator[Drawn]:
-    """Yield a body, and after it its limbs."""
+    """Yield a body, then its limbs."""
     path, parts = ("bodies", body.name), [part for part, _ in world.pieces(body.name)]
     match body.shape:
         case BodyShape.MARKER:
@@ -105,8 +106,8 @@ def _body(world: Truth | PlanningWorld, body: Body, *, walls: bool) -> Iterator[
             shapes = list(_thing(body, parts))
     yield Drawn(path, tuple(shapes), partial(world.pose, body.name))
     limbs = [k for k, part in enumerate(parts) if part.limb]
-    for place, k in enumerate(limbs):
-        pieces = limb_pieces(parts[k], -1 if 2 * place < len(limbs) else 1)
+    for order, k in enumerate(limbs):  # the right arm comes first
+        pieces = limb_pieces(parts[k], -1 if 2 * order < len(limbs) else 1)
         yield Drawn((*path, f"limb{k}"), tuple(map(_surface, pieces)), partial(_limb, world, body.name, k))
 
 
@@ -115,7 +116,7 @@ def _limb(world: Truth | PlanningWorld, name: str, k: int) -> Pose:
 
 
 def _thing(body: Body, parts: Sequence[Part]) -> Iterator[Shape]:
-    """Yield what a thing or a piece of furniture looks like: as its class does, or as it is opened."""
+    """Yield the shapes of a thing or a piece of furniture: the look of its class, or its parts if it has cavities."""
     look = look_of(body.kinds, body.type)
     colour = colour_of(look) if body.color is None else _bytes(body.color)
     handles = {handle.pose for handle in body.handles}
@@ -140,7 +141,7 @@ def _mesh(solid: Solid, colour: Rgba, pose: Pose) -> Shape:
 
 
 def _part(part: Part, colour: Rgba) -> Shape:
-    """Return a primitive of the world, a box with its edges rounded."""
+    """Convert a primitive of the world; boxes get rounded edges."""
     colour = colour if part.color is None else _bytes(part.color)
     if part.kind == SolidKind.BOX:
         return _mesh(_bevelled(part.size), colour, part.offset)
@@ -159,7 +160,7 @@ def _wall(part: Part, *, whole: bool) -> Shape:
 
 
 def lowered(wall: Shape) -> Shape:
-    """Return the lower edge of a wall."""
+    """Cut off a wall at a low height."""
     x, y, z = wall.size
     low = min(_LOW, z)
     return replace(wall, size=(x, y, low), pose=wall.pose @ Pose((0.0, 0.0, (low - z) / 2)))
@@ -178,7 +179,7 @@ def _bytes(color: Color) -> Rgba:
 
 
 def missing() -> list[Diagnostic]:
-    """Return an error if recordings cannot be written here, with the command that changes it."""
+    """Report an error (C012) if the package for recordings is not installed."""
     if find_spec("rerun") is not None:
         return []
     advice = "pip install 'planlang[record]', or leave out --record"

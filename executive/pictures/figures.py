@@ -1,6 +1,6 @@
-"""The looks of a person's parts: legs with feet, a trunk with a neck, a head with a face, arms and hands.
+"""Surfaces of people: legs with feet, a trunk with a neck, a head with a face, arms and hands.
 
-Each fills about the primitive that stands for it in the world; the primitives are those of :mod:`sim.people`.
+Each roughly fills the primitive that represents it in the world (:mod:`sim.people`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ PUPIL: Rgba = (46, 38, 34, 255)
 LIPS: Rgba = (184, 92, 84, 255)
 
 _TRUNK = [(0.80, 0.0), (0.86, 0.06), (0.78, 0.3), (0.84, 0.55), (1.0, 0.8), (0.98, 0.88), (0.7, 0.97), (0.3, 1.0)]
-"""Profile of a trunk: shares of its half width, and of its height."""
+"""Profile of a trunk: radius as a fraction of the half width, and fraction of the height."""
 _ARM = [(0.5, -0.04), (0.95, 0.0), (1.05, 0.08), (1.0, 0.4), (0.86, 0.94), (0.74, 1.0), (0.4, 1.05)]
-"""Profile of an arm's piece, from the shoulder on."""
+"""Profile of an upper arm or forearm, starting at the shoulder."""
 
 
 def still_pieces(parts: Sequence[Part]) -> Iterator[tuple[Pose, tuple[Piece, ...]]]:
-    """Yield frames in that of the body, and what is drawn in each, of all that is no arm."""
+    """Yield the pieces of legs, trunk and head, each group with its frame in that of the body."""
     boxes = [part for part in parts if part.kind == SolidKind.BOX]
     *legs, trunk = boxes
     for leg in legs:
@@ -41,7 +41,7 @@ def still_pieces(parts: Sequence[Part]) -> Iterator[tuple[Pose, tuple[Piece, ...
 
 
 def limb_pieces(part: Part, side: int) -> tuple[Piece, ...]:
-    """Return what is drawn of a piece of an arm, in its frame; ``side`` is 1 for the left one, -1 for the right."""
+    """Pieces of a segment of an arm or of a hand, in its frame; ``side`` is 1 for the left arm, -1 for the right."""
     x, y, z = part.size
     if part.kind == SolidKind.CYLINDER:
         arm = lathe(_ARM).moved((x / 2, x / 2, z), (0.0, 0.0, -z / 2))
@@ -59,7 +59,7 @@ def limb_pieces(part: Part, side: int) -> tuple[Piece, ...]:
 
 
 def _colour(part: Part) -> Rgba:
-    """Return the colour of clothes as the world has it, and that of skin."""
+    """Colour of clothes as in the world; colours with more red than blue become that of skin."""
     if part.color is None or part.color[0] > part.color[2]:
         return SKIN
     red, green, blue, _ = (round(255 * share) for share in part.color)
@@ -67,18 +67,18 @@ def _colour(part: Part) -> Rgba:
 
 
 def _legs(part: Part, *, has_feet: bool) -> tuple[Piece, ...]:
-    """Return two legs side by side along the longer of x and z, with feet at the far or lower end."""
+    """Pieces of two legs side by side along the longer of x and z, with feet at the far or lower end."""
     x, y, z = part.size
     is_level = x > z
     length, thick = (x, z) if is_level else (z, x)
     radius = min(0.26 * y, 0.55 * thick)
     legs, feet = [], []
     for side in (-0.26 * y, 0.26 * y):
-        shares = [-0.5, -0.46, 0.0, 0.47, 0.5] if has_feet else [-0.52, -0.48, 0.0, 0.44, 0.5]
+        fractions = [-0.5, -0.46, 0.0, 0.47, 0.5] if has_feet else [-0.52, -0.48, 0.0, 0.44, 0.5]
         radii = [0.6, 1.0, 0.86, 0.62, 0.4] if has_feet else [0.6, 1.0, 0.95, 0.82, 0.5]
-        along = [length * share for share in shares]
+        along = [length * fraction for fraction in fractions]
         path = np.array([[at, side, 0.0] if is_level else [0.0, side, -at] for at in along])
-        legs.append(tube(path, [radius * share for share in radii]))
+        legs.append(tube(path, [radius * factor for factor in radii]))
         if has_feet:
             foot = box((0.95 * radius, 1.1 * radius, 2.3 * radius), 0.45 * radius)
             if not is_level:
@@ -97,20 +97,23 @@ def _trunk(part: Part) -> tuple[Piece, ...]:
 
 
 def _head(scale: float) -> tuple[Piece, ...]:
-    """Return a head that looks along x, of a person of this size."""
+    """Pieces of a head that faces along x; dimensions are those of an adult [m], times ``scale``."""
 
-    def round_(extents: tuple[float, float, float], at: tuple[float, float, float], around: int = 16) -> Solid:
-        return ball(around).moved(np.array(extents) * scale, np.array(at) * scale)
+    def ellipsoid(radii: tuple[float, float, float], at: tuple[float, float, float], around: int = 16) -> Solid:
+        return ball(around).moved(np.array(radii) * scale, np.array(at) * scale)
 
-    skin = [round_((0.088, 0.078, 0.108), (0.0, 0.0, 0.0), 24), round_((0.02, 0.014, 0.022), (0.086, 0.0, -0.012))]
-    skin += [round_((0.018, 0.01, 0.026), (0.0, side * 0.078, -0.008)) for side in (-1, 1)]
-    hair = [
-        round_((0.09, 0.086, 0.084), (-0.022, 0.0, 0.04), 24),
-        round_((0.06, 0.078, 0.09), (-0.044, 0.0, -0.004), 24),
+    skin = [
+        ellipsoid((0.088, 0.078, 0.108), (0.0, 0.0, 0.0), 24),
+        ellipsoid((0.02, 0.014, 0.022), (0.086, 0.0, -0.012)),
     ]
-    whites = [round_((0.01, 0.016, 0.012), (0.076, side * 0.031, 0.016)) for side in (-1, 1)]
-    pupils = [round_((0.008, 0.008, 0.009), (0.0815, side * 0.031, 0.016)) for side in (-1, 1)]
-    brows = [round_((0.006, 0.017, 0.003), (0.0745, side * 0.034, 0.043)) for side in (-1, 1)]
+    skin += [ellipsoid((0.018, 0.01, 0.026), (0.0, side * 0.078, -0.008)) for side in (-1, 1)]
+    hair = [
+        ellipsoid((0.09, 0.086, 0.084), (-0.022, 0.0, 0.04), 24),
+        ellipsoid((0.06, 0.078, 0.09), (-0.044, 0.0, -0.004), 24),
+    ]
+    whites = [ellipsoid((0.01, 0.016, 0.012), (0.076, side * 0.031, 0.016)) for side in (-1, 1)]
+    pupils = [ellipsoid((0.008, 0.008, 0.009), (0.0815, side * 0.031, 0.016)) for side in (-1, 1)]
+    brows = [ellipsoid((0.006, 0.017, 0.003), (0.0745, side * 0.034, 0.043)) for side in (-1, 1)]
     smile = np.array([[0.07, -0.028, -0.046], [0.077, -0.012, -0.055], [0.077, 0.012, -0.055], [0.07, 0.028, -0.046]])
     lips = [tube(smile * scale, [0.003 * scale, 0.005 * scale, 0.005 * scale, 0.003 * scale], smooth=True)]
     return (

@@ -1,4 +1,4 @@
-"""Picture of a location's resolution: the room from above with the candidates, a close view, a legend."""
+"""Picture of how a location was resolved: floor plan of the room with the candidates, a close view, a legend."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ Bounds = tuple[float, float, float, float]
 """x_min, y_min, x_max, y_max [m]."""
 
 SCORES: tuple[Colour, ...] = ((226, 238, 250), (66, 133, 200))
-"""Colours of scores, low to high."""
+"""Colour scale of scores, low to high."""
 ACCEPTED: Colour = (0, 130, 60)
 REGIONS: tuple[Colour, ...] = ((190, 20, 110), (110, 60, 10), (0, 110, 120), (90, 90, 200))
-"""Colours of the outlines of where conjuncts hold."""
+"""Colours of the outlines of regions in which conjuncts hold."""
 CANDIDATE = 0.065
-"""Radius of the spot of a candidate's score [m]."""
+"""Radius of the disc that shows a candidate's score [m]."""
 STEP = 2
-"""Distance of points at which regions are looked at [pixels]."""
+"""Sampling distance of regions [pixels]."""
 _FLOOR, _GRID, _ROBOT = (250, 250, 247), (228, 228, 224), (110, 110, 110)
 _KINDS: Mapping[str, tuple[Colour, Colour]] = {
     "solid": ((224, 208, 184), (140, 115, 80)),
@@ -42,23 +42,26 @@ _KINDS: Mapping[str, tuple[Colour, Colour]] = {
     "meant": ((255, 226, 120), (190, 140, 0)),
     "marker": ((245, 245, 245), (190, 190, 190)),
 }
-"""Kind of body -> fill and outline."""
+"""Colours of fill and outline by kind of body."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """A body from above: its name, a polygon (n, 2) in the map [m], "solid", "person", "meant" or "marker"."""
+    """A body from above: its name, its outline (n, 2) in the map [m], and its kind.
+
+    The kind is "solid", "person", "marker", or "meant" for bodies that the location refers to.
+    """
 
     name: str
     polygon: Array
     kind: str = "solid"
     facing: float | None = None
-    """The direction that a person faces [rad]."""
+    """Direction that a person faces [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Region in which a conjunct holds: its words, and True at points (n, 2) of the map in it, (n,)."""
+    """Region of the map in which a conjunct holds: its phrase, and a predicate of points (n, 2) with result (n,)."""
 
     words: str
     inside: Callable[[Array], Array]
@@ -66,40 +69,42 @@ class Region:
 
 @dataclass(frozen=True, slots=True)
 class Scenery:
-    """Scenery of a resolution: the room's floor, the bodies, the robot's base with its pose."""
+    """Background of the picture: the room's floor, the bodies, and the robot's base."""
 
     bounds: Bounds
     bodies: Sequence[Outline]
     radius: float
-    """The radius of the outline of what places are for [m]."""
+    """Radius of the base or the thing that is to be placed [m]."""
     robot: BasePose
     robot_radius: float
     regions: Sequence[Region] = ()
     on_floor: bool = True
-    """True if places are on the floor: what is placed on things is drawn over them."""
+    """False if a thing is placed on furniture; candidates are then drawn over the bodies."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """Candidates and results of a resolution, places best first."""
+    """Candidates and results of a resolution; places are sorted best first."""
 
     title: str
     places: Sequence[BasePose]
     validated: Sequence[Validated]
     scored: Sequence[tuple[Array, Array]] = ()
-    """Candidates (m, 3) before they were validated, and their scores (m,)."""
+    """Candidates (m, 3) before validation, and their scores (m,)."""
     refused: Sequence[tuple[str, Array]] = ()
-    """Reasons, and candidates (m, 3 or 2) that were refused for it before they were validated."""
+    """Candidates (m, 3 or 2) that were rejected before validation, with the reason."""
     counts: Mapping[str, int] = field(default_factory=dict)
+    """Rejected candidates by reason."""
     blocking: Mapping[str, int] = field(default_factory=dict)
+    """Candidates in collision by body."""
     details: Sequence[str] = ()
-    """Statements about each place beside its pose."""
+    """Text for each place, such as the arm and the grasp."""
     message: str = ""
-    """Why there is no place."""
+    """Reason why there is no place."""
 
 
 class FloorPlan:
-    """A view of a room, drawn on a sheet of its own."""
+    """Drawing of a part of the room on its own sheet."""
 
     def __init__(
         self,
@@ -109,15 +114,15 @@ class FloorPlan:
         resolution: Resolution,
         colours: Mapping[str, Colour],
     ) -> None:
-        """Begin an empty sheet with ``scale`` pixels for one metre."""
+        """Create an empty sheet of the area ``view`` with ``scale`` pixels per metre."""
         x_min, y_min, x_max, y_max = view
         self.view, self.scale, self.colours = view, scale * FINE, colours
         self.scenery, self.resolution = scenery, resolution
         self.sheet = Sheet(scale * (x_max - x_min), scale * (y_max - y_min))
         self.pen = self.sheet.pen
 
-    def drawn(self, *, numbered: int) -> Sheet:
-        """Return the drawing, back to front; ``numbered`` of the best places have their numbers, the others a dot."""
+    def draw(self, *, numbered: int) -> Sheet:
+        """Draw everything, back to front; the ``numbered`` best places get their numbers, the others a dot."""
         self._floor()
         if self.scenery.on_floor:
             self._candidates()
@@ -135,15 +140,15 @@ class FloorPlan:
         return self.sheet
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
-        """Return the pixel of a point of the map: x to the right, y up."""
+        """Map a point to the sheet, x to the right and y up."""
         return (x - self.view[0]) * self.scale, (self.view[3] - y) * self.scale
 
     def _pixels(self, points: Array) -> list[tuple[float, float]]:
-        """Return the pixels of points (n, 2 or 3) that are in view."""
+        """Map points (n, 2 or 3) to the sheet; those outside the view are left out."""
         x_min, y_min, x_max, y_max = self.view
         x, y = points[:, 0], points[:, 1]
-        seen = points[(x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)]
-        return [self._at(x, y) for x, y in seen[:, :2].tolist()]
+        inside = points[(x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)]
+        return [self._at(x, y) for x, y in inside[:, :2].tolist()]
 
     def _floor(self) -> None:
         x_min, y_min, x_max, y_max = self.scenery.bounds
@@ -159,12 +164,12 @@ class FloorPlan:
         self._refused()
 
     def _scores(self) -> None:
-        """Draw spots of the candidates, the best on top."""
-        found = [(bases, scores) for bases, scores in self.resolution.scored if len(scores) and scores.max() > 0]
-        if not found:
+        """Draw the scores of candidates as discs, the best on top."""
+        scored = [(bases, scores) for bases, scores in self.resolution.scored if len(scores) and scores.max() > 0]
+        if not scored:
             return
-        points = np.concatenate([bases[:, :2] for bases, _ in found])
-        scores = np.concatenate([scores / scores.max() for _, scores in found])
+        points = np.concatenate([bases[:, :2] for bases, _ in scored])
+        scores = np.concatenate([scores / scores.max() for _, scores in scored])
         radius = CANDIDATE if self.scenery.on_floor else CANDIDATE / 2.5
         for index in np.argsort(scores.round(6), kind="stable").tolist():
             for at in self._pixels(points[index : index + 1]):
@@ -189,7 +194,7 @@ class FloorPlan:
     def _regions(self) -> None:
         """Draw the outlines of the regions in which conjuncts hold."""
         step = STEP * FINE / self.scale
-        xs, ys, points = _lattice(self.view, step)
+        xs, ys, points = _grid_points(self.view, step)
         for number, region in enumerate(self.scenery.regions):
             inside = np.asarray(region.inside(points), bool).reshape(len(xs), len(ys))
             colour = REGIONS[number % len(REGIONS)]
@@ -236,8 +241,8 @@ class FloorPlan:
         self.pen.polygon([self._at(*tip), *sides], fill=colour)
 
     def _names(self) -> None:
-        """Draw names of bodies, each where it covers no other: inside of large ones, else below."""
-        taken: list[tuple[float, float, float, float]] = []
+        """Label the bodies without overlap: large ones inside, others below."""
+        placed: list[tuple[float, float, float, float]] = []
         width, height = self.sheet.image.size
         for body in sorted(self.scenery.bodies, key=lambda body: (body.kind != "meant", body.name)):
             (left, top), (right, bottom) = self._corner(body, 0.0), self._corner(body, 1.0)
@@ -249,30 +254,30 @@ class FloorPlan:
             u, v = min(max(u, half), width - half), min(max(v, 9 * FINE), height - 9 * FINE)
             for offset in (0, 15, -15, 30, -30, 45, -45):
                 box = (u - half, v + (offset - 8) * FINE, u + half, v + (offset + 8) * FINE)
-                if not any(a < box[2] and c > box[0] and b < box[3] and d > box[1] for a, b, c, d in taken):
+                if not any(a < box[2] and c > box[0] and b < box[3] and d > box[1] for a, b, c, d in placed):
                     break
-            taken.append(box)
+            placed.append(box)
             self.sheet.halo(((box[0] + box[2]) / 2, (box[1] + box[3]) / 2), body.name, 12, INK)
 
     def _corner(self, body: Outline, share: float) -> tuple[float, float]:
-        """Return a corner of the box around a body in the picture: 0 upper left, 1 lower right."""
+        """Corner of a body's bounding box on the sheet: upper left for 0, lower right for 1."""
         low, high = body.polygon.min(axis=0), body.polygon.max(axis=0)
         return self._at(float(low[0] + share * (high[0] - low[0])), float(high[1] - share * (high[1] - low[1])))
 
 
-def _lattice(bounds: Bounds, step: float) -> tuple[Array, Array, Array]:
-    """Return the columns (n,) and rows (m,) of points that are ``step`` apart [m], and the points (n * m, 2)."""
+def _grid_points(bounds: Bounds, step: float) -> tuple[Array, Array, Array]:
+    """Make a grid with spacing ``step`` [m]; returns its xs (n,), ys (m,) and points (n * m, 2)."""
     x_min, y_min, x_max, y_max = bounds
     xs, ys = np.arange(x_min, x_max, step), np.arange(y_min, y_max, step)
     return xs, ys, np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
 def outlines(scene: PlanningScene, meant: Collection[str] = ()) -> list[Outline]:
-    """Return the bodies of a room from above as they are believed to be, those on top last; held ones are left out."""
+    """Outlines of the bodies at their believed poses, in ascending order of their tops; held bodies are left out."""
     world = scene.world
     bodies: list[Outline] = []
     tops = {name: float(corners(world.pose(name), world.scene.body(name).size)[:, 2].max()) for name in world.names()}
-    for name in sorted(tops, key=lambda name: tops[name]):  # what is on top is drawn last
+    for name in sorted(tops, key=lambda name: tops[name]):  # higher bodies are drawn over lower ones
         body = world.scene.body(name)
         if body.shape is BodyShape.ROOM or name in world.attached():
             continue
@@ -298,7 +303,7 @@ def outlines(scene: PlanningScene, meant: Collection[str] = ()) -> list[Outline]
 def scenery_of(
     scene: PlanningScene, location: Location, meant: Collection[str], placed_thing: str | None = None
 ) -> Scenery:
-    """Return the room as it is believed; places are as large as the base, or as a thing that is placed."""
+    """Background from the believed state of the room; places have the size of the base or of the thing to be placed."""
     world, bodies = scene.world, outlines(scene, meant)
     robot = scene.base_radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
@@ -308,7 +313,7 @@ def scenery_of(
 
 
 def _regions(scene: PlanningScene, location: Location, placed_thing: str | None) -> Iterator[Region]:
-    """Yield where each conjunct about the floor holds, for the base or for a thing."""
+    """Yield the regions in which conjuncts about positions hold, for the base or for a thing."""
     x, y, _ = scene.base()
     try:
         if placed_thing is None:
@@ -329,15 +334,15 @@ def _positive(score: Callable[[Array], Array], points: Array) -> Array:
 WIDTH, LEGEND, MARGIN = 900, 330, 24
 """Widths of the map and of the legend, free border [pixels]."""
 TALLEST = 1200
-"""Height that the map has at most [pixels]."""
+"""Largest height of the map [pixels]."""
 LINE = 22
 """Height of a line of the legend [pixels]."""
 CLOSE = 0.45
-"""A close view is drawn of places that fill less than this share of the room's width."""
+"""Share of the room's width below which the places get a close view."""
 EMPTY = 0.05
-"""A region without one of the points that are so far apart is taken to have no part of the floor [m]."""
+"""Grid spacing of the test whether a region is empty [m]."""
 MOST_LISTED = 6
-"""Places and bodies that the legend names."""
+"""Largest number of places and of bodies in the legend."""
 
 REASONS: Mapping[str, Colour] = {
     "no room for the base": (165, 165, 165),
@@ -348,23 +353,23 @@ REASONS: Mapping[str, Colour] = {
     "too wide for the gripper": (120, 80, 40),
     "": ACCEPTED,
 }
-"""Reason -> colour of its places; "" of those that were accepted."""
+"""Colours of candidates by the reason of their rejection; "" stands for accepted ones."""
 OTHERS: tuple[Colour, ...] = ((110, 175, 205), (215, 150, 185), (150, 165, 110), (140, 140, 190), (110, 185, 180))
-"""Colours of other reasons, in the order of their names."""
+"""Colours of other reasons, assigned in alphabetical order."""
 
 
 def picture(scenery: Scenery, resolution: Resolution) -> Sheet:
-    """Return title, map and legend, and a close view where the places are near to each other."""
+    """Draw title, map and legend, and a close view if the places are near to each other."""
     of = colours([*resolution.counts, *(one.reason for one in resolution.validated), *dict(resolution.refused), ""])
     x_min, y_min, x_max, y_max = scenery.bounds
     scale = min(WIDTH / max(x_max - x_min, 1e-3), TALLEST / max(y_max - y_min, 1e-3))
     near = close_view(scenery, resolution.places)
-    plan = FloorPlan(scenery.bounds, scale, scenery, resolution, of).drawn(numbered=1 if near else 99)
+    plan = FloorPlan(scenery.bounds, scale, scenery, resolution, of).draw(numbered=1 if near else 99)
     legend, used = _legend(scenery, resolution, of)
     width = (LEGEND - MARGIN) * FINE
     close = None
     if near is not None:
-        close = FloorPlan(near, (LEGEND - MARGIN) / (near[2] - near[0]), scenery, resolution, of).drawn(numbered=99)
+        close = FloorPlan(near, (LEGEND - MARGIN) / (near[2] - near[0]), scenery, resolution, of).draw(numbered=99)
     plan_width, plan_height = plan.image.size
     title = wrapped(resolution.title, 19, plan_width + width)[:3]
     top = (2 * MARGIN + 26 * len(title)) * FINE
@@ -383,7 +388,7 @@ def picture(scenery: Scenery, resolution: Resolution) -> Sheet:
 
 
 def close_view(scenery: Scenery, places: Sequence[tuple[float, float, float]]) -> Bounds | None:
-    """Return the square around the places; None if there are none, or if they are all over the room."""
+    """Square around the places; None if there are none, or if they are spread over the room."""
     if not places:
         return None
     xs, ys = [x for x, _, _ in places], [y for _, y, _ in places]
@@ -395,7 +400,7 @@ def close_view(scenery: Scenery, places: Sequence[tuple[float, float, float]]) -
 
 
 def colours(reasons: Sequence[str]) -> dict[str, Colour]:
-    """Return a colour for every reason, the same whatever else there is of the well-known ones."""
+    """Assign a colour to each reason; the colours of common reasons are fixed."""
     unknown = sorted(set(reasons) - REASONS.keys())
     return {
         reason: REASONS[reason] if reason in REASONS else OTHERS[unknown.index(reason) % len(OTHERS)]
@@ -404,26 +409,26 @@ def colours(reasons: Sequence[str]) -> dict[str, Colour]:
 
 
 class _Legend:
-    """The legend on a sheet that is tall enough, written from the top."""
+    """The legend, written from the top of a sheet that is tall enough."""
 
     def __init__(self) -> None:
         self.sheet, self.used = Sheet(LEGEND, 2400), 0
-        """The sheet, and how much of it is used [pixels of the sheet]."""
+        """The sheet, and the height used so far [oversampled pixels]."""
 
     def places(self, places: Sequence[BasePose], details: Sequence[str], message: str) -> None:
-        """List places, best first, or say why there is none."""
+        """List the places, best first, or the reason why there is none."""
         self._entry(f"{len(places)} place{'' if len(places) == 1 else 's'}, best first" if places else "no place", 16)
         if not places and message:
             self._write(message)
         for number, (x, y, yaw) in enumerate(places[:MOST_LISTED]):
-            stated = details[number] if number < len(details) else ""
-            self._entry(f"{number + 1}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {stated}".rstrip())
+            detail = details[number] if number < len(details) else ""
+            self._entry(f"{number + 1}:  x {x:.3f}  y {y:.3f}  yaw {yaw + 0.0:.2f}  {detail}".rstrip())
 
     def candidates(self, resolution: Resolution, of: Mapping[str, Colour]) -> None:
-        """Count candidates by what became of them, and what was in their way."""
-        self._head("candidates, by what became of them")
-        shown, taken = len(resolution.places), sum(one.reason == "" for one in resolution.validated)
-        others = f"{taken}, others beside these places" if taken > shown else str(shown)
+        """List numbers of candidates by result, and of collisions by body."""
+        self._head("candidates by result")
+        shown, accepted = len(resolution.places), sum(one.reason == "" for one in resolution.validated)
+        others = f"{accepted}, others near these places" if accepted > shown else str(shown)
         self._entry(f"accepted: {others}", mark=ACCEPTED)
         for reason, number in Counter(resolution.counts).most_common():
             self._entry(f"{reason}: {number}", mark=of[reason])
@@ -433,24 +438,24 @@ class _Legend:
             self._entry(f"{body}: {number}")
 
     def regions(self, regions: Sequence[Region], bounds: Bounds) -> None:
-        """Name the outlines of regions, and those that have no part of the floor: nothing is drawn of them."""
+        """Explain the outlines of regions, and name empty regions, which have no outline."""
         if regions:
-            self._head("outlines: where a conjunct holds")
+            self._head("outlines: regions of the conjuncts")
         for number, region in enumerate(regions):
             colour = REGIONS[number % len(REGIONS)]
             self.sheet.pen.line((0, self.used + 9 * FINE, 12 * FINE, self.used + 9 * FINE), fill=colour, width=2 * FINE)
-            is_empty = not np.any(region.inside(_lattice(bounds, EMPTY)[2]))
+            is_empty = not np.any(region.inside(_grid_points(bounds, EMPTY)[2]))
             self._write(region.words + (": nowhere on this floor" if is_empty else ""), shift=18 * FINE)
 
     def marks(self, *, are_scored: bool) -> None:
-        """Explain the marks of the map, and which colour means which score if there are some."""
+        """Explain the marks of the map, and the colour scale if there are scores."""
         if are_scored:
             self._head("score of a candidate")
             self.sheet.scale((0, self.used), (160 * FINE, 12 * FINE), SCORES)
             self.used += 16 * FINE
-            self._write("low ... high; where there is none: no candidate", 12, FAINT)
+            self._write("low ... high; no disc: no candidate", 12, FAINT)
         self.used += 0 if are_scored else LINE * FINE // 2
-        marks = "ring: outline of what is placed, arrow: its heading; yellow: what is meant; a line for each metre"
+        marks = "ring: size of the base or thing, arrow: its heading; yellow: bodies in the phrase; grid: 1 m"
         self._write(marks, 12, FAINT)
 
     def _head(self, text: str) -> None:
@@ -469,7 +474,7 @@ class _Legend:
 
 
 def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) -> tuple[Sheet, int]:
-    """Return the legend, and how much of its sheet is used [pixels of the sheet]."""
+    """Draw the legend; returns its sheet and the height used [oversampled pixels]."""
     legend = _Legend()
     legend.places(resolution.places, resolution.details, resolution.message)
     legend.candidates(resolution, of)

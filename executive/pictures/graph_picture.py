@@ -1,4 +1,4 @@
-"""The graph of a task as PNG: what its SVG has, drawn."""
+"""The graph of a task as PNG, drawn from its SVG."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from planlang.compiler.drawing.svg import STYLE
 from planlang.diagnostics import BadInput, error
 
 LARGEST = 25_000_000
-"""Pixels of the largest picture; drawing one takes 12 bytes for each."""
+"""Largest picture [pixels]; drawing takes 12 bytes per pixel."""
 _HEAD = ((-7.2, -3.2), (0.8, 0.0), (-7.2, 3.2))
-"""Corners of an arrow's head around the end of its line, which leads along x [px]."""
+"""Corners of an arrowhead relative to the end of a line along x [px]."""
 _PARTS = 12
-"""Straight pieces of a curved part of a line."""
+"""Straight segments that approximate a Bezier curve."""
 
 Style = Mapping[str, str]
 
 
 def save_graph(graph: TaskGraph, path: Path) -> None:
-    """Write the graph as PNG. Raises BadInput for one that is too large, OSError as writing does."""
+    """Write the graph as PNG. Raises BadInput (C014) if it is too large; OSError."""
     root = ElementTree.fromstring(figure(graph))
     width, height = (float(root.attrib[name]) for name in ("width", "height"))
     if width * height > LARGEST:
-        message = f"the graph takes a picture of {width:.0f} x {height:.0f} pixels, more than {LARGEST}"
-        raise BadInput([error("C014", message, help="--graph with a name that ends in .svg writes it")])
+        message = f"the graph needs a picture of {width:.0f} x {height:.0f} pixels, more than {LARGEST}"
+        raise BadInput([error("C014", message, help="write it as SVG: give --graph a name that ends in .svg")])
     sheet = Sheet(width, height)
     for element, kinds, corner in _elements(root, (), (0.0, 0.0)):
         style = _style(element.tag, kinds)
@@ -46,7 +46,7 @@ def save_graph(graph: TaskGraph, path: Path) -> None:
 def _elements(
     parent: ElementTree.Element, kinds: tuple[str, ...], corner: Point
 ) -> Iterator[tuple[ElementTree.Element, tuple[str, ...], Point]]:
-    """Yield what is drawn with the classes of its group and its own, and where (0, 0) of its group is [px]."""
+    """Yield the elements to draw, each with its classes, including those of its groups, and its group's origin [px]."""
     for child in parent:
         child.tag = child.tag.rpartition("}")[2]
         own = (*kinds, *child.get("class", "").split())
@@ -58,19 +58,19 @@ def _elements(
 
 
 def _style(tag: str, kinds: Sequence[str]) -> Style:
-    """Return the properties that the style sheet has for an element with some classes; later rules win."""
+    """Look up the properties of an element in the style sheet by its tag and classes; later rules win."""
     selectors = {tag, *(f".{kind}" for kind in kinds), *(f".{kind} > {tag}" for kind in kinds)}
-    found: dict[str, str] = {}
+    properties: dict[str, str] = {}
     for names, body in re.findall(r"([^{}]+)\{([^}]*)\}", STYLE):
         if selectors.intersection(name.strip() for name in names.split(",")):
-            found |= dict(re.findall(r"([\w-]+):\s*([^;]+);", body))
-    return found
+            properties |= dict(re.findall(r"([\w-]+):\s*([^;]+);", body))
+    return properties
 
 
 def _rectangle(sheet: Sheet, element: ElementTree.Element, style: Style, corner: Point) -> None:
-    left, top, wide, high, radius = (float(element.get(name, 0)) for name in ("x", "y", "width", "height", "rx"))
+    left, top, width, height, radius = (float(element.get(name, 0)) for name in ("x", "y", "width", "height", "rx"))
     u, v = FINE * (corner[0] + left), FINE * (corner[1] + top)
-    right, bottom = u + FINE * wide, v + FINE * high
+    right, bottom = u + FINE * width, v + FINE * height
     fill, outline = _colour(element.get("fill") or style.get("fill")), _colour(style.get("stroke"))
     is_dashed = "stroke-dasharray" in style
     sheet.pen.rectangle((u, v, right, bottom), fill, None if is_dashed else outline, FINE, FINE * radius)
@@ -80,7 +80,7 @@ def _rectangle(sheet: Sheet, element: ElementTree.Element, style: Style, corner:
 
 
 def _line(sheet: Sheet, element: ElementTree.Element, style: Style, corner: Point) -> None:
-    # whole pixels: short pieces of one vertical line would be rounded to either side
+    # rounded here, since Pillow would round segments of one vertical line to different columns
     points = [
         (float(round(FINE * (corner[0] + x))), float(round(FINE * (corner[1] + y))))
         for x, y in _points(element.attrib["d"])
@@ -89,50 +89,50 @@ def _line(sheet: Sheet, element: ElementTree.Element, style: Style, corner: Poin
     assert colour is not None
     _stroke(sheet, points, style, colour)
     if element.get("marker-end"):
-        (x, y), (end, below) = points[-2:]
-        heading = math.atan2(below - y, end - x)
+        (x, y), (end_x, end_y) = points[-2:]
+        heading = math.atan2(end_y - y, end_x - x)
         cos, sin = FINE * math.cos(heading), FINE * math.sin(heading)
-        sheet.pen.polygon([(end + cos * a - sin * b, below + sin * a + cos * b) for a, b in _HEAD], fill=colour)
+        sheet.pen.polygon([(end_x + cos * a - sin * b, end_y + sin * a + cos * b) for a, b in _HEAD], fill=colour)
 
 
 def _points(path: str) -> list[Point]:
-    """Return the points of a path: of its straight parts, and some of each curve of four points."""
-    found: list[Point] = []
+    """Flatten an SVG path of straight lines and cubic Bezier curves into points."""
+    points: list[Point] = []
     for letter, text in re.findall(r"([MLC])([^MLC]*)", path):
         numbers = [float(one) for one in re.findall(r"-?[\d.]+", text)]
         corners = list(zip(numbers[::2], numbers[1::2], strict=True))
         if letter != "C":
-            found += corners
+            points += corners
             continue
-        a, b, c, d = found[-1], *corners
+        a, b, c, d = points[-1], *corners
         for part in range(1, _PARTS + 1):
             t = part / _PARTS
-            shares = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3
-            x, y = (sum(s * p[axis] for s, p in zip(shares, (a, b, c, d), strict=True)) for axis in (0, 1))
-            if (x, y) != found[-1]:  # a part without length has no direction
-                found.append((x, y))
-    return found
+            weights = (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3
+            x, y = (sum(w * p[axis] for w, p in zip(weights, (a, b, c, d), strict=True)) for axis in (0, 1))
+            if (x, y) != points[-1]:  # a segment of zero length has no direction for an arrowhead
+                points.append((x, y))
+    return points
 
 
 def _stroke(sheet: Sheet, points: Sequence[Point], style: Style, colour: Colour) -> None:
-    """Draw a line through points of the sheet, in dashes if its style has some."""
+    """Draw a polyline, dashed if its style has a dash array."""
     width = round(FINE * float(style.get("stroke-width", "1").removesuffix("px")))
     dashes = [FINE * float(one) for one in style.get("stroke-dasharray", "").split()]
     if not dashes:
         sheet.pen.line([*points], fill=colour, width=width)
         return
-    place, left = 0, dashes[0]
-    for (x, y), (end, below) in pairwise(points):
-        length, done = math.dist((x, y), (end, below)), 0.0
+    index, left = 0, dashes[0]  # even dashes are drawn, odd ones are gaps; a dash continues around corners
+    for (x, y), (end_x, end_y) in pairwise(points):
+        length, done = math.dist((x, y), (end_x, end_y)), 0.0
         while done < length:
             step = min(left, length - done)
             ends = (done / length, (done + step) / length)
-            if place % 2 == 0:
-                sheet.pen.line([(x + (end - x) * t, y + (below - y) * t) for t in ends], fill=colour, width=width)
+            if index % 2 == 0:
+                sheet.pen.line([(x + (end_x - x) * t, y + (end_y - y) * t) for t in ends], fill=colour, width=width)
             done, left = done + step, left - step
             if left <= 0:
-                place += 1
-                left = dashes[place % len(dashes)]
+                index += 1
+                left = dashes[index % len(dashes)]
 
 
 def _text(sheet: Sheet, element: ElementTree.Element, style: Style, corner: Point) -> None:
@@ -140,7 +140,7 @@ def _text(sheet: Sheet, element: ElementTree.Element, style: Style, corner: Poin
     assert colour is not None
     at = FINE * (corner[0] + float(element.attrib["x"])), FINE * (corner[1] + float(element.attrib["y"]))
     anchor = {"start": "ls", "middle": "ms", "end": "rs"}[element.get("text-anchor", "start")]
-    # the font has no bold letters: they are drawn twice
+    # the font has no bold face: bold text is drawn twice, shifted by a pixel
     for shift in (0.0, 1.0) if style.get("font-weight") == "bold" else (0.0,):
         sheet.pen.text((at[0] + shift, at[1]), element.text or "", size, colour, anchor, halo="paint-order" in style)
 

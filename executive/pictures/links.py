@@ -1,4 +1,4 @@
-"""What is seen of the links of a robot: the primitives and meshes of its URDF, with the colours of its materials."""
+"""Visual shapes of a robot's links: the primitives and meshes of its URDF, with the colours of its materials."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from sim.robot import Robot
 
 MOST_TRIANGLES = 1500
-"""Triangles of a mesh that is drawn: more are made fewer."""
+"""Triangles above which a mesh is simplified."""
 CELLS = 48
-"""Cells along the longest side of a mesh, at first, whose vertices become one; fewer until the mesh is small enough."""
+"""Initial number of grid cells along the longest side for vertex clustering; reduced until the mesh is small enough."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """A shape of a link in its frame: a primitive of some extents [m], or the surface of a mesh."""
+    """A visual shape of a link, in its frame: a primitive with extents [m], or the surface of a mesh."""
 
     kind: str
     size: Size
@@ -39,30 +39,30 @@ class Look:
 
 
 def looks_of_links(robot: Robot) -> dict[str, list[Look]]:
-    """Return what is seen of each link; of a link without such shapes those that it touches with."""
+    """Visual shapes of each link; links without any get their collision shapes."""
     root = tree_of(robot.description.text.encode())
-    named = {one.get("name", ""): _colour(one) for one in root.iter("material") if one.find("color") is not None}
-    found: dict[str, list[Look]] = {}
+    materials = {one.get("name", ""): _colour(one) for one in root.iter("material") if one.find("color") is not None}
+    by_link: dict[str, list[Look]] = {}
     for link in root.iterfind("link"):
-        looks = [look for visual in link.iterfind("visual") for look in _looks(visual, robot, named)]
+        looks = [look for visual in link.iterfind("visual") for look in _looks(visual, robot, materials)]
         if looks:
-            found[link.get("name", "")] = looks
+            by_link[link.get("name", "")] = looks
     for number, name in enumerate(robot.solid_names):
-        if name not in found:
-            found[name] = [
+        if name not in by_link:
+            by_link[name] = [
                 Look(SolidKind.BOX if kind == SolidKind.MESH else kind, size, pose)
                 for kind, size, pose in robot.shapes(number)
             ]
-    return found
+    return by_link
 
 
-def _looks(visual: Element, robot: Robot, named: dict[str, Rgba | None]) -> Iterator[Look]:
+def _looks(visual: Element, robot: Robot, materials: dict[str, Rgba | None]) -> Iterator[Look]:
     shape, origin, material = visual.find("geometry/*"), visual.find("origin"), visual.find("material")
     if shape is None:
         return
     xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
     pose = Pose.from_matrix(rigid(rotation_of(*rpy), np.array(xyz)))
-    colour = None if material is None else _colour(material) or named.get(material.get("name", ""))
+    colour = None if material is None else _colour(material) or materials.get(material.get("name", ""))
     if shape.tag == "mesh":
         name = shape.get("filename", "")
         content = robot.description.meshes.get(name)
@@ -90,10 +90,10 @@ def _extents(shape: Element) -> Size | None:
 
 
 def _colour(material: Element) -> Rgba | None:
-    stated = material.find("color")
-    if stated is None:
+    color = material.find("color")
+    if color is None:
         return None
-    red, green, blue, opacity = (round(255 * min(max(share, 0.0), 1.0)) for share in numbers(stated.get("rgba", "")))
+    red, green, blue, opacity = (round(255 * min(max(value, 0.0), 1.0)) for value in numbers(color.get("rgba", "")))
     return red, green, blue, opacity
 
 
@@ -101,23 +101,23 @@ def _colour(material: Element) -> Rgba | None:
 def _surface(content: bytes, suffix: str, scale: tuple[float, float, float]) -> Solid:
     mesh = mesh_of(content, suffix)
     faces = np.concatenate(mesh.parts)
-    if np.prod(scale) < 0:
+    if np.prod(scale) < 0:  # a mirrored mesh would be inside out
         faces = faces[:, ::-1]
     return shaded([fewer(Solid(mesh.vertices * np.array(scale), faces))])
 
 
 def fewer(solid: Solid, most: int = MOST_TRIANGLES) -> Solid:
-    """Return a surface of at most so many triangles: vertices in one cell of a grid become their mean.
+    """Simplify a surface to at most ``most`` triangles by vertex clustering (J. Rossignac and P. Borrel, 1993).
 
-    Clustering of vertices (J. Rossignac and P. Borrel, 1993). Equal vertices become one in any case.
+    Vertices in the same cell of a grid are replaced by their mean. Equal vertices are always merged.
     """
     low = solid.vertices.min(axis=0)
     longest = max(float((solid.vertices.max(axis=0) - low).max()), 1e-9)
-    cells: float = 1 << 20
+    cells: float = 1 << 20  # so fine that only equal vertices are merged
     while True:
-        found = _clustered(solid, low, longest / cells)
-        if len(found.faces) <= most:
-            return found
+        simplified = _clustered(solid, low, longest / cells)
+        if len(simplified.faces) <= most:
+            return simplified
         cells = CELLS * 2 if cells > 2 * CELLS else cells * 0.8
 
 
@@ -128,8 +128,9 @@ def _clustered(solid: Solid, low: Array, cell: float) -> Solid:
     counts = np.bincount(cluster)
     vertices = np.column_stack([np.bincount(cluster, solid.vertices[:, k]) / counts for k in range(3)])
     faces = cluster[solid.faces]
-    flat = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
-    faces = faces[~flat]
-    turned = np.take_along_axis(faces, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
-    _, kept = np.unique(turned, axis=0, return_index=True)
+    degenerate = (faces[:, 0] == faces[:, 1]) | (faces[:, 1] == faces[:, 2]) | (faces[:, 2] == faces[:, 0])
+    faces = faces[~degenerate]
+    # with the smallest index first, equal triangles have equal rows
+    rotated = np.take_along_axis(faces, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    _, kept = np.unique(rotated, axis=0, return_index=True)
     return Solid(vertices, faces[np.sort(kept)])

@@ -1,4 +1,4 @@
-"""The looks of things: solids with colours for a thing's class and size, from the table ``ontologies/looks.toml``."""
+"""Looks of things: coloured solids for a thing's class and size, from the table ``ontologies/looks.toml``."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ Rgba = tuple[int, int, int, int]
 AXES = "xyz"
 WHOLE = {"x": [0, 1], "y": [0, 1], "z": [0, 1]}
 PLAIN = (176, 160, 138, 255)
-"""Colour of what has no look, and of which no map states a colour."""
+"""Colour of things without a look and without a colour in the map."""
 BEVEL = 0.08
-"""Radius of the edges of a thing without a look, as a share of its least extent."""
+"""Bevel of a thing without a look, as a fraction of its smallest extent."""
 TALL = 0.3
-"""Height from which a thing has the look that the table has for tall ones of its kind [m]."""
+"""Height above which a thing gets the look for tall things of its class, if there is one [m]."""
 OVER = 0.01
-"""How far labels may stick out of a box, as a share of its extents; what would go farther is pressed flat."""
+"""How far labels may protrude from the bounding box, as a fraction of its extents; vertices beyond are clamped."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """A surface in one colour; None is the colour that a map states, or that of the look."""
+    """A surface in one colour; None stands for the thing's colour in the map, or else that of its look."""
 
     solid: Solid
     colour: Rgba | None = None
@@ -42,14 +42,14 @@ class Piece:
 
 @cache
 def table_of_looks() -> Mapping[str, Mapping[str, Any]]:
-    """Return the looks by their names; the file says how they are read."""
+    """Looks by name; the comments of the file define its format."""
     text = (bundled("ontologies") / "looks.toml").read_text(encoding="utf-8")
     return MappingProxyType({name: row for name, row in tomllib.loads(text).items() if name != "colours"})
 
 
 @cache
 def colours() -> Mapping[str, Rgba]:
-    """Return the colours that the table names."""
+    """Named colours of the table."""
     text = (bundled("ontologies") / "looks.toml").read_text(encoding="utf-8")
     named: Mapping[str, str] = tomllib.loads(text)["colours"]
     return MappingProxyType({name: _rgba(value) for name, value in named.items()})
@@ -62,34 +62,34 @@ def _rgba(text: str) -> Rgba:
 
 @cache
 def looks_of_classes() -> Mapping[str, str]:
-    """Return the name of the look of each class that stands in the table, by its local name."""
+    """Name of the look of each class in the table, by the class's local name."""
     return MappingProxyType({cls: name for name, row in table_of_looks().items() for cls in row["classes"]})
 
 
 def look_of(kinds: Sequence[str], cls: str = "") -> str | None:
-    """Return the name of the look of a thing: of the nearest of its classes that has one; None if none has.
+    """Find the look of a thing: that of the nearest of its classes that has one; None if none has.
 
-    ``cls`` counts for what came into being in a run, of which no map says what is above its class.
+    ``cls`` is used for things created during a run, which have no list of superclasses from a map.
     """
     known = looks_of_classes()
     return next((known[one] for one in (*kinds, local_name(cls)) if one in known), None)
 
 
 def colour_of(look: str | None) -> Rgba:
-    """Return the colour of what of a look has no other."""
+    """Default colour of a look."""
     return PLAIN if look is None else colours()[table_of_looks()[look]["colour"]]
 
 
 @lru_cache(maxsize=512)
 def pieces_of(look: str | None, size: Size) -> tuple[Piece, ...]:
-    """Return the pieces of a look, one for each colour, in a box of some extents [m] about the origin."""
+    """Build the pieces of a look, one per colour, in a bounding box of extents ``size`` [m] about the origin."""
     if look is None:
         return (Piece(shaded([box(size, BEVEL * min(size))])),)
     by_colour: dict[Rgba | None, list[Solid]] = {}
-    found = table_of_looks()[look]
-    if size[2] > TALL and "tall" in found:
-        found = table_of_looks()[found["tall"]]
-    for row in found["pieces"]:
+    entry = table_of_looks()[look]
+    if size[2] > TALL and "tall" in entry:
+        entry = table_of_looks()[entry["tall"]]
+    for row in entry["pieces"]:
         colour = colours()[row["colour"]] if "colour" in row else None
         for solid in _solids(row, np.array(size)):
             most = np.array(size) * (0.5 + OVER)
@@ -98,12 +98,12 @@ def pieces_of(look: str | None, size: Size) -> tuple[Piece, ...]:
 
 
 def _solids(row: Mapping[str, Any], size: Array) -> Iterator[Solid]:
-    """Yield a piece of the table with its repetitions and mirror images, about the origin."""
-    one = _solid(row, size)
-    again = row.get("times", {})
-    axis = next((k for k, name in enumerate(AXES) if name in again), 0)
-    shift = _at(again.get("by", 0), float(size[axis])) * np.eye(3)[axis]
-    copies = [one.moved(np.ones(3), shift * k - size / 2) for k in range(again.get(AXES[axis], 1))]
+    """Yield a piece of the table with its copies and mirror images, about the origin."""
+    original = _solid(row, size)
+    times = row.get("times", {})
+    axis = next((k for k, name in enumerate(AXES) if name in times), 0)
+    shift = _at(times.get("by", 0), float(size[axis])) * np.eye(3)[axis]
+    copies = [original.moved(np.ones(3), shift * k - size / 2) for k in range(times.get(AXES[axis], 1))]
     for solid, turn in product(copies, _mirrorings(row.get("mirror", ""))):
         image = solid
         for k in turn:
@@ -112,22 +112,22 @@ def _solids(row: Mapping[str, Any], size: Array) -> Iterator[Solid]:
 
 
 def _mirrorings(axes: str) -> list[tuple[int, ...]]:
-    """Return the axes of each image, the original among them."""
+    """Axes of mirroring for each image; the first, without axes, is the original."""
     numbers = [AXES.index(axis) for axis in axes]
     return [(), *[(k,) for k in numbers], *([tuple(numbers)] if len(numbers) > 1 else [])]
 
 
 def _solid(row: Mapping[str, Any], size: Array) -> Solid:
-    """Return a piece whose coordinates begin at the lower corner of the box."""
+    """Build a piece with coordinates relative to the lower corner of the bounding box."""
     least = float(size.min())
     if "tube" in row:
         path = np.array([[_at(value, extent) for value, extent in zip(at, size, strict=True)] for at in row["tube"]])
-        stated = row["radius"] if isinstance(row["radius"], list) else [row["radius"]] * len(path)
-        radii = [_at(value, least) for value in stated]
+        values = row["radius"] if isinstance(row["radius"], list) else [row["radius"]] * len(path)
+        radii = [_at(value, least) for value in values]
         return tube(path, radii, smooth=row.get("smooth", False), flat=row.get("flat", 1.0))
-    around = {**WHOLE, **row.get("box", {}), **row.get("ball", {}), **{k: row[k] for k in AXES if k in row}}
-    ends = np.array([[_at(value, float(extent)) for value in around[k]] for k, extent in zip(AXES, size, strict=True)])
-    # in a box that is smaller than the metres of a look there is nothing, or next to nothing, of such a piece
+    ranges = {**WHOLE, **row.get("box", {}), **row.get("ball", {}), **{k: row[k] for k in AXES if k in row}}
+    ends = np.array([[_at(value, float(extent)) for value in ranges[k]] for k, extent in zip(AXES, size, strict=True)])
+    # a piece given in metres may not fit into a small bounding box; it then shrinks to almost nothing
     low, extents = ends.min(axis=1), np.maximum(np.abs(ends[:, 1] - ends[:, 0]), 1e-4)
     if "box" in row:
         bevel = _at(row.get("round", 0), float(extents.min()))
@@ -142,7 +142,7 @@ def _solid(row: Mapping[str, Any], size: Array) -> Solid:
 
 
 def _turned(solid: Solid, axis: int) -> Solid:
-    """Turn z onto an axis; the two others follow in their order, which keeps left and right."""
+    """Rotate z onto an axis by a cyclic permutation of the axes, which preserves orientation."""
     order = [(k - axis - 1) % 3 for k in range(3)]
     return Solid(solid.vertices[:, order], solid.faces)
 
@@ -156,7 +156,10 @@ def _middle(extents: Array, axis: int) -> Array:
 
 
 def _at(value: float | str, extent: float) -> float:
-    """Return a coordinate of the table in metres from the lower end of an extent, kept within it if it is in metres."""
+    """Convert a coordinate of the table to metres from the lower end of an extent.
+
+    Numbers are fractions of the extent, texts are metres, from the upper end if negative, and clamped to the extent.
+    """
     if not isinstance(value, str):
         return value * extent
     metres = float(value)

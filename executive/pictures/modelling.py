@@ -1,4 +1,4 @@
-"""Drawn things as triangles in the map, ready to be rendered."""
+"""Convert drawable shapes to triangles for the renderer."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from planlang.geometry.shapes import SolidKind
 from planlang.records import dataclass
 
 LONGEST = 1.0
-"""Longest edge of a triangle that is drawn [m]: near the eye a triangle is drawn as a whole or not at all."""
+"""Longest edge of a triangle [m]: the renderer does not clip, but drops triangles that reach behind the near plane."""
 
 MOST_VIVID = 110
-"""Greatest difference of the red, green and blue of a colour that is left as it is."""
+"""Largest difference between red, green and blue of a colour that is not toned down."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """Triangles: ``vertices`` and ``normals`` (n, 3), ``triangles`` (m, 3), ``colours`` (m, 4), ``owners`` (m,)."""
+    """Triangles: ``vertices`` and ``normals`` (n, 3); ``triangles`` (m, 3), ``colours`` (m, 4), ``owners`` (m,)."""
 
     vertices: Array
     normals: Array
     triangles: NDArray[np.int64]
     colours: NDArray[np.uint8]
     owners: NDArray[np.int64]
-    """Numbers of the shapes that triangles belong to: lines are drawn between shapes."""
+    """Number of the shape that a triangle belongs to; outlines are drawn between shapes."""
 
     def at(self, pose: Pose) -> Model:
-        """Return the same at a pose."""
+        """Transform the model by a pose."""
         return Model(
             moved(pose.matrix(), self.vertices),
             rotated(pose.rotation, self.normals),
@@ -44,12 +44,12 @@ class Model:
         )
 
     def only(self, kept: NDArray[np.bool_]) -> Model:
-        """Return some of its triangles."""
+        """Select triangles by a mask (m,)."""
         return Model(self.vertices, self.normals, self.triangles[kept], self.colours[kept], self.owners[kept])
 
 
 def joined(models: Sequence[Model]) -> Model:
-    """Return models as one."""
+    """Concatenate models."""
     if not models:
         none = np.zeros((0, 3))
         return Model(none, none, none.astype(np.int64), np.zeros((0, 4), np.uint8), np.zeros(0, np.int64))
@@ -64,16 +64,16 @@ def joined(models: Sequence[Model]) -> Model:
 
 
 def model_of(shapes: Iterable[Shape], first: int = 0) -> Model:
-    """Return shapes as triangles in the frame of what they belong to, owners numbered from ``first``."""
-    found = []
+    """Triangulate shapes in the frame of their body or link; owners are numbered from ``first``."""
+    models = []
     for number, shape in enumerate(shapes, first):
         if shape.mesh is None:
             solid = _primitive(shape.kind, shape.size)
         else:
             solid = Solid(shape.mesh.vertices.astype(float), shape.mesh.triangles.astype(np.int64))
-        solid = _divided(solid)
+        solid = _subdivided(solid)
         count = len(solid.faces)
-        colours = np.tile(_calm(shape.colour), (count, 1))
+        colours = np.tile(_toned_down(shape.colour), (count, 1))
         model = Model(
             solid.vertices,
             vertex_normals(solid.vertices, solid.faces),
@@ -81,15 +81,15 @@ def model_of(shapes: Iterable[Shape], first: int = 0) -> Model:
             colours,
             np.full(count, number, np.int64),
         )
-        found.append(model.at(shape.pose))
-    return joined(found)
+        models.append(model.at(shape.pose))
+    return joined(models)
 
 
-def _calm(colour: tuple[int, int, int, int]) -> NDArray[np.uint8]:
-    """Return a colour (4,) that is less glaring: URDFs have pure red, green and blue, to tell links apart."""
-    shares = np.array(colour[:3], float)
-    glare = max(0.0, (float(shares.max() - shares.min()) - MOST_VIVID) / 255)
-    return np.array([*(shares + (shares.mean() * 0.6 + 90 - shares) * glare), colour[3]], np.uint8)
+def _toned_down(colour: tuple[int, int, int, int]) -> NDArray[np.uint8]:
+    """Desaturate a glaring colour, (4,): URDFs often use pure red, green and blue to distinguish links."""
+    rgb = np.array(colour[:3], float)
+    glare = max(0.0, (float(rgb.max() - rgb.min()) - MOST_VIVID) / 255)
+    return np.array([*(rgb + (rgb.mean() * 0.6 + 90 - rgb) * glare), colour[3]], np.uint8)
 
 
 @lru_cache(maxsize=256)
@@ -102,8 +102,8 @@ def _primitive(kind: str, size: tuple[float, float, float]) -> Solid:
     return shaded([box(size)])
 
 
-def _divided(solid: Solid) -> Solid:
-    """Halve triangles at their longest edge until none is longer than is drawn."""
+def _subdivided(solid: Solid) -> Solid:
+    """Bisect triangles at their longest edge until no edge is longer than ``LONGEST``."""
     for _ in range(16):
         corners = solid.vertices[solid.faces]
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)

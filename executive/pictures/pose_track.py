@@ -1,4 +1,4 @@
-"""Where bodies, limbs and the robot's links are over a run: noted once, for pose logs, recordings and pages alike."""
+"""Poses of bodies, limbs and the robot's links over a run, sampled once for pose logs, recordings and pages."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from sim.robot import Robot
 from sim.truth import Truth
 
 RATE = 10
-"""Times a second of plan time that poses are noted; NEEMs have about as many."""
+"""Sampling rate in plan time [Hz], about that of NEEMs."""
 MAP: tuple[str, ...] = ()
-"""The path of the map as a frame."""
+"""Path of the map frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Something that has moved, appeared or, with no pose, gone. Paths are those of :class:`Drawn`.
+    """New pose of an entity that moved or appeared; None for one that disappeared. Paths are those of :class:`Drawn`.
 
-    The frame is the map for bodies and the robot's root link, the body for a limb, and for other links the link that
-    they hang on: so those of an arm at rest do not move with the base.
+    The frame is the map for bodies and the robot's root link, the body for a limb, and the parent link for other links,
+    so that the links of an arm at rest do not change while the base drives.
     """
 
     path: tuple[str, ...]
@@ -36,13 +36,13 @@ class Placed:
 
 
 Watcher = Callable[[int, Sequence[Placed]], None]
-"""Called with the world step and all that has moved until then, at the first step with everything."""
+"""Called with a world step and the entities that moved since the last call; the first call has all entities."""
 
 
 class PoseTrack:
-    """Called with the true world after each of its steps; watchers receive what has moved, :data:`RATE` times a second.
+    """Samples the true world, which calls it after each step, and reports moved entities to watchers at :data:`RATE`.
 
-    Relative poses of links follow from joint values, so that PyBullet is asked for them at the first step only.
+    Relative poses of links are computed from joint values, which is cheaper than to query PyBullet.
     """
 
     def __init__(self, watchers: Sequence[Watcher]) -> None:
@@ -50,24 +50,24 @@ class PoseTrack:
         self._links: _Links | None = None
         self._poses: Mapping[str, Pose] = {}
         self._limbs: dict[str, list[int]] = {}
-        """People, with the numbers of the pieces of their arms."""
+        """Indices of the pieces of people's arms."""
         self._last: dict[tuple[str, int], Pose] = {}
         self._noted = -1
 
     def __call__(self, world: Truth) -> None:
-        """Note what has moved if it is time to."""
+        """Take a sample if one is due."""
         if world.steps % max(1, world.rate // RATE) == 0:
             self.note(world)
 
     def note(self, world: Truth) -> None:
-        """Note what has moved, as at the end of a run; nothing happens if that is done."""
+        """Take a sample now, as at the end of a run, unless this step has one already."""
         if self._noted == world.steps:
             return
         self._noted = world.steps
-        found = [*self._bodies(world), *self._robot(world)]
-        if found:
+        moved = [*self._bodies(world), *self._robot(world)]
+        if moved:
             for watcher in self._watchers:
-                watcher(world.steps, found)
+                watcher(world.steps, moved)
 
     def _bodies(self, world: Truth) -> Iterator[Placed]:
         poses = world.poses()
@@ -80,7 +80,7 @@ class PoseTrack:
                 yield Placed(("bodies", name), MAP, None)
         for name, pose in poses.items():
             last = self._poses.get(name)
-            if pose is not last and pose != last:  # most have not even been placed anew
+            if pose is not last and pose != last:  # identity first: most poses are the same object
                 yield Placed(("bodies", name), MAP, pose)
         self._poses = poses
         for name, limbs in self._limbs.items():
@@ -101,8 +101,8 @@ class PoseTrack:
 
 
 @dataclass(frozen=True, slots=True)
-class _Driven:
-    """A link that a joint moves: where it is at zero, and how it goes from there."""
+class _MovedLink:
+    """A link that a joint moves: its pose at joint value zero, and the joint's kinematics."""
 
     link: Placed
     axis: tuple[float, float, float]
@@ -110,18 +110,18 @@ class _Driven:
     slides: bool
     multiplier: float = 1.0
     offset: float = 0.0
-    """Of a joint that mimics another: its value follows from that of the other."""
+    """Of a mimic joint: its value is ``multiplier * value + offset`` of the joint that it mimics."""
 
     def at(self, value: float) -> Placed:
-        """Where it is at a joint value [rad, m]."""
+        """Pose of the link at a joint value [rad or m]."""
         value = self.multiplier * value + self.offset
         zero, (a, b, c) = self.link.pose, self.axis
         assert zero is not None
         if self.slides:
-            way = rotated(zero.rotation, value * np.array(self.axis)).tolist()
-            x, y, z = (one + by for one, by in zip(zero.position, way, strict=True))
+            shift = rotated(zero.rotation, value * np.array(self.axis)).tolist()
+            x, y, z = (one + by for one, by in zip(zero.position, shift, strict=True))
             return Placed(self.link.path, self.link.frame, Pose((x, y, z), zero.orientation))
-        sine, w = math.sin(value / 2), math.cos(value / 2)
+        sine, w = math.sin(value / 2), math.cos(value / 2)  # quaternion product of zero and the rotation
         x, y, z = a * sine, b * sine, c * sine
         i, j, k, r = zero.orientation
         turned = (
@@ -134,14 +134,14 @@ class _Driven:
 
 
 class _Links:
-    """The frames of a robot's links in those of the links that they hang on, computed from joint values."""
+    """Poses of a robot's links in the frames of their parent links, computed from joint values."""
 
     def __init__(self, robot: Robot) -> None:
         names, joints = robot.link_names, read_urdf(robot.body.urdf).joints
         self._root, self._base = ("robot", names[-1]), (math.nan, 0.0, 0.0)
         self._joints: dict[str, float] = {}
-        self._driven: dict[str, list[_Driven]] = {name: [] for name in robot.joints}
-        """Joint -> the links that it moves, itself or through joints that mimic it."""
+        self._moved_by: dict[str, list[_MovedLink]] = {name: [] for name in robot.joints}
+        """Links that a joint moves, directly or through joints that mimic it."""
         masters = {name: (name, 1.0, 0.0) for name in robot.joints}
         for name, followers in robot.followers.items():
             masters |= {one.joint: (name, one.multiplier, one.offset) for _, one in followers}
@@ -152,43 +152,45 @@ class _Links:
             if joint.name in masters:
                 master, multiplier, offset = masters[joint.name]
                 a, b, c = joint.axis.tolist()
-                self._driven[master].append(_Driven(link, (a, b, c), joint.kind == "prismatic", multiplier, offset))
+                self._moved_by[master].append(
+                    _MovedLink(link, (a, b, c), joint.kind == "prismatic", multiplier, offset)
+                )
             else:
                 self.fixed.append(link)
 
     def moved(self, base: tuple[float, float, float], joints: Mapping[str, float]) -> Iterator[Placed]:
-        """Yield what has moved since this was asked last, at first what joints and base can move."""
+        """Yield the links that moved since the last call; the first call yields all movable links."""
         if base != self._base:
             self._base = base
             yield Placed(self._root, MAP, Pose.planar(*base))
         for joint, value in joints.items():
             if self._joints.get(joint) != value:
                 self._joints[joint] = value
-                for driven in self._driven[joint]:
-                    yield driven.at(value)
+                for link in self._moved_by[joint]:
+                    yield link.at(value)
 
 
 @dataclass(slots=True)
 class Track:
-    """Where one thing is over time, in one frame."""
+    """Poses of one entity over time, in one frame."""
 
     frame: tuple[str, ...]
     steps: list[int] = field(default_factory=list)
     poses: list[Pose | None] = field(default_factory=list)
-    """The pose from the step of the same number on; None while it is not there."""
+    """Pose from the step with the same index on; None while the entity does not exist."""
 
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
-        """Steps (n,), and positions and quaternions (n, 7); NaN while it is not there."""
+        """Steps (n,), and positions and quaternions (n, 7); NaN while the entity does not exist."""
         rows = [(math.nan,) * 7 if one is None else one.position + one.orientation for one in self.poses]
         return np.array(self.steps, np.int64), np.array(rows, float).reshape(-1, 7)
 
 
 class Tracks(dict[tuple[str, ...], Track]):
-    """A watcher that keeps everything: a track for each path, in the order of their appearance."""
+    """A watcher that records a track for each path, in the order of appearance."""
 
-    def __call__(self, step: int, found: Sequence[Placed]) -> None:
-        """Keep what has moved."""
-        for placed in found:
+    def __call__(self, step: int, moved: Sequence[Placed]) -> None:
+        """Record the entities that moved."""
+        for placed in moved:
             track = self.get(placed.path)
             if track is None:
                 track = self[placed.path] = Track(placed.frame)

@@ -1,4 +1,4 @@
-"""Maps of what the arms of a robot reach, as a recording for the rerun viewer."""
+"""Recording of the reachability maps of a robot's arms for the rerun viewer."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ POINT = 0.012
 def save_reach_recording(
     path: Path, drawn: Sequence[Drawn], models: Sequence[ArmModel], maps: Mapping[str, Maps]
 ) -> None:
-    """Write a recording; ``drawn``: the links of the robot at the origin of the map.
+    """Write a recording with a point cloud for each arm and class of grasps.
 
-    A cloud for each arm and class of grasp; its colours show how many headings of the hand are reached, as in the
-    picture.
+    Colours show the number of reachable headings of the hand, as in the picture. ``drawn`` are the links of the robot
+    at the origin of the map.
     """
     view = blueprint.Spatial3DView(origin=TRUTH, name="Reach")
     stream = stream_to(path, "planlang robot inspect", blueprint.Blueprint(view))
     record_robot(stream, drawn)
     for model in models:
-        for grasp, found in maps[model.name].items():
+        for grasp, reach in maps[model.name].items():
             entity = f"{TRUTH}/reach/{model.name}/{grasp.value}"
-            stream.log(entity, rerun.CoordinateFrame(MAP), _cloud(found), static=True)
+            stream.log(entity, rerun.CoordinateFrame(MAP), _cloud(reach), static=True)
     stream.flush()
     stream.disconnect()
 
 
-def _cloud(found: ReachabilityMap) -> rerun.Points3D:
-    """Return the cells of a map, coloured by their numbers of headings."""
-    rows = found.rows
-    places = np.stack([rows[name].astype(int) for name in ("x", "y", "z", "yaw")], axis=1).reshape(-1, 4)
-    cells, counts = np.unique(np.unique(places, axis=0)[:, :3], axis=0, return_counts=True)
+def _cloud(reach: ReachabilityMap) -> rerun.Points3D:
+    """Cells of a map as points, coloured by their numbers of headings."""
+    rows = reach.rows
+    entries = np.stack([rows[name].astype(int) for name in ("x", "y", "z", "yaw")], axis=1).reshape(-1, 4)
+    cells, counts = np.unique(np.unique(entries, axis=0)[:, :3], axis=0, return_counts=True)
     palette = np.array([blended(SCALE, count / (YAWS - 1)) for count in range(YAWS)], np.uint8)
     labels = [f"{count} of {YAWS} headings" for count in counts.tolist()]
     return rerun.Points3D(CELL * cells, radii=POINT, colors=palette[counts - 1], labels=labels, show_labels=False)

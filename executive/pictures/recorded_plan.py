@@ -1,4 +1,4 @@
-"""The plan in a recording for the rerun viewer: lanes of tasks and resources, and graphs coloured as they go on.
+"""The plan in a recording for the rerun viewer: lanes of tasks and resources, and graphs coloured by status.
 
 Importing it needs the package rerun-sdk.
 """
@@ -21,46 +21,46 @@ if TYPE_CHECKING:
     from planlang.compiler.drawing import TaskGraph
 
 LANES, TREE, RECIPE = "lanes", "plan", "recipe"
-"""The roots of what is written here."""
+"""Root entities of this module."""
 WAITING, RUNNING, EVAPORATED = (205, 208, 212), (66, 133, 244), (150, 150, 150)
 SUCCEEDED, FAILED = (52, 168, 83), (217, 48, 37)
 STATUS = {"running": RUNNING, "succeeded": SUCCEEDED, "failed": FAILED, "evaporated": EVAPORATED}
 SHADES = ((66, 133, 244), (36, 97, 188))
-"""Two in turn, so that one sees where a task of a lane ends and the next begins."""
+"""Alternating colours of the tasks in a lane, which make their boundaries visible."""
 SHOWN = ("plan", "perform", "state")
-"""Kinds of nodes that are tasks; others are constructs, which count if they did something."""
+"""Kinds of nodes that are always tasks; other constructs are if they repeated something or resolved a location."""
 FLASH = 0.5
-"""Least time that a failure is seen in its lane [s]."""
+"""Time for which a failure is shown in its lane [s]."""
 MOST_COLOURS = 100_000
-"""Colours of a graph over time that are written: of large graphs some changes come together."""
+"""Largest number of node colours written over time; in large graphs changes are merged."""
 COLUMN, ROW = 60.0, 34.0
-"""Indentation of a node of the tree, and distance of two [pixels]."""
+"""Indentation per level of the tree, and distance of rows [pixels]."""
 
 
 @dataclass(slots=True)
 class Task:
-    """A node that is shown, with its depth among those."""
+    """A visible node, with its depth among the visible ones."""
 
     node: TaskNode
     depth: int
     label: str
     above: Task | None
     segments: list[tuple[int, int, str, bool]] = field(default_factory=list)
-    """World steps of begin and end, what is written there, and whether it failed."""
+    """First and last world step, text, and whether this part failed."""
 
 
 def tasks_of(tree: RunTree, end: int) -> list[Task]:
-    """The tasks of a run in the order of their beginning, a task before those inside; ``end``: its last world step."""
-    found: list[Task] = []
+    """Tasks of a run in preorder; ``end`` is the last world step of the run."""
+    tasks: list[Task] = []
     waiting: list[tuple[TaskNode, Task | None]] = [(root, None) for root in reversed(tree.roots)]
     while waiting:
         node, above = waiting.pop()
         if node.begun is not None and _is_task(node):
             above = Task(node, 0 if above is None else above.depth + 1, _label(node), above)
             above.segments = list(_segments(node, above.label, tree.rate, end))
-            found.append(above)
+            tasks.append(above)
         waiting += [(child, above) for child in reversed(node.children)]
-    return found
+    return tasks
 
 
 def _is_task(node: TaskNode) -> bool:
@@ -68,19 +68,19 @@ def _is_task(node: TaskNode) -> bool:
 
 
 def _label(node: TaskNode) -> str:
-    """What a task is called: its action, or where the base stands for it at last, or its name."""
+    """Label of a task: its last base pose, else its action, else its name."""
     places = _places(node)
     return places[-1][1] if places else node.action or node.name
 
 
 def _places(node: TaskNode) -> list[tuple[int, str]]:
-    """Where the base stands for a task, one place after another, and from which world steps on."""
+    """World steps and texts of the base poses that were chosen for a task."""
     solutions = [one for one in node.happened if one.event == "solution"]
     return [(one.step, "at {:.2f}, {:.2f}".format(*one.details["base"][:2])) for one in solutions]
 
 
 def _segments(node: TaskNode, label: str, rate: float, end: int) -> Iterator[tuple[int, int, str, bool]]:
-    """Yield the parts of a task: one for each attempt, or place of the base, if there were several."""
+    """Split a task into its base poses or attempts, if there were several."""
     assert node.begun is not None
     stop = end if node.ended is None else node.ended
     attempts = [(round(time * rate), f"attempt {number}") for number, time in enumerate(node.repeats, 1)]
@@ -97,7 +97,7 @@ def _segments(node: TaskNode, label: str, rate: float, end: int) -> Iterator[tup
 
 
 def record_lanes(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[Task], end: int) -> None:
-    """Write lanes of tasks by depth, of failures, and of resources with who holds them."""
+    """Write lanes of tasks by depth, of failures, and of the holders of resources."""
     rate = round(tree.rate)
     rows: dict[int, list[list[Task]]] = {}
     for task in tasks:
@@ -122,7 +122,7 @@ def record_lanes(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[T
 
 
 def _is_origin(node: TaskNode) -> bool:
-    """Whether a failure began here, not in a task inside."""
+    """Check whether the failure of a node did not come from a task inside it."""
     waiting = list(node.children)
     for one in waiting:
         if one.status == "failed" and _is_task(one):
@@ -132,7 +132,7 @@ def _is_origin(node: TaskNode) -> bool:
 
 
 def _holdings(tree: RunTree, end: int) -> dict[str, list[tuple[int, int, str, bool]]]:
-    """Who holds each resource, from when until when; of tasks inside each other the innermost."""
+    """Holders of each resource over time; of nested holders the innermost counts."""
     events = [
         (one.step, node.number, one.event, resource)
         for node in tree.numbered.values()
@@ -140,13 +140,13 @@ def _holdings(tree: RunTree, end: int) -> dict[str, list[tuple[int, int, str, bo
         if one.event in ("acquired", "released")
         for resource in one.details["resources"]
     ]
-    found: dict[str, list[tuple[int, int, str, bool]]] = {}
+    holdings: dict[str, list[tuple[int, int, str, bool]]] = {}
     holders: dict[str, list[tuple[int, int]]] = {}
     for step, number, event, resource in sorted(events, key=lambda one: one[0]):
         stack = holders.setdefault(resource, [])
         if stack:
             begin, holder = stack[-1]
-            found.setdefault(resource, []).append((begin, step, _holder(tree.numbered[holder]), False))
+            holdings.setdefault(resource, []).append((begin, step, _holder(tree.numbered[holder]), False))
         if event == "acquired":
             stack.append((step, number))
             continue
@@ -156,36 +156,36 @@ def _holdings(tree: RunTree, end: int) -> dict[str, list[tuple[int, int, str, bo
     for resource, stack in holders.items():
         if stack:
             begin, holder = stack[-1]
-            found.setdefault(resource, []).append((begin, end, _holder(tree.numbered[holder]), False))
-    return {resource: [part for part in parts if part[1] > part[0]] for resource, parts in found.items()}
+            holdings.setdefault(resource, []).append((begin, end, _holder(tree.numbered[holder]), False))
+    return {resource: [part for part in parts if part[1] > part[0]] for resource, parts in holdings.items()}
 
 
 def _holder(node: TaskNode) -> str:
-    """The task for which a node holds something."""
-    outward: TaskNode | None = node
-    while outward is not None:
-        if _is_task(outward):
-            return _label(outward)
-        outward = outward.parent
+    """Label of the innermost task around a node that holds a resource."""
+    ancestor: TaskNode | None = node
+    while ancestor is not None:
+        if _is_task(ancestor):
+            return _label(ancestor)
+        ancestor = ancestor.parent
     return node.name
 
 
 def _lane(stream: rerun.RecordingStream, entity: str, parts: Iterable[tuple[int, int, str, bool]], rate: int) -> None:
-    """Write a lane of parts in the order of time: what fails is red, gaps are empty."""
+    """Write a lane of parts in chronological order; failed parts are red, gaps are empty."""
     states, last = dict[int, str](), ""
     looks: dict[str, tuple[str, tuple[int, int, int]]] = {}
     """State -> label and colour."""
     for begin, end, words, failed in parts:
         state = f"{words} failed" if failed else words
-        state = f"{state} again" if last == state else state  # equal states would be one
+        state = f"{state} again" if last == state else state  # the viewer would merge equal states
         shade = SHADES[looks.get(last, ("", WAITING))[1] == SHADES[0]]
         looks.setdefault(state, (words, FAILED if failed else shade))
         states[begin] = last = state
-        states[max(end, begin + 1)] = ""  # what takes no time would not be seen
+        states[max(end, begin + 1)] = ""  # at least one step long, else it would be invisible
     looks[""] = ("", WAITING)
     labels, colours = zip(*looks.values(), strict=True)
-    seen = [state != "" for state in looks]  # a viewer of 0.32 takes no state for one like any other
-    look = rerun.StateConfiguration(values=list(looks), labels=labels, colors=colours, visible=seen)
+    visible = [state != "" for state in looks]  # rerun 0.32 draws the empty state like any other
+    look = rerun.StateConfiguration(values=list(looks), labels=labels, colors=colours, visible=visible)
     stream.log(entity, look, static=True)
     steps = sorted(states)
     column = rerun.StateChange.columns(state=[states[step] for step in steps])
@@ -197,7 +197,7 @@ def _lane(stream: rerun.RecordingStream, entity: str, parts: Iterable[tuple[int,
 
 @dataclass(frozen=True, slots=True)
 class _Graph:
-    """Nodes with places [pixels], edges, and colours as they change: world step, node, colour."""
+    """Labelled nodes with positions [pixels], edges, and changes of colour (world step, node, colour)."""
 
     labels: Sequence[str]
     places: Sequence[tuple[float, float]]
@@ -206,7 +206,7 @@ class _Graph:
 
 
 def record_tree(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[Task]) -> None:
-    """Write the tasks as a tree that is read like an outline: each below the one before, indented by its depth."""
+    """Write the tasks as an outline: one per row, indented by depth."""
     numbers = {task.node.number: number for number, task in enumerate(tasks)}
     places = [(COLUMN * task.depth + 4.0 * len(task.label), ROW * number) for number, task in enumerate(tasks)]
     edges = [(numbers[task.above.node.number], number) for number, task in enumerate(tasks) if task.above is not None]
@@ -215,8 +215,8 @@ def record_tree(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[Ta
 
 
 def record_recipe(stream: rerun.RecordingStream, graph: TaskGraph, tree: RunTree) -> None:
-    """Write the steps of a recipe, and of those below it, coloured as the actions of their names go on."""
-    from planlang.compiler.drawing import Order  # a plan that is a file runs without the compiler
+    """Write the graph of a recipe and its subrecipes, with steps in the colour of their action's status."""
+    from planlang.compiler.drawing import Order  # here, since plans in files run without the compiler
     from planlang.compiler.drawing.layers import layered
 
     labels: list[str] = []
@@ -260,13 +260,13 @@ def _record_graph(stream: rerun.RecordingStream, entity: str, graph: _Graph, rat
         return
     now = np.tile(np.array(WAITING, np.uint8), (len(ids), 1))
     changes = sorted(graph.changes, key=lambda change: change[0])
-    together = 1 + len(changes) * len(ids) // MOST_COLOURS
+    stride = 1 + len(changes) * len(ids) // MOST_COLOURS  # changes merged into one row
     due, steps, rows = 0, list[int](), list[NDArray[np.uint8]]()
-    for place, (step, number, colour) in enumerate(changes):
+    for index, (step, number, colour) in enumerate(changes):
         now[number] = colour
-        is_last = place + 1 == len(changes)
-        if is_last or (changes[place + 1][0] != step and place >= due):
-            due = place + together
+        is_last = index + 1 == len(changes)
+        if is_last or (changes[index + 1][0] != step and index >= due):
+            due = index + stride
             steps.append(step)
             rows.append(now.copy())
     colours = rerun.GraphNodes.columns(colors=np.concatenate(rows)).partition([len(ids)] * len(rows))

@@ -1,6 +1,6 @@
-"""Recordings of runs for the rerun viewer: the world, what is believed of it, and the plan, on one time line.
+"""Recordings of runs for the rerun viewer: the world, the robot's belief, and the plan, on one time line.
 
-Importing it needs the package rerun-sdk; :func:`executive.pictures.drawn.missing` asks for that before.
+Importing it needs the package rerun-sdk; :func:`executive.pictures.drawn.missing` checks for it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from executive.pictures.recorded_world import (
     MAP,
     TIME_LINE,
     TRUTH,
-    Stand,
+    Keyframe,
     frame_of,
     record_belief,
     record_truth,
@@ -52,64 +52,64 @@ if TYPE_CHECKING:
 
 TEXT = "events"
 APART = 0.002
-"""A thing believed less far from its place than this [m] has no ghost: it could not be seen."""
+"""Distance between true and believed position above which a thing gets a ghost [m]."""
 COLOURS = {"ERROR": FAILED, "WARN": (230, 145, 30), "INFO": (120, 120, 125)}
-"""Colours of lines about the plan, by level."""
+"""Colours of log lines by level."""
 
 FROM, NEAREST = (-0.6, -0.7, 0.8), 4.0
-"""From where one looks first, as shares of the extent of what moves; and the least extent [m]."""
+"""Initial position of the eye, in units of the extent of all movement, and the smallest such extent [m]."""
 
 
 class Recording:
-    """What happens in one run, kept in memory until :meth:`save`: single log calls cost 50 us each, columns little."""
+    """Recording of one run, kept in memory until :meth:`save`: a log call costs 50 us, sending columns little."""
 
     def __init__(
         self, world: Truth, belief: Belief, *, recipe: TaskGraph | None = None, title: str = "planlang run"
     ) -> None:
-        """Begin a recording of the true world; ``recipe`` is the graph of the steps that the plan was compiled from."""
+        """Start to record the true world; ``recipe`` is the graph of the recipe that the plan was compiled from."""
         self._world, self._belief, self._recipe, self._title = world, belief, recipe, title
         self._tracks = Tracks()
         self._drawn = {thing.path: thing for thing in drawn_in(world)}
         self._records: list[Mapping[str, Any]] = []
         self._lines: list[tuple[int, str, str]] = []
         self._searches: dict[int, list[Rejections]] = {}
-        self._believed: dict[str, list[Stand]] = {}
+        self._believed: dict[str, list[Keyframe]] = {}
         self._believe(0)
 
-    def move(self, step: int, found: Sequence[Placed]) -> None:
-        """Keep what has moved; what has come into being is drawn as it is then."""
-        self._tracks(step, found)
-        if any(one.path not in self._drawn and one.path[0] == "bodies" for one in found):
+    def move(self, step: int, moved: Sequence[Placed]) -> None:
+        """Record the entities that moved; new bodies are drawn with their shape at this time."""
+        self._tracks(step, moved)
+        if any(one.path not in self._drawn and one.path[0] == "bodies" for one in moved):
             self._drawn = {thing.path: thing for thing in drawn_in(self._world)} | self._drawn
 
     def hear(self, record: Mapping[str, Any], node: object) -> None:
-        """Keep a record of the trace, and what is believed after a change."""
+        """Process a record of the trace, and sample the belief if it changed."""
         self._records.append(record)
         if record["event"] == "belief":
             self._believe(record["step"])
 
     def event(self, step: int, text: str) -> None:
-        """Keep a line about the record that was heard last."""
+        """Log a line of text about the latest record of the trace."""
         record = self._records[-1] if self._records else {}
-        # a recovery has the failure that it is about
+        # records of recoveries contain a failure, too
         level = "WARN" if record.get("event") == "recovery" else "ERROR" if "failure" in record else "INFO"
         self._lines.append((step, text, level))
 
     def search(self, location: object, log: Rejections) -> None:
-        """Keep the log of a search for base poses that begins now: it is filled as candidates are looked at."""
+        """Register a search for base poses that begins now; it fills ``log`` later."""
         self._searches.setdefault(self._world.steps, []).append(log)
 
     def _believe(self, step: int) -> None:
-        """Keep where things are believed to be: what hands hold in their frames, what is unknown nowhere."""
-        now = {name: Stand(step, MAP, self._belief.pose(name)) for name in self._belief.names()}
+        """Record believed poses: held objects in the frame of the hand, unknown ones without a pose."""
+        now = {name: Keyframe(step, MAP, self._belief.pose(name)) for name in self._belief.names()}
         for name, grip in self._belief.held.items():
-            now[name] = Stand(step, frame_of(("robot", grip.link)), grip.offset)
+            now[name] = Keyframe(step, frame_of(("robot", grip.link)), grip.offset)
         for name in [name for name in self._believed if name not in now]:
-            now[name] = Stand(step, MAP, None)
-        for name, stand in now.items():
-            stands = self._believed.setdefault(name, [])
-            if not stands or (stands[-1].frame, stands[-1].pose) != (stand.frame, stand.pose):
-                stands.append(stand)
+            now[name] = Keyframe(step, MAP, None)
+        for name, keyframe in now.items():
+            keyframes = self._believed.setdefault(name, [])
+            if not keyframes or (keyframes[-1].frame, keyframes[-1].pose) != (keyframe.frame, keyframe.pose):
+                keyframes.append(keyframe)
 
     def save(self, path: Path) -> None:
         """Write the recording."""
@@ -117,10 +117,10 @@ class Recording:
         tree = RunTree(self._records)
         stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate + FLASH))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
-        for name, stands in self._believed.items():
+        for name, keyframes in self._believed.items():
             thing = self._drawn.get(("bodies", name))
-            if thing is not None and self._is_apart(name, stands):
-                record_belief(stream, thing.shapes, name, stands, rate)
+            if thing is not None and self._is_apart(name, keyframes):
+                record_belief(stream, thing.shapes, name, keyframes, rate)
         record_candidates(stream, self._searches, rate)
         tasks = tasks_of(tree, end)
         record_lanes(stream, tree, tasks, end)
@@ -132,25 +132,25 @@ class Recording:
         stream.disconnect()
 
     def _view(self) -> archetypes.EyeControls3D:
-        """A view from above at where the robot and things have moved."""
+        """Initial view, from above at the area in which the robot and things moved."""
         moved = [track for track in self._tracks.values() if not track.frame and len(track.poses) > 1]
-        every = [track.arrays()[1][:, :3] for track in moved or self._tracks.values() if not track.frame]
-        points = np.concatenate(every)
+        positions = [track.arrays()[1][:, :3] for track in moved or self._tracks.values() if not track.frame]
+        points = np.concatenate(positions)
         low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
         middle = (low + high) / 2
-        away = max(float(np.linalg.norm(high - low)), NEAREST)
-        return archetypes.EyeControls3D(position=middle + away * np.array(FROM), look_target=middle, eye_up=(0, 0, 1))
+        extent = max(float(np.linalg.norm(high - low)), NEAREST)
+        return archetypes.EyeControls3D(position=middle + extent * np.array(FROM), look_target=middle, eye_up=(0, 0, 1))
 
-    def _is_apart(self, name: str, stands: Sequence[Stand]) -> bool:
-        """Whether a thing is ever believed elsewhere than where it is at the beginning, or moves."""
+    def _is_apart(self, name: str, keyframes: Sequence[Keyframe]) -> bool:
+        """Check whether a thing needs a ghost: it moves, its believed pose changes, or the two differ initially."""
         track = self._tracks.get(("bodies", name))
-        if track is None or len(track.poses) > 1 or len(stands) > 1:
+        if track is None or len(track.poses) > 1 or len(keyframes) > 1:
             return True
-        first, believed = track.poses[0], stands[0].pose
+        first, believed = track.poses[0], keyframes[0].pose
         return first is None or believed is None or first.distance(believed) > APART
 
     def _write_lines(self, stream: rerun.RecordingStream, tree: RunTree) -> None:
-        """Write the lines of the run, and at its end why it failed, with the causes."""
+        """Write the log lines, and at the end of a failed run the chain of causes."""
         end = self._world.steps
         why = [(end, text, "ERROR") for root in tree.roots if root.failure for text in _reasons(root.failure)]
         lines = [*self._lines, *why]
@@ -162,7 +162,7 @@ class Recording:
 
 
 def _reasons(failure: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a failure, and each cause of the one before."""
+    """Yield the texts of a failure and of its chain of causes."""
     lead, link = "", failure
     while link:
         yield f"{lead}{link['type']}: {link['message']}"
@@ -170,7 +170,7 @@ def _reasons(failure: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> Any:
-    """The scene, large, beside graph and text; below all lanes on one axis, which ends at ``end`` [s]."""
+    """Layout of the viewer: the scene beside graphs and text, and below them lanes on a time axis to ``end`` [s]."""
     graphs = [blueprint.GraphView(origin=TREE, name="Plan")]
     if has_recipe:
         graphs.append(blueprint.GraphView(origin=RECIPE, name="Recipe"))
@@ -191,8 +191,8 @@ def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> 
     )
     known = inspect.signature(blueprint.StateTimelineView.__init__).parameters
     ends = (rerun.TimeRangeBoundary.absolute(seconds=moment) for moment in (0.0, end))
-    # A viewer of 0.32 shows all of the time by itself. No link: this axis is the only one, and a linked one ignores
-    # its range, and centres on the cursor whenever that is set.
+    # Viewers of rerun 0.32 show the whole range by default. The axis is not linked: a linked axis ignores its range,
+    # and centres on the cursor whenever that is set.
     axis = {"time_view": archetypes.TimeAxis(view_range=rerun.TimeRange(*ends))} if "time_view" in known else {}
     lanes = blueprint.StateTimelineView(origin=LANES, name="Lanes", **axis)
     return blueprint.Blueprint(

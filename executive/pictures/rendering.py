@@ -1,8 +1,8 @@
-"""A renderer for pictures of a world: triangles to pixels, by NumPy alone, the same on every machine.
+"""Software rasteriser for pictures of a world, in NumPy only, with the same result on every machine.
 
-A *frame* holds for each pixel the nearest triangle (a visibility buffer: C. Burns and W. Hunt, 2013). Light is computed
-afterwards, for pixels that are seen: a sky above, a sun whose shadows come from a second frame, darker hollows (T.
-Luft, C. Colditz and O. Deussen, 2006), and lines at edges. Twice as many pixels along both sides make edges smooth.
+A *frame* holds the nearest triangle of each pixel (visibility buffer: C. Burns and W. Hunt, 2013). Shading is deferred
+to visible pixels: hemispherical sky light, a sun with a shadow map, unsharp masking of the depth buffer, which darkens
+hollows (T. Luft, C. Colditz and O. Deussen, 2006), and lines at edges. Edges are smoothed by 2 x 2 supersampling.
 """
 
 from __future__ import annotations
@@ -23,42 +23,42 @@ Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
 FIELD = math.radians(36)
-"""Vertical opening angle of pictures [rad]: that of a lens for portraits, which makes rooms look calm."""
+"""Vertical field of view [rad], that of a portrait lens, whose moderate perspective suits rooms."""
 NEAR = 0.01
-"""Nothing nearer than this is drawn [m]."""
+"""Distance of the near plane [m]."""
 FINE = 2
-"""Pixels along both sides of one of the result."""
+"""Supersampling along both axes."""
 SUN = (-0.55, -0.35, 1.0)
-"""Direction to the sun: so far to the right of a viewer, ahead of him, and up."""
+"""Direction to the sun, as components to the right of the viewer, horizontally ahead, and up."""
 SHADOW = 1024
-"""Pixels along both sides of the frame of the sun."""
+"""Side of the shadow map [pixels]."""
 BIAS = 0.012
-"""Distance from its own surface up to which nothing throws a shadow [m]."""
+"""Depth bias of shadows [m], which keeps surfaces from shadowing themselves."""
 SKY, GROUND = np.array([0.70, 0.72, 0.76], np.float32), np.array([0.56, 0.54, 0.52], np.float32)
-"""Light from above and from below, of red, green and blue."""
+"""Ambient light from above and from below (red, green, blue)."""
 SUNLIGHT = np.array([0.42, 0.40, 0.36], np.float32)
 TOP, BOTTOM = np.array([226, 232, 240], np.float32), np.array([250, 250, 250], np.float32)
 """Colours of the background."""
 LINE, CREASE = 0.42, 0.75
-"""What lines at the edges of things, and at edges within one, leave of a colour."""
+"""Brightness factors of lines between shapes, and of lines at edges within one shape."""
 BENT = 0.3
-"""Difference of light within one thing that makes an edge."""
+"""Difference of the cosines of illumination between two pixels at which an edge is drawn."""
 STEP = 0.05
-"""Difference of depth, as a share of it, within one thing that makes an edge."""
+"""Relative difference of depth between two pixels at which an edge is drawn."""
 HOLLOW = 10
-"""Half the side of the square over which depths are averaged to find hollows [pixels of the result at 640]."""
+"""Radius of the box blur of the depth buffer [pixels of a picture that is 640 wide]."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A viewpoint: the eye and what it looks at, in the map [m]; ``width`` of a parallel projection, else a lens."""
+    """Viewpoint: eye and target in the map [m]. With a ``width`` [m] the projection is parallel, else perspective."""
 
     eye: Point
     target: Point
     width: float | None = None
 
     def axes(self) -> Array:
-        """Return right, down and ahead, as rows (3, 3)."""
+        """Camera axes right, down and ahead in the map, as rows (3, 3)."""
         ahead = np.subtract(self.target, self.eye)
         ahead = ahead / np.linalg.norm(ahead)
         up = np.array([0.0, 0.0, 1.0]) if abs(ahead[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
@@ -67,14 +67,17 @@ class View:
         return np.array([right, np.cross(ahead, right), ahead])
 
     def sun(self) -> Array:
-        """Return the direction to a sun over the viewer's shoulder, (3,)."""
+        """Unit vector to a sun over the viewer's shoulder, (3,)."""
         right, _, ahead = self.axes()
         level = np.array([-right[1], right[0], 0.0]) if abs(ahead[2]) < 0.999 else np.array([0.0, 1.0, 0.0])
         sun = SUN[0] * right + SUN[1] * level + [0.0, 0.0, SUN[2]]
         return np.asarray(sun / np.linalg.norm(sun))
 
-    def seen(self, points: NDArray[np.floating[Any]], size: tuple[int, int]) -> NDArray[np.floating[Any]]:
-        """Return columns, rows [pixels] and nearness of points (n, 3): 1 / depth, or less in a parallel one."""
+    def project(self, points: NDArray[np.floating[Any]], size: tuple[int, int]) -> NDArray[np.floating[Any]]:
+        """Project points (n, 3) to columns, rows [pixels] and nearness, (n, 3).
+
+        Nearness is 1 / depth in perspective, which is linear in the picture, and ``FAR`` - depth in a parallel one.
+        """
         width, height = size
         eye, axes = np.asarray(self.eye, points.dtype), self.axes().astype(points.dtype)
         local = np.einsum("ij,nj->ni", axes, points - eye)
@@ -88,27 +91,30 @@ class View:
 
 
 FAR = 1000.0
-"""More than any depth of a parallel projection [m]: what is nearer has the greater value."""
+"""Upper bound of depths in a parallel projection [m]."""
 
 
 class Frame:
-    """For each pixel (height, width) the nearest triangle of models, whose order it keeps."""
+    """Visibility buffer: the nearest triangle of each pixel (height, width)."""
 
     def __init__(self, view: View, size: tuple[int, int]) -> None:
         self.view, self.size = view, size
         self.keys = np.zeros(size[0] * size[1], np.uint64)
-        """Nearness in the upper half, 1 + the number of the triangle in the lower; 0 for none."""
+        """Nearness as float32 bits in the upper half, 1 + index of the triangle in the lower; 0 for none.
+
+        Bits of positive floats are ordered like their values, so that the maximum of two keys is the nearer one.
+        """
 
     def copy(self) -> Frame:
-        """Return a frame to draw more on."""
-        found = Frame(self.view, self.size)
-        found.keys = self.keys.copy()
-        return found
+        """Copy the frame, to draw more on the copy."""
+        other = Frame(self.view, self.size)
+        other.keys = self.keys.copy()
+        return other
 
     def draw(self, model: Model, first: int = 0) -> None:
-        """Draw the triangles of a model that face the eye; their numbers begin at ``first``."""
-        points = self.view.seen(model.vertices, self.size).astype(np.float64)
-        corners = points[model.triangles[:, ::-1]]  # rows count downwards: what turns left in the map turns right here
+        """Rasterise the front-facing triangles of a model; their indices begin at ``first``."""
+        points = self.view.project(model.vertices, self.size).astype(np.float64)
+        corners = points[model.triangles[:, ::-1]]  # rows count downwards, which reverses the orientation
         (ax, ay), (bx, by), (cx, cy) = (corners[:, k, :2].T for k in range(3))
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         width, height = self.size
@@ -127,6 +133,7 @@ class Frame:
             self._fill(corners[which], area[which], top[which], bottom[which], which + first)
 
     def _fill(self, corners: Array, area: Array, top: NDArray[Any], bottom: NDArray[Any], names: NDArray[Any]) -> None:
+        """Split triangles into horizontal spans, one for each row of pixel centres, and write these."""
         width, _ = self.size
         counts = bottom - top
         of = np.repeat(np.arange(len(corners)), counts)
@@ -139,7 +146,7 @@ class Frame:
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = np.where(np.abs(rise) > 1e-12, run / rise, 0.0)
             at = (ax - ay * slope)[of] + slope[of] * middle
-            # the inside is to the right of an edge that goes up in the picture, to the left of one that goes down
+            # the interior is to the right of edges that go up in the picture, to the left of those that go down
             goes_up, goes_down = (rise < -1e-12)[of], (rise > 1e-12)[of]
             left = np.where(goes_up, np.maximum(left, at), left)
             right = np.where(goes_down, np.minimum(right, at), right)
@@ -150,7 +157,7 @@ class Frame:
         self._put(rows * width + begin, lengths, start, slopes[of, 1], names[of])
 
     def _put(self, begin: NDArray[Any], lengths: NDArray[Any], start: Array, step: Array, names: NDArray[Any]) -> None:
-        """Keep spans of pixels where they are nearer than what is there, in portions that stay in the cache."""
+        """Write spans of pixels with a depth test, in portions that fit the CPU's cache."""
         ends = np.cumsum(lengths)
         cuts = np.searchsorted(ends, np.arange(PORTION, int(ends[-1]) + PORTION, PORTION)) + 1
         first = 0
@@ -169,21 +176,21 @@ class Frame:
 
     @property
     def triangles(self) -> NDArray[np.int64]:
-        """The number of the nearest triangle of each pixel, (height * width,); -1 for none."""
+        """Index of the nearest triangle of each pixel, (height * width,); -1 for none."""
         return (self.keys & np.uint64(0xFFFFFFFF)).astype(np.int64) - 1
 
     @property
     def nearness(self) -> Floats:
-        """Its nearness, (height * width,)."""
+        """Nearness of each pixel, (height * width,); 0 for the background."""
         return (self.keys >> np.uint64(32)).astype(np.uint32).view(np.float32)
 
 
 PORTION = 1 << 18
-"""Pixels of spans that are drawn in one go."""
+"""Pixels that are written at a time."""
 
 
 def _slopes(corners: Array, values: Array, area: Array) -> Array:
-    """Return values (m, 3) at the corners of triangles as a + b column + c row: (m, 3)."""
+    """Interpolate values (m, 3) at the corners of triangles: coefficients (m, 3) of a + b * column + c * row."""
     (ax, ay), (bx, by), (cx, cy) = (corners[:, k, :2].T for k in range(3))
     first, second = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
     across = (first * (cy - ay) - second * (by - ay)) / area
@@ -192,10 +199,10 @@ def _slopes(corners: Array, values: Array, area: Array) -> Array:
 
 
 class Shadow:
-    """The frame of the sun: which places it does not reach."""
+    """Shadow map of the sun."""
 
     def __init__(self, models: Sequence[Model], sun: Array, around: tuple[Array, float]) -> None:
-        """Look from the sun, in a direction (3,), at a ball (middle, radius)."""
+        """Render models from the direction ``sun`` (3,), within the sphere ``around`` (centre, radius)."""
         middle, radius = around
         self.sun, self._radius = sun, radius
         eye = middle + sun * 3 * radius
@@ -208,9 +215,10 @@ class Shadow:
         self._near = self.frame.nearness
 
     def reaches(self, view: View, local: Sequence[Floats], cosines: Floats) -> Floats:
-        """Return which share of the sun reaches points of surfaces that face it so far (n,), (n,).
+        """Fraction of sunlight that reaches surface points, (n,), by percentage-closer filtering of 2 x 2 samples.
 
-        ``local`` are their distances to the right, below and ahead of the eye of a view, (n,) each.
+        ``local`` are the coordinates of the points along the axes of a view, from its eye, (n,) each; ``cosines`` (n,)
+        are those of the angles between surface normals and the sun.
         """
         sun = self.frame.view
         turn = np.einsum("ij,kj->ik", sun.axes(), view.axes())
@@ -220,7 +228,7 @@ class Shadow:
         )
         scale, half = np.float32(SHADOW / (2 * self._radius)), np.float32(SHADOW / 2)
         across, down = across * scale + half, down * scale + half
-        # the steeper the light, the farther apart a pixel of the sun and the point are
+        # the bias grows with the slope of the surface, as depth varies more within a pixel of the map
         near = np.float32(FAR + BIAS) - ahead + 2 / (scale * np.maximum(cosines, np.float32(0.1)))
         lit = np.zeros(len(near), np.float32)
         for dx in (-0.8, 0.8):
@@ -234,45 +242,45 @@ class Shadow:
 def rendered(
     models: Sequence[Model], view: View, size: tuple[int, int], around: tuple[Array, float], walls: Sequence[Model] = ()
 ) -> Image:
-    """Return a picture (height, width, 3) of models, and of walls, which throw no shadow into their room.
+    """Render models and walls to a picture (height, width, 3). Walls throw no shadow.
 
-    Shadows are of what is in the ball ``around`` (middle, radius).
+    Shadows are limited to the sphere ``around`` (centre, radius).
     """
-    whole = joined([*models, *walls])
-    is_solid = whole.colours[:, 3] == 255
-    opaque, clear = whole.only(is_solid), whole.only(~is_solid)
+    scene = joined([*models, *walls])
+    is_opaque = scene.colours[:, 3] == 255
+    opaque, clear = scene.only(is_opaque), scene.only(~is_opaque)
     frame = Frame(view, (size[0] * FINE, size[1] * FINE))
     frame.draw(opaque)
-    return painted(frame, opaque, clear, Shadow(models, view.sun(), around))
+    return shade(frame, opaque, clear, Shadow(models, view.sun(), around))
 
 
-def painted(frame: Frame, opaque: Model, clear: Model, shadow: Shadow) -> Image:
-    """Return the picture (height, width, 3) of a frame in which what is opaque is drawn, with what is clear before it.
+def shade(frame: Frame, opaque: Model, clear: Model, shadow: Shadow) -> Image:
+    """Shade a frame of opaque triangles and blend transparent ones in front of it: a picture (height, width, 3).
 
-    Of clear things only the nearest is seen.
+    Only the nearest layer of transparent surfaces is drawn.
     """
     width, height = frame.size
     picture = np.repeat(TOP + (BOTTOM - TOP) * np.linspace(0, 1, height, dtype=np.float32)[:, None], width, axis=0)
     edges = _Edges(frame.size)
-    back = _Seen(frame, opaque, shadow.sun)
+    back = _Visible(frame, opaque, shadow.sun)
     picture[back.pixels] = back.colours(shadow) * _hollows(frame)[back.pixels, None]
     edges.add(back)
     if len(clear.triangles):
         frame, first = frame.copy(), len(opaque.triangles)
         frame.draw(clear, first)
-        through = _Seen(frame, joined([opaque, clear]), shadow.sun, first)
-        share = through.model.colours[through.names, 3:].astype(np.float32) / np.float32(255)
-        behind = picture[through.pixels]
-        picture[through.pixels] = behind + (through.colours(shadow) - behind) * share
-        edges.add(through)
+        front = _Visible(frame, joined([opaque, clear]), shadow.sun, first)
+        opacity = front.model.colours[front.names, 3:].astype(np.float32) / np.float32(255)
+        behind = picture[front.pixels]
+        picture[front.pixels] = behind + (front.colours(shadow) - behind) * opacity
+        edges.add(front)
     picture *= edges.lines()[:, None]
     rows = picture.reshape(height // FINE, FINE, width // FINE, FINE, 3)
     blocks = sum(rows[:, i, :, j] for i in range(FINE) for j in range(FINE)) / np.float32(FINE * FINE)
     return np.asarray(np.clip(blocks + 0.5, 0, 255), np.uint8)
 
 
-class _Seen:
-    """The pixels of a frame that show triangles from a number on: which they show, and how these face the light."""
+class _Visible:
+    """Pixels of a frame that show triangles with indices from ``first`` on, with their interpolated illumination."""
 
     def __init__(self, frame: Frame, model: Model, sun: Array, first: int = 0) -> None:
         triangles = frame.triangles
@@ -285,24 +293,27 @@ class _Seen:
         self.sun, self.up = self._facing(sun)
 
     def _facing(self, sun: Array) -> tuple[Floats, Floats]:
-        """Return how far surfaces face the sun and the sky: cosines (n,), of normals between those of corners."""
+        """Cosines (n,) between the surface normals and the directions to the sun and up, interpolated from vertices.
+
+        The interpolation is perspective-correct: values are multiplied by nearness before, and divided after it.
+        """
         model = self.model
-        points = self.view.seen(model.vertices, self.size).astype(np.float64)
+        points = self.view.project(model.vertices, self.size).astype(np.float64)
         corners = model.triangles[:, ::-1]
         at = points[corners]
         (ax, ay), (bx, by), (cx, cy) = (at[:, k, :2].T for k in range(3))
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         area = np.where(np.abs(area) > FLAT, area, FLAT)
-        found = []
+        cosines = []
         for axis in (sun, np.array([0.0, 0.0, 1.0])):
             values = np.einsum("nj,j->n", model.normals, axis) * points[:, 2]
             a, b, c = _slopes(at, values[corners], area).astype(np.float32).T
             value = (a[self.names] + b[self.names] * self._columns + c[self.names] * self._rows) / self.near
-            found.append(np.clip(value, np.float32(-1), np.float32(1)))
-        return found[0], found[1]
+            cosines.append(np.clip(value, np.float32(-1), np.float32(1)))
+        return cosines[0], cosines[1]
 
     def colours(self, shadow: Shadow) -> Floats:
-        """Return their colours in the light of sky and sun, (n, 3)."""
+        """Colours lit by sky and sun, (n, 3)."""
         lit: Floats = np.maximum(self.sun, np.float32(0))
         faces = np.flatnonzero(lit)
         width, height = self.size
@@ -310,22 +321,22 @@ class _Seen:
         across = (self._columns[faces] - np.float32(width / 2)) * depth * scale
         down = (self._rows[faces] - np.float32(height / 2)) * depth * scale
         lit[faces] *= shadow.reaches(self.view, (across, down, depth), self.sun[faces])
-        share = self.up * _HALF + _HALF
-        own = self.model.colours[:, :3].astype(np.float32)
-        found = np.empty((len(self.names), 3), np.float32)
+        from_above = self.up * _HALF + _HALF
+        albedo = self.model.colours[:, :3].astype(np.float32)
+        colours = np.empty((len(self.names), 3), np.float32)
         for k in range(3):
-            light = GROUND[k] + (SKY[k] - GROUND[k]) * share + SUNLIGHT[k] * lit
-            found[:, k] = np.minimum(own[:, k][self.names] * light, np.float32(255))
-        return found
+            light = GROUND[k] + (SKY[k] - GROUND[k]) * from_above + SUNLIGHT[k] * lit
+            colours[:, k] = np.minimum(albedo[:, k][self.names] * light, np.float32(255))
+        return colours
 
 
 _HALF = np.float32(0.5)
 FLAT = 1e-9
-"""Least area of a triangle that is drawn [pixels]."""
+"""Smallest doubled area of a triangle that is drawn [pixels]."""
 
 
 def _hollows(frame: Frame) -> Floats:
-    """Return what light is left (height * width,) where surfaces lie behind those around them."""
+    """Brightness factors (height * width,) that darken surfaces which lie behind their surroundings."""
     width, height = frame.size
     near = frame.nearness.reshape(height, width)[::FINE, ::FINE].copy()
     if not near.any():
@@ -333,22 +344,22 @@ def _hollows(frame: Frame) -> Floats:
     near[near == 0] = near[near > 0].min()
     depth = np.log(near)
     behind = _blurred(depth, max(2, round(HOLLOW * width / FINE / 640))) - depth
-    left = 1 - np.clip(behind * np.float32(2.2), 0, np.float32(0.22))
-    return np.repeat(np.repeat(left, FINE, axis=0), FINE, axis=1).reshape(-1)
+    factor = 1 - np.clip(behind * np.float32(2.2), 0, np.float32(0.22))
+    return np.repeat(np.repeat(factor, FINE, axis=0), FINE, axis=1).reshape(-1)
 
 
 def _blurred(values: Floats, radius: int) -> Floats:
-    """Return means over squares of a picture (height, width)."""
-    found, side = values.astype(np.float64), 2 * radius + 1
+    """Box-blur an image (height, width), one axis after the other."""
+    blurred, side = values.astype(np.float64), 2 * radius + 1
     for _ in range(2):
-        padded = np.pad(found, [(radius + 1, radius), (0, 0)], mode="edge")
+        padded = np.pad(blurred, [(radius + 1, radius), (0, 0)], mode="edge")
         sums = np.cumsum(padded, axis=0)
-        found = ((sums[side:] - sums[:-side]) / side).T
-    return found.astype(np.float32)
+        blurred = ((sums[side:] - sums[:-side]) / side).T
+    return blurred.astype(np.float32)
 
 
 class _Edges:
-    """What tells edges of all pixels of a picture: whose they are, how they face the light, and their depth."""
+    """Detects edges by the differences of owner, illumination and depth between adjacent pixels."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         self._size = size
@@ -360,23 +371,23 @@ class _Edges:
             np.zeros(count, np.float32),
         )
 
-    def add(self, seen: _Seen) -> None:
-        """Take over what is seen."""
-        self._owners[seen.pixels] = seen.model.owners[seen.names]
-        self._sun[seen.pixels], self._up[seen.pixels] = seen.sun, seen.up
-        self._depth[seen.pixels] = np.log(seen.near)
+    def add(self, visible: _Visible) -> None:
+        """Add the properties of visible pixels."""
+        self._owners[visible.pixels] = visible.model.owners[visible.names]
+        self._sun[visible.pixels], self._up[visible.pixels] = visible.sun, visible.up
+        self._depth[visible.pixels] = np.log(visible.near)
 
     def lines(self) -> Floats:
-        """Return what lines leave of the light, (height * width,)."""
+        """Brightness factors (height * width,) that draw the lines."""
         width, height = self._size
         owners, sun, up, depth = (
             one.reshape(height, width) for one in (self._owners, self._sun, self._up, self._depth)
         )
-        left = np.ones((height, width), np.float32)
+        factors = np.ones((height, width), np.float32)
         for first, second in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
             crease = (np.abs(sun[first] - sun[second]) > BENT) | (np.abs(up[first] - up[second]) > BENT)
             apart = (owners[first] != owners[second]) | (np.abs(depth[first] - depth[second]) > STEP)
             for lines, value in ((crease, CREASE), (apart, LINE)):
-                for part in (left[first], left[second]):
+                for part in (factors[first], factors[second]):
                     np.minimum(part, np.float32(value), out=part, where=lines)
-        return left.reshape(-1)
+        return factors.reshape(-1)

@@ -1,4 +1,4 @@
-"""Pictures of a world: of what happens in it, or from where a user asks for."""
+"""Pictures of a world, from an automatically chosen viewpoint or one that the user states."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from executive.pictures import rendering
 from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered
 from executive.pictures.stage import Path, Stage
-from executive.pictures.steps import captioned
+from executive.pictures.steps import with_caption
 from executive.pictures.viewpoints import overview, subjects, view_of
 from planlang.geometry import Array, Pose
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from sim.truth import Truth
 
 SIZE = (960, 640)
-"""Pixels of a picture."""
+"""Width and height of a picture [pixels]."""
 SHADED = 0.75
-"""Radius of the ball in which there are shadows, as a share of the distance of the eye."""
+"""Radius of the sphere with shadows, as a fraction of the distance from eye to target."""
 
 
 def save_picture(
@@ -35,13 +35,13 @@ def save_picture(
     title: str = "",
     ending: Sequence[str] = (),
 ) -> None:
-    """Write a PNG of a world: of its robot, of bodies near it, and of some wherever they are.
+    """Write a PNG of a world: of its robot, of the bodies ``names`` near it, and of the bodies ``always``.
 
-    Or as ``view`` asks (:func:`stated_view`). How a run has ended, if that is given, stands below with its title.
-    Raises OSError as writing does.
+    ``view`` states another viewpoint (:func:`stated_view`). If ``ending`` is given, the title and these lines stand
+    below the picture. Raises OSError.
     """
     image = Image.fromarray(picture(world, names, view, always=always))
-    (captioned(image, title, ending) if ending else image).save(path, format="PNG")
+    (with_caption(image, title, ending) if ending else image).save(path, format="PNG")
 
 
 def picture(
@@ -52,39 +52,39 @@ def picture(
     size: tuple[int, int] = SIZE,
     always: Collection[str] = (),
 ) -> rendering.Image:
-    """Return the same as pixels (height, width, 3)."""
+    """Render the same picture to an array (height, width, 3)."""
     stage = Stage(world)
     poses = stage.poses()
     aspect = size[0] / size[1]
     about = subjects(stage, poses, names, always)
-    shown = view_of(stage, poses, about, aspect) if view is None else stated_view(view, stage, poses, about, aspect)
-    return taken(stage, poses, shown, size, stage.plumb_lines())
+    chosen = view_of(stage, poses, about, aspect) if view is None else stated_view(view, stage, poses, about, aspect)
+    return render_poses(stage, poses, chosen, size, stage.plumb_lines())
 
 
-def taken(
+def render_poses(
     stage: Stage, poses: Mapping[Path, Pose], view: View, size: tuple[int, int], more: Iterable[Model] = ()
 ) -> rendering.Image:
-    """Return the picture (height, width, 3) of a moment, with ``more`` models that are in the map."""
-    return rendered([*stage.scene(poses), *more], view, size, shaded_ball(view), list(stage.walls(poses, view)))
+    """Render given poses to a picture (height, width, 3), with ``more`` models in the map frame."""
+    return rendered([*stage.scene(poses), *more], view, size, shadow_sphere(view), list(stage.walls(poses, view)))
 
 
-def shaded_ball(view: View) -> tuple[Array, float]:
-    """Return the ball (middle, radius) in which shadows are worth their pixels."""
+def shadow_sphere(view: View) -> tuple[Array, float]:
+    """Sphere (centre, radius) that the shadow map covers."""
     distance = float(np.linalg.norm(np.subtract(view.target, view.eye)))
     return np.asarray(view.target), max(1.0, SHADED * distance)
 
 
 NAMED = ("overview", "top")
-"""Views that have names."""
+"""Names of views."""
 
 
 def is_view(text: str) -> bool:
-    """Return whether a user can ask for a view in these words: a name, an eye, or an eye and what it looks at."""
+    """Check the syntax of a view: a name, an eye, or an eye and a target."""
     return text in NAMED or _points(text) is not None
 
 
 def stated_view(text: str, stage: Stage, poses: Mapping[Path, Pose], about: list[list[Path]], aspect: float) -> View:
-    """Return the view that a text asks for; an eye alone looks at the middle of what the picture is about."""
+    """Parse a view; an eye without a target looks at the centre of the picture's subjects."""
     points = _points(text)
     if points is None:
         return overview(stage, poses, aspect, top=text == "top")
@@ -96,8 +96,8 @@ def stated_view(text: str, stage: Stage, poses: Mapping[Path, Pose], about: list
 
 
 def _points(text: str) -> list[rendering.Point] | None:
-    """Return the one or two points of ``X,Y,Z`` or ``X,Y,Z:X,Y,Z``; None for another text, and for equal points."""
-    found: list[rendering.Point] = []
+    """Parse one or two points, ``X,Y,Z`` or ``X,Y,Z:X,Y,Z``; None for any other text, and for equal points."""
+    points: list[rendering.Point] = []
     for part in text.split(":"):
         try:
             x, y, z = map(float, part.split(","))
@@ -105,5 +105,5 @@ def _points(text: str) -> list[rendering.Point] | None:
             return None
         if not np.isfinite([x, y, z]).all() or max(map(abs, (x, y, z))) > rendering.FAR:
             return None
-        found.append((x, y, z))
-    return found if len(found) == 1 or (len(found) == 2 and found[0] != found[1]) else None
+        points.append((x, y, z))
+    return points if len(points) == 1 or (len(points) == 2 and points[0] != points[1]) else None

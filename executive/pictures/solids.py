@@ -1,7 +1,7 @@
-"""Closed surfaces that shapes are made of: bevelled boxes, lathed profiles, bent tubes, extruded outlines.
+"""Closed surfaces as building blocks of shapes: bevelled boxes, surfaces of revolution, tubes, extruded outlines.
 
-Each is a :class:`Solid`, whose triangles share their vertices. :func:`shaded` repeats vertices at edges: where normals
-of faces are averaged at vertices, round surfaces are round and edges sharp.
+The triangles of a :class:`Solid` share their vertices. :func:`shaded` duplicates vertices along edges, so that averaged
+vertex normals make round surfaces look smooth and edges sharp.
 """
 
 from __future__ import annotations
@@ -17,38 +17,38 @@ from planlang.geometry import Array
 from planlang.records import dataclass
 
 AROUND = 24
-"""Corners of a circle about an axis."""
+"""Segments of a surface of revolution."""
 AROUND_TUBE = 8
-"""Corners of a circle about a tube."""
+"""Segments around a tube."""
 CREASE = math.radians(50)
-"""Faces that meet at a greater angle than this meet in an edge [rad]."""
+"""Angle between faces above which their common edge is sharp [rad]."""
 BEND = 5
-"""Points of a smooth tube between two that are stated."""
+"""Segments of a smooth tube between two given points."""
 FLAT = 1e-9
-"""Less than this, as an area of a triangle or a distance, is none."""
+"""Tolerance below which an area or a distance counts as zero."""
 Faces = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solid:
-    """A closed surface: ``vertices`` (n, 3), and ``faces`` (m, 3), anticlockwise seen from outside."""
+    """A closed surface: ``vertices`` (n, 3), and ``faces`` (m, 3), counterclockwise seen from outside."""
 
     vertices: Array
     faces: Faces
 
     def moved(self, scale: Sequence[float] | Array, shift: Sequence[float] | Array) -> Solid:
-        """Scale by factors along the axes, all of them positive or two negative, then shift."""
+        """Scale along the axes, then shift; an even number of factors may be negative, else faces would turn inside."""
         return Solid(self.vertices * np.asarray(scale) + np.asarray(shift), self.faces)
 
     def mirrored(self, axis: int, about: float) -> Solid:
-        """Return the mirror image in a plane across an axis."""
+        """Mirror at the plane ``axis`` = ``about``."""
         vertices = self.vertices.copy()
         vertices[:, axis] = 2 * about - vertices[:, axis]
         return Solid(vertices, self.faces[:, ::-1])
 
 
 def box(size: Sequence[float] | Array, bevel: float = 0.0) -> Solid:
-    """Return a box about the origin, with bevelled edges if ``bevel`` [m] is greater than 0."""
+    """Make a box about the origin, with bevelled edges if ``bevel`` [m] is positive."""
     half = np.asarray(size, float) / 2
     bevel = min(bevel, 0.45 * float(half.min()) * 2)
     if bevel <= FLAT:
@@ -57,18 +57,18 @@ def box(size: Sequence[float] | Array, bevel: float = 0.0) -> Solid:
 
 
 _SIGNS = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1
-"""Corners of a box about the origin whose edges are 2 long."""
+"""Corners (8, 3) of a cube of side 2 about the origin."""
 
 
 def _bevelled_corners(half: Array, bevel: float) -> Array:
-    """Three vertices (24, 3) at each corner, k of them on the side across axis k."""
+    """Vertices (24, 3) of a bevelled box: three at each corner, of which the k-th is on the face normal to axis k."""
     inner = _SIGNS * (half - bevel)
     return np.asarray(inner[:, None, :] + np.eye(3) * (bevel * _SIGNS)[:, None, :]).reshape(-1, 3)
 
 
 @cache
 def _faces_of_box(is_bevelled: bool) -> Faces:
-    """The triangles of a box; they depend on its vertices' numbers only."""
+    """Triangles of a box, which are the same for all sizes."""
     signs = [(a, b, c) for a, b, c in np.ndindex(2, 2, 2)]
     if not is_bevelled:
         rings = [[k for k, one in enumerate(signs) if one[axis] == side] for axis in range(3) for side in (0, 1)]
@@ -79,34 +79,36 @@ def _faces_of_box(is_bevelled: bool) -> Faces:
         across, m = (k + 1) % 3, (k + 2) % 3
         for a in (0, 1):
             around = ((0, 0), (0, 1), (1, 1), (1, 0))
-            rings.append([number[(*_placed(k, a, across, b, m, c), k)] for b, c in around])
+            rings.append([number[(*_corner(k, a, across, b, m, c), k)] for b, c in around])
             for b in (0, 1):
-                low, high = _placed(k, a, across, b, m, 0), _placed(k, a, across, b, m, 1)
+                low, high = _corner(k, a, across, b, m, 0), _corner(k, a, across, b, m, 1)
                 rings.append([number[(*low, k)], number[(*high, k)], number[(*high, across)], number[(*low, across)]])
     return _convex(_bevelled_corners(np.ones(3), 0.1), rings)
 
 
-def _placed(k: int, a: int, across: int, b: int, m: int, c: int) -> tuple[int, int, int]:
-    found = [0, 0, 0]
-    found[k], found[across], found[m] = a, b, c
-    return found[0], found[1], found[2]
+def _corner(k: int, a: int, across: int, b: int, m: int, c: int) -> tuple[int, int, int]:
+    """Corner of the unit cube with coordinates a, b, c along the axes k, across, m."""
+    corner = [0, 0, 0]
+    corner[k], corner[across], corner[m] = a, b, c
+    return corner[0], corner[1], corner[2]
 
 
 def _convex(points: Array, rings: Sequence[Sequence[int]]) -> Faces:
-    """Return the triangles of a convex surface about the origin from its polygons, whichever way round they are."""
+    """Triangulate the polygons of a convex surface about the origin, whatever their orientation."""
     faces = []
     for ring in rings:
         a, b, c = points[list(ring[:3])]
         outside = float(np.cross(b - a, c - a) @ points[list(ring)].mean(axis=0)) > 0
-        turned = list(ring) if outside else list(ring)[::-1]
-        faces += [[turned[0], turned[k], turned[k + 1]] for k in range(1, len(turned) - 1)]
+        oriented = list(ring) if outside else list(ring)[::-1]
+        faces += [[oriented[0], oriented[k], oriented[k + 1]] for k in range(1, len(oriented) - 1)]
     return np.array(faces, np.int64)
 
 
 def lathe(profile: Sequence[Sequence[float]], around: int = AROUND) -> Solid:
-    """Return what a profile (radius, height) makes when it is turned about the z axis.
+    """Make a surface of revolution about the z axis from a profile of points (radius, height).
 
-    It begins and ends on the axis, or is closed there with discs; outside is on its right: upwards on the outer side.
+    A profile that does not begin and end on the axis is closed with discs. The outside is to its right, so outer
+    profiles go upwards.
     """
     points = [(float(r), float(z)) for r, z in profile]
     points = [(0.0, points[0][1])] * (points[0][0] > FLAT) + points + [(0.0, points[-1][1])] * (points[-1][0] > FLAT)
@@ -128,21 +130,22 @@ def lathe(profile: Sequence[Sequence[float]], around: int = AROUND) -> Solid:
 
 
 def ball(around: int = AROUND) -> Solid:
-    """Return a ball of radius 1 about the origin."""
+    """Make a unit sphere about the origin."""
     tilts = np.linspace(-math.pi / 2, math.pi / 2, around // 2 + 1)
     return lathe([(max(math.cos(tilt), 0.0), math.sin(tilt)) for tilt in tilts], around)
 
 
 def tube(path: Array, radii: Sequence[float], *, smooth: bool = False, flat: float = 1.0) -> Solid:
-    """Return a tube along points (n, 3), closed at its ends, with a radius at each [m].
+    """Make a tube along points (n, 3), closed at its ends, with a radius at each point [m].
 
-    ``smooth`` bends it through the points (Catmull and Rom, 1974); ``flat`` narrows it across, as straps are.
+    ``smooth`` interpolates the points by a Catmull-Rom spline (1974); ``flat`` scales one cross-section axis, as for
+    straps.
     """
-    path, wide = np.asarray(path, float), np.asarray(radii, float)
+    path, widths = np.asarray(path, float), np.asarray(radii, float)
     if smooth and len(path) > 2:
-        path, wide = (
-            _bent(path),
-            np.interp(np.linspace(0, len(path) - 1, BEND * (len(path) - 1) + 1), range(len(wide)), wide),
+        path, widths = (
+            _spline(path),
+            np.interp(np.linspace(0, len(path) - 1, BEND * (len(path) - 1) + 1), range(len(widths)), widths),
         )
     ahead = np.diff(path, axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), FLAT)
@@ -151,7 +154,7 @@ def tube(path: Array, radii: Sequence[float], *, smooth: bool = False, flat: flo
     start = np.eye(3)[int(np.argmin(np.abs(along[0])))]
     turns = np.arange(AROUND_TUBE) * (2 * math.pi / AROUND_TUBE)
     rings = []
-    for at, forward, radius in zip(path, along, wide, strict=True):
+    for at, forward, radius in zip(path, along, widths, strict=True):  # each frame follows the one before: no twist
         aside = start - forward * float(start @ forward)
         start = aside / max(float(np.linalg.norm(aside)), FLAT)
         up = np.cross(forward, start)
@@ -160,20 +163,17 @@ def tube(path: Array, radii: Sequence[float], *, smooth: bool = False, flat: flo
     return Solid(np.concatenate([path[:1], *rings, path[-1:]]), profile.faces)
 
 
-def _bent(path: Array) -> Array:
+def _spline(path: Array) -> Array:
     ends = np.vstack([2 * path[0] - path[1], path, 2 * path[-1] - path[-2]])
-    share = (np.arange(BEND) / BEND)[:, None]
-    found = []
+    t = (np.arange(BEND) / BEND)[:, None]
+    parts = []
     for a, b, c, d in zip(ends, ends[1:], ends[2:], ends[3:], strict=False):
-        found.append(
-            0.5
-            * (2 * b + (c - a) * share + (2 * a - 5 * b + 4 * c - d) * share**2 + (3 * b - a - 3 * c + d) * share**3)
-        )
-    return np.vstack([*found, path[-1:]])
+        parts.append(0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3))
+    return np.vstack([*parts, path[-1:]])
 
 
 def prism(outline: Sequence[Sequence[float]] | Array) -> Solid:
-    """Return an outline (n, 2), which has no holes, extruded along z from 0 to 1."""
+    """Extrude a simple polygon (n, 2) along z from 0 to 1."""
     flat = np.asarray(outline, float)
     following = np.roll(flat, -1, axis=0)
     if float((flat[:, 0] * following[:, 1] - flat[:, 1] * following[:, 0]).sum()) < 0:
@@ -187,7 +187,7 @@ def prism(outline: Sequence[Sequence[float]] | Array) -> Solid:
 
 
 def _triangles(flat: Array) -> list[tuple[int, int, int]]:
-    """Return the triangles of a polygon, cut off ear by ear (G. H. Meisters, 1975)."""
+    """Triangulate a simple polygon by ear clipping (G. H. Meisters, 1975). Raises ValueError if it crosses itself."""
     left, found = list(range(len(flat))), []
 
     def turn(a: int, b: int, c: int) -> float:
@@ -211,7 +211,7 @@ def _triangles(flat: Array) -> list[tuple[int, int, int]]:
 
 
 def normals_of(vertices: Array, faces: Faces) -> tuple[Array, Array]:
-    """Return the unit normals of triangles (m, 3), zero for flat ones, and twice their areas (m,)."""
+    """Unit normals of triangles (m, 3), zero for degenerate ones, and twice their areas (m,)."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     across = np.cross(b - a, c - a)
     twice = np.linalg.norm(across, axis=1)
@@ -219,18 +219,18 @@ def normals_of(vertices: Array, faces: Faces) -> tuple[Array, Array]:
 
 
 def vertex_normals(vertices: Array, faces: Faces) -> Array:
-    """Return the normals (n, 3) of vertices: those of the faces around them, by their areas."""
+    """Unit normals (n, 3) at vertices: means of the normals of adjacent faces, weighted by area."""
     normals, twice = normals_of(vertices, faces)
-    found = np.zeros_like(vertices)
+    sums = np.zeros_like(vertices)
     for k in range(3):
         for axis in range(3):
-            found[:, axis] += np.bincount(faces[:, k], normals[:, axis] * twice, len(found))
-    lengths = np.linalg.norm(found, axis=1, keepdims=True)
-    return np.asarray(found / np.maximum(lengths, 1e-12))
+            sums[:, axis] += np.bincount(faces[:, k], normals[:, axis] * twice, len(sums))
+    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.asarray(sums / np.maximum(lengths, 1e-12))
 
 
 def shaded(solids: Sequence[Solid]) -> Solid:
-    """Return solids as one, with vertices repeated where faces meet in an edge."""
+    """Merge solids, with vertices duplicated along sharp edges."""
     vertices, faces, first = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
     for one in solids:
         own, corners = _split(one)
@@ -241,10 +241,9 @@ def shaded(solids: Sequence[Solid]) -> Solid:
 
 
 def _split(solid: Solid) -> tuple[Array, Faces]:
-    """Return vertices and faces of a solid in which faces share a vertex only if they meet smoothly around it."""
-    normals = normals_of(solid.vertices, solid.faces)[
-        0
-    ].tolist()  # numbers of Python: numpy is slow with three at a time
+    """Duplicate vertices between faces that do not meet smoothly; returns the new vertices and faces."""
+    unit_normals, _ = normals_of(solid.vertices, solid.faces)
+    normals = unit_normals.tolist()  # Python numbers are faster here than arrays of three
     corners = solid.faces.reshape(-1)
     order = np.argsort(corners, kind="stable")
     least = math.cos(CREASE)

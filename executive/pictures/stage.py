@@ -1,4 +1,4 @@
-"""A world as models that move: what pictures and videos render."""
+"""The renderable models of a world, and their poses, for pictures and videos."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 Path = tuple[str, ...]
 MARGIN = 3.0
-"""Ground around everything in a world without a room [m]."""
+"""Margin of the ground plate in a world without a room [m]."""
 GROUND = (196, 194, 188, 255)
 HANGING = 0.03
-"""Height above what is below it from which on a body is shown to hang in the air [m]."""
+"""Height above its support from which on a body is marked as hanging in the air [m]."""
 THIN, PLUMB = 0.012, (196, 52, 44, 255)
-"""Width [m] and colour of the vertical below it."""
+"""Width [m] and colour of the plumb line below it."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Wall:
-    """A wall as it is, and its lower edge, which is drawn where the wall would hide the room."""
+    """A complete wall, and its lower edge, which is drawn instead where the wall would hide the room."""
 
     whole: Model
     edge: Model
@@ -42,29 +42,29 @@ class _Wall:
 
 
 class Stage:
-    """The models of a world. Poses are kept apart, by path, so that a moment can be drawn later."""
+    """The models of a world. Poses are kept separately, by path, so that a past moment can be rendered later."""
 
     def __init__(self, world: Truth) -> None:
         self.world = world
         self.models: dict[Path, Model] = {}
-        """In the frames of what they belong to."""
+        """By path, in the frame of the body or link."""
         self._walls: dict[Path, list[_Wall]] = {}
         self._names: tuple[str, ...] | None = None
         self._drawn: tuple[Drawn, ...] = ()
         self._owners = 0
 
     def poses(self) -> dict[Path, Pose]:
-        """Return where everything is in the map now; what is not there is left out."""
+        """Current poses of all existing entities in the map."""
         if self._names != self.world.names():
             self._names, self._drawn = self.world.names(), drawn_in(self.world, walls=True)
             for one in self._drawn:
                 if one.path not in self.models:
                     self._add(one)
-        found: dict[Path, Pose] = {}
+        poses: dict[Path, Pose] = {}
         for one in self._drawn:
-            above = found.get(one.path[:-1])
-            found[one.path] = one.pose() if above is None else above @ one.pose()
-        return found
+            parent = poses.get(one.path[:-1])
+            poses[one.path] = one.pose() if parent is None else parent @ one.pose()
+        return poses
 
     def _add(self, drawn: Drawn) -> None:
         plain = [shape for shape in drawn.shapes if shape.outward is None]
@@ -75,21 +75,21 @@ class Stage:
         self._owners += len(walls) > 0
 
     def _wall(self, shape: Shape, owner: int) -> _Wall:
-        """All walls of a room have one owner: no lines are drawn where their pieces meet."""
+        """Model a wall. All walls of a room have the same owner, so that no lines are drawn where they meet."""
         whole, edge = model_of([shape], owner), model_of([lowered(shape)], owner)
         return _Wall(
             whole, edge, np.asarray(shape.pose.position), rotated(shape.pose.rotation, np.asarray(shape.outward))
         )
 
     def scene(self, poses: Mapping[Path, Pose]) -> Iterator[Model]:
-        """Yield the models of a moment, in the map, without walls, and the ground if there is no room."""
+        """Yield all models in the map frame, without walls, and a ground plate if there is no room."""
         for path, pose in poses.items():
             yield self.models[path].at(pose)
         if not any(self._walls.values()):
             yield self._ground(poses)
 
     def walls(self, poses: Mapping[Path, Pose], view: View) -> Iterator[Model]:
-        """Yield the walls, in the map; of those that stand before the room only the lower edges."""
+        """Yield the walls in the map frame; only the lower edges of those between the viewer and the room."""
         for path, pose in poses.items():
             for wall in self._walls[path]:
                 away = np.asarray(view.eye) - moved(pose.matrix(), wall.middle)
@@ -103,43 +103,43 @@ class Stage:
         return model_of([Shape(SolidKind.BOX, size, Pose((x, y, -0.01)), GROUND)], self._owners)
 
     def bounds(self, poses: Mapping[Path, Pose], paths: Collection[Path]) -> tuple[Array, Array]:
-        """Return the lower and the upper corner of the box around some models, walls left out; around 0 if none."""
-        points = [self.corners(path, poses[path]) for path in paths if path in poses]
-        every = np.concatenate([np.zeros((0, 3)), *points])
-        every = every if len(every) else np.zeros((1, 3))
-        return every.min(axis=0), every.max(axis=0)
+        """Lower and upper corner of the bounding box of models without walls; the origin if there are none."""
+        corners = [self.corners(path, poses[path]) for path in paths if path in poses]
+        points = np.concatenate([np.zeros((0, 3)), *corners])
+        points = points if len(points) else np.zeros((1, 3))
+        return points.min(axis=0), points.max(axis=0)
 
     def corners(self, path: Path, pose: Pose) -> Array:
-        """Return the corners (8, 3) of the box around a model, at a pose; (0, 3) of one without shapes."""
+        """Corners (8, 3) of a model's bounding box at a pose; (0, 3) for a model without shapes."""
         vertices = self.models[path].vertices
         if not len(vertices):
             return np.zeros((0, 3))
         return moved(pose.matrix(), ends_of(vertices.min(axis=0), vertices.max(axis=0)))
 
     def of(self, name: str, poses: Mapping[Path, Pose]) -> list[Path]:
-        """Return the paths of a body, its limbs included."""
+        """Paths of a body and its limbs."""
         return [path for path in poses if path[:2] == ("bodies", name)]
 
     def below(self, name: str) -> str | None:
-        """Return what a body stands on or hangs above; None for a floor, and for what is held or fixed."""
+        """Body on which a body stands or above which it hangs; None for the floor, and for held or fixed bodies."""
         if not self._is_loose(name):
             return None
-        found = self.world.support(name)
-        return None if found is None or self.world.scene.body(found).shape == BodyShape.ROOM else found
+        support = self.world.support(name)
+        return None if support is None or self.world.scene.body(support).shape == BodyShape.ROOM else support
 
     def drops(self) -> dict[str, Array]:
-        """Return the bodies that hang in the air now, each with the ends (2, 3) of the vertical below it in the map."""
-        poses, found = self.poses(), dict[str, Array]()
+        """Ends (2, 3) of the plumb lines of bodies that hang in the air now, in the map, by the body's name."""
+        poses, lines = self.poses(), dict[str, Array]()
         for name in filter(self._is_loose, self.world.names()):
             height, paths = self.world.height_above_support(name), self.of(name, poses)
             if paths and HANGING < height < math.inf:
                 low, high = self.bounds(poses, paths)
                 x, y, _ = (low + high) / 2
-                found[name] = np.array([(x, y, low[2] - height), (x, y, low[2])])
-        return found
+                lines[name] = np.array([(x, y, low[2] - height), (x, y, low[2])])
+        return lines
 
     def plumb_lines(self) -> Iterator[Model]:
-        """Yield a thin vertical and a mark at its lower end for each body that hangs in the air now."""
+        """Yield a plumb line with a mark at its lower end for each body that hangs in the air now."""
         for (x, y, low), (_, _, high) in self.drops().values():
             line = Shape(SolidKind.CYLINDER, (THIN, THIN, high - low), Pose((x, y, (low + high) / 2)), PLUMB)
             mark = Shape(SolidKind.CYLINDER, (10 * THIN, 10 * THIN, THIN), Pose((x, y, low + THIN / 2)), PLUMB)
@@ -149,17 +149,17 @@ class Stage:
         return self.world.scene.body(name).graspable and held_by(self.world, name) is None
 
     def robot(self, poses: Mapping[Path, Pose]) -> list[Path]:
-        """Return the paths of the robot's links."""
+        """Paths of the robot's links."""
         return [path for path in poses if path[0] == "robot"]
 
 
 def ends_of(low: Array, high: Array) -> Array:
-    """Return the corners (8, 3) of the box between two of them."""
+    """Corners (8, 3) of the box between a lower and an upper corner."""
     return np.array([np.choose(one, [low, high]) for one in np.ndindex(2, 2, 2)])
 
 
 def coarse(model: Model) -> Model:
-    """Return the box around a model, in its owner's name: enough to see whether it hides something."""
+    """Bounding box of a model with the same owner: a cheap proxy for tests of visibility."""
     if not len(model.vertices):
         return model
     low, high = model.vertices.min(axis=0), model.vertices.max(axis=0)

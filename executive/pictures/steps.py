@@ -1,4 +1,4 @@
-"""The steps of a plan as a column beside a video: done, running, failed, and those to come."""
+"""The steps of a plan as a column beside a video: done, running, failed and coming ones."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ RUNNING: Colour = (36, 92, 180)
 RULE: Colour = (214, 214, 214)
 _BACK: Colour = (226, 236, 250)
 ROW, TEXT, INDENT = 21, 12, 11
-"""Height of a row, of its text, and how far a step is indented in another one [pixels]."""
+"""Height of a row and of its text, and indentation per level [pixels]."""
 LINE, CAPTION = 17, 14
-"""Height of a line of the ending, and of the text below a picture [pixels]."""
+"""Height of a line about the ending, and of the text below a picture [pixels]."""
 DEEPEST = 4
-"""Levels that are indented."""
+"""Largest indentation [levels]."""
 
 
 @dataclass(slots=True)
 class Step:
-    """An action of the plan: when it began and ended, in steps of the world; how, and why it failed."""
+    """An action of the plan, with begin and end [world steps], final status, and class of its failure."""
 
     name: str
     depth: int
@@ -36,14 +36,14 @@ class Step:
     failure: str = ""
 
     def state(self, now: int) -> str:
-        """Return "coming", "running", or how it has ended."""
+        """State at a world step: "coming", "running", or the final status."""
         if now < self.begin:
             return "coming"
         return "running" if self.end is None or now < self.end else self.status
 
 
 class Steps:
-    """The actions of a run, as its trace tells of them."""
+    """Collects the actions of a run from its trace."""
 
     def __init__(self) -> None:
         self.all: list[Step] = []
@@ -51,14 +51,14 @@ class Steps:
         self._above: dict[int, int | None] = {}
 
     def hear(self, record: Mapping[str, Any]) -> None:
-        """Keep what a record of the trace tells of an action."""
+        """Process a record of the trace."""
         match record:
             case {"event": "started", "node": int(node), "step": int(step)}:
                 self._above[node] = record.get("parent")
                 if record.get("kind") == "perform":
-                    found = Step(in_words(str(record["name"])), self._depth(node), step)
-                    self._by_node[node] = found
-                    self.all.append(found)
+                    action = Step(in_words(str(record["name"])), self._depth(node), step)
+                    self._by_node[node] = action
+                    self.all.append(action)
             case {"event": "ended", "node": int(node), "step": int(step)} if node in self._by_node:
                 ended = self._by_node[node]
                 ended.end, ended.status = step, str(record.get("status", ""))
@@ -73,7 +73,7 @@ class Steps:
 
 
 def in_words(name: str) -> str:
-    """Return ``MoveBaseToGraspPose`` as words."""
+    """Convert a name like ``MoveBaseToGraspPose`` to words."""
     words = snake_case(name.partition("#")[0]).replace("_", " ").strip()
     return words[:1].upper() + words[1:]
 
@@ -81,9 +81,9 @@ def in_words(name: str) -> str:
 def column(
     steps: list[Step], now: int, size: tuple[int, int], title: str, time: str, ending: Sequence[str] = ()
 ) -> Sheet:
-    """Return the steps as they are after ``now`` steps of the world; if not all fit, those around the running ones.
+    """Draw the steps with their states after ``now`` world steps; if not all fit, those around the latest one.
 
-    Below them stands the ``ending`` of the run.
+    Lines about the ``ending`` of the run stand below them.
     """
     width, height = size
     sheet = Sheet(width, height)
@@ -96,22 +96,22 @@ def column(
     most = (height - 48) // ROW
     begun = [number for number, (step, _, _) in enumerate(rows) if step.begin <= now]
     first = max(0, min((begun[-1] if begun else 0) - most // 2, len(rows) - most))
-    for place, (step, k, line) in enumerate(rows[first : first + most]):
-        _row(sheet, (44 + place * ROW) * FINE, width, step.state(now), _left(step), line, is_first=k == 0)
+    for row, (step, k, line) in enumerate(rows[first : first + most]):
+        _row(sheet, (44 + row * ROW) * FINE, width, step.state(now), _left(step), line, is_first=k == 0)
     if below:
         sheet.pen.line((12 * FINE, height * FINE, (width - 12) * FINE, height * FINE), fill=RULE, width=FINE)
-    for place, line in enumerate(below):
+    for row, line in enumerate(below):
         colour = FAILED if ending[0].startswith("failed") else INK
-        sheet.text((12 * FINE, (height + 6 + place * LINE) * FINE), line, TEXT, colour)
+        sheet.text((12 * FINE, (height + 6 + row * LINE) * FINE), line, TEXT, colour)
     return sheet
 
 
-def captioned(picture: Image.Image, title: str, ending: Sequence[str]) -> Image.Image:
-    """Return a picture with the title of a run and how it has ended below it."""
+def with_caption(picture: Image.Image, title: str, ending: Sequence[str]) -> Image.Image:
+    """Add a caption below a picture: the title of the run and lines about its ending."""
     lines = list(_lines([f"{in_words(title)}: {ending[0]}", *ending[1:]], (picture.width - 24) * FINE, CAPTION))
     strip = Sheet(picture.width, 14 + len(lines) * (LINE + 3))
-    for place, line in enumerate(lines):
-        strip.text((12 * FINE, (7 + place * (LINE + 3)) * FINE), line, CAPTION)
+    for row, line in enumerate(lines):
+        strip.text((12 * FINE, (7 + row * (LINE + 3)) * FINE), line, CAPTION)
     whole = Image.new("RGB", (picture.width, picture.height + strip.image.height // FINE), "white")
     whole.paste(picture, (0, 0))
     whole.paste(strip.finished(), (0, picture.height))
@@ -128,7 +128,7 @@ def _left(step: Step) -> int:
 
 
 def _words(step: Step, now: int, width: int) -> list[str]:
-    """Return the lines about a step: its name, and how it failed."""
+    """Lines about a step: its name, and its failure if it has failed."""
     is_failed = step.state(now) == "failed" and step.failure
     text = f"{step.name}: {in_words(step.failure).lower()}" if is_failed else step.name
     return wrapped(text, TEXT, width * FINE - _left(step) - 24 - 10 * FINE)

@@ -1,4 +1,4 @@
-"""From where a picture is taken: the direction from which what it is about is hidden least."""
+"""Choice of a viewpoint: the direction from which a picture's subjects are occluded least."""
 
 from __future__ import annotations
 
@@ -14,50 +14,50 @@ from planlang.geometry import Array, Pose
 from planlang.records import dataclass
 
 AROUND, TILTS = 12, (22.0, 36.0, 52.0)
-"""Directions that are tried: around the vertical, and above the horizon [deg]."""
+"""Directions tried: number around the vertical, and elevations of the eye [deg]."""
 SIDEWAYS = (8.0, 14.0)
-"""The same, if something hangs in the air: from above its height is not seen."""
+"""Elevations tried if something hangs in the air [deg]; its height could not be seen from above."""
 CALM = 2.6
-"""Distance of the eye, in radii of the ball around what a picture is about: what is near looks not much larger."""
+"""Smallest distance of the eye, in radii of the sphere around the subjects; limits the distortion of near subjects."""
 SMALL = (120, 80)
-"""Pixels of the pictures by which they are compared."""
+"""Size of the pictures by which directions are compared [pixels]."""
 BORDER = 0.9
-"""Share of a picture that what it is about fills at most."""
+"""Largest share of the picture's width and height that the subjects fill."""
 LEAST_RADIUS = 0.35
-"""Half the height that a picture shows at least [m]."""
+"""Half the smallest height that a picture shows [m]."""
 NEAR = 2.5
-"""Things of the plan that are farther from the robot than this are not what happens at the moment [m]."""
+"""Largest distance from the robot at which bodies of the plan are subjects [m]."""
 HIGH = 1.0
-"""In a view of everything what is higher may be cut off [m]: the tops of walls."""
+"""Height above which an overview may cut things off, such as walls [m]."""
 LEVEL = 0.25
-"""What a view loses for each step that it is steeper, beside logarithms of pixels."""
+"""Penalty for each step of elevation, in units of the score (logarithms of visible pixels)."""
 
 
 def subjects(
     stage: Stage, poses: Mapping[Path, Pose], names: Collection[str], always: Collection[str] = ()
 ) -> list[list[Path]]:
-    """Return what a picture is about: the robot, things and persons of the plan that are near it, and some anyhow.
+    """Choose a picture's subjects, each as a list of paths: the robot, bodies ``names`` near it, and bodies ``always``.
 
-    What is shown anyhow, or hangs in the air, comes with what is below it.
+    The last ones, and bodies that hang in the air, come with the body below them.
     """
     robot = stage.robot(poses)
-    found: dict[str, list[Path]] = {}
+    chosen: dict[str, list[Path]] = {}
     low, high = stage.bounds(poses, robot)
     for name in dict.fromkeys((*always, *names)):
         paths = stage.of(name, poses)
         lower, upper = stage.bounds(poses, paths)
         apart = np.maximum(np.maximum(lower - high, low - upper), 0.0)
         if paths and (not robot or name in always or float(np.linalg.norm(apart)) <= NEAR):
-            found[name] = paths
-    for name in [name for name in found if name in always or name in stage.drops()]:
+            chosen[name] = paths
+    for name in [name for name in chosen if name in always or name in stage.drops()]:
         if (below := stage.below(name)) is not None:
-            found.setdefault(below, stage.of(below, poses))
-    return [robot, *found.values()] if robot else list(found.values())
+            chosen.setdefault(below, stage.of(below, poses))
+    return [robot, *chosen.values()] if robot else list(chosen.values())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """Where everything is, and what a picture of it is about; ``points`` (n, 3) are to be in it."""
+    """Poses of all entities at one time, the subjects, and ``points`` (n, 3) that have to be in the picture."""
 
     poses: Mapping[Path, Pose]
     about: Sequence[Sequence[Path]]
@@ -65,13 +65,13 @@ class Moment:
 
 
 def moment_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[Path]]) -> Moment:
-    """Return a moment of which all that a picture is about is to be seen."""
+    """Make a moment whose points are the corners of the subjects' bounding boxes."""
     points = [stage.corners(path, poses[path]) for paths in about for path in paths]
     return Moment(poses, about, np.concatenate(points) if points else np.zeros((0, 3)))
 
 
 def view_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[Path]], aspect: float) -> View:
-    """Return the view in which all of what a picture is about is seen, each of it as little hidden as can be."""
+    """Choose the view that contains all subjects with the least occlusion."""
     if not about:
         return overview(stage, poses, aspect)
     moment = moment_of(stage, poses, about)
@@ -82,26 +82,26 @@ def view_of(stage: Stage, poses: Mapping[Path, Pose], about: Sequence[Sequence[P
 
 
 def best_direction(stage: Stage, moments: Sequence[Moment], aspect: float, tilts: Sequence[float] = TILTS) -> Array:
-    """Return the direction of view (3,) from which, in several moments, what they are about is hidden least."""
+    """Choose the direction of view (3,) from which the subjects of all moments are occluded least."""
     proxies = [_proxies(stage, moment.poses) for moment in moments]
     best: tuple[float, Array] | None = None
     for steepness, ahead in _directions(tilts):
-        worth = -LEVEL * steepness * len(moments)
+        score = -LEVEL * steepness * len(moments)
         for moment, models in zip(moments, proxies, strict=True):
-            worth += _worth(stage, moment, models, fitting(moment.points, ahead, aspect))
-        if best is None or worth > best[0] + 1e-6:
-            best = worth, ahead
+            score += _visibility(stage, moment, models, fitting(moment.points, ahead, aspect))
+        if best is None or score > best[0] + 1e-6:
+            best = score, ahead
     assert best is not None
     return best[1]
 
 
 def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bool = False) -> View:
-    """Return a view of everything from above a corner, or straight from above, with everything above where it is."""
+    """View of everything, in perspective from above a corner, or in a parallel projection straight from above."""
     low, high = stage.bounds(poses, poses)
     if top:
-        (x, y, z), (wide, deep, _) = (low + high) / 2, (high - low) / BORDER
+        (x, y, z), (width, depth, _) = (low + high) / 2, (high - low) / BORDER
         return View(
-            (float(x), float(y), float(high[2]) + 1.0), (float(x), float(y), float(z)), max(wide, deep * aspect)
+            (float(x), float(y), float(high[2]) + 1.0), (float(x), float(y), float(z)), max(width, depth * aspect)
         )
     high[2] = max([min(high[2], HIGH), *(float(ends[1, 2]) for ends in stage.drops().values())])
     ahead = np.array([0.55, 0.65, -0.62])
@@ -109,7 +109,10 @@ def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bo
 
 
 def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_RADIUS) -> View:
-    """Return the view in a direction (3,) in which points (n, 3) fill the picture, ``least`` half its height [m]."""
+    """Find the view in direction ``ahead`` (3,) in which points (n, 3) fill the picture.
+
+    ``least`` is half the smallest height that the picture shows [m].
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     middle = (low + high) / 2
     right = np.cross(ahead, [0.0, 0.0, 1.0])
@@ -117,21 +120,21 @@ def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_
     up = np.cross(right, ahead)
     tall = math.tan(FIELD / 2) * BORDER
     least = max(least, CALM * tall * float(np.linalg.norm(high - low)) / 2)
-    for _ in range(3):  # the middle of the picture moves to where the points are seen
+    for _ in range(3):  # recentres the picture on the projected points, which perspective shifts
         offsets = points - middle
         across, above, beyond = offsets @ right, offsets @ up, offsets @ ahead
         distance = float(np.max(np.maximum(np.abs(across) / (tall * aspect), np.abs(above) / tall) - beyond))
         distance = max(distance, least / tall)
         depth = distance + beyond
-        seen = across / depth, above / depth
-        shift = [float(one.max() + one.min()) / 2 * distance for one in seen]
+        projected = across / depth, above / depth
+        shift = [float(one.max() + one.min()) / 2 * distance for one in projected]
         middle = middle + shift[0] * right + shift[1] * up
     eye = middle - distance * ahead
     return View((float(eye[0]), float(eye[1]), float(eye[2])), (float(middle[0]), float(middle[1]), float(middle[2])))
 
 
 def _directions(tilts: Sequence[float]) -> Iterator[tuple[int, Array]]:
-    """Yield how steep they are, and directions from the eye to the middle."""
+    """Yield directions of view (3,), each with the index of its elevation."""
     for steepness, tilt in enumerate(np.radians(tilts)):
         for turn in (np.arange(AROUND) + 0.5) * 2 * math.pi / AROUND:
             level = math.cos(tilt)
@@ -139,15 +142,15 @@ def _directions(tilts: Sequence[float]) -> Iterator[tuple[int, Array]]:
 
 
 def _proxies(stage: Stage, poses: Mapping[Path, Pose]) -> dict[Path, Model]:
-    """Return models in the map that are quick to draw: of the robot boxes around its links."""
+    """Models in the map frame that are fast to render: the robot's links are replaced by bounding boxes."""
     return {
         path: (coarse(stage.models[path]) if path[0] == "robot" else stage.models[path]).at(pose)
         for path, pose in poses.items()
     }
 
 
-def _worth(stage: Stage, moment: Moment, proxies: Mapping[Path, Model], view: View) -> float:
-    """Return how well a view shows each of several things: the sum of the logarithms of their pixels."""
+def _visibility(stage: Stage, moment: Moment, proxies: Mapping[Path, Model], view: View) -> float:
+    """Score how well a view shows the subjects: the sum of the logarithms of their visible pixels."""
     whole = joined([*proxies.values(), *stage.walls(moment.poses, view)])
     frame = Frame(view, SMALL)
     frame.draw(whole)

@@ -1,1 +1,1 @@
-"""Processes that compute what may take too long, need too much memory or crash: forked warm, limited, replaced."""
+"""Worker processes for computations that may hang, run out of memory or crash: forked warm, limited, replaced."""

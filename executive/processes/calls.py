@@ -1,4 +1,4 @@
-"""A call in another process: its limits, and how it may end."""
+"""A call in a worker process: its limits, and how it can end."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Limits:
     seconds: int = 10
     """CPU time [s]."""
     memory: int = 1_000_000_000
-    """Memory beyond what every worker has [bytes]."""
+    """Memory in addition to that of a new worker [bytes]."""
     wall: float = 0.0
-    """Wall-clock time [s], for calls that may wait forever; 0: as long as the CPU time allows."""
+    """Wall-clock time [s], for calls that may block forever; 0 means no limit."""
 
 
 LAYOUT = struct.Struct("qqd")
-"""The limits of a worker, as they are sent with its connection."""
+"""Binary layout of the limits that are sent with a worker's connection."""
 
 
 class Ending(Enum):
@@ -33,24 +33,24 @@ class Ending(Enum):
     REFUSED = "refused"
     """The function raised BadInput; the answer has the diagnostics."""
     FAILED = "failed"
-    """The function raised another exception; the answer names it."""
+    """The function raised another exception; the answer is its class and message."""
     MEMORY = "memory"
-    """The function needed too much memory."""
+    """The function exceeded its memory limit."""
     LATE = "late"
-    """The worker was ended at its limit of time."""
+    """The worker was killed at its time limit."""
     LOST = "lost"
-    """The worker ended within its limits: it crashed, or was killed."""
+    """The worker died within its limits: it crashed, or was killed from outside."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What a call led to."""
+    """Result of a call."""
 
     ending: Ending
     answer: Any = None
     seconds: float = 0.0
-    """CPU time of the worker since its last reply [s]; 0 if it ended."""
+    """CPU time of the worker since its last reply [s]; 0 if it died."""
 
 
 Performs = Callable[[Callable[..., Any], Sequence[Any]], Any]
-"""How the workers of a source call a function: with arguments, and perhaps with what they share."""
+"""Calls a function with its arguments in a worker, and possibly with data shared by all workers."""

@@ -1,7 +1,7 @@
-"""The process from which workers are forked, and what a worker does: it computes what it is asked for, within limits.
+"""Source process from which workers are forked, and the loop of a worker, which answers calls within limits.
 
-What takes too long or too much memory ends with the worker that computes it. The first process has imported and read
-everything that all calls need, so that another worker is there at once.
+A call that exceeds its limits ends its worker. The source process has imported and read everything that calls need, so
+that a replacement is ready at once.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from executive.processes.calls import LAYOUT, Ending, Limits, Performs, Reply
 from planlang.diagnostics import BadInput
 
 _SET_PARENT_DEATH_SIGNAL = 1
-"""``PR_SET_PDEATHSIG`` of Linux."""
+"""``PR_SET_PDEATHSIG`` of Linux, prctl(2)."""
 
 
 def main(prepare: str, arguments: Sequence[str]) -> None:
-    """Fork a worker for each connection that comes through the standard input, until that ends.
+    """Fork a worker for each connection received through the standard input, until that is closed.
 
-    ``prepare`` names a function (``module:function``) that takes the arguments and returns how workers call functions.
+    ``prepare`` (``module:function``) is called with ``arguments`` and returns the function by which workers make calls.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when numpy is imported: threads do not survive a fork
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported: threads do not survive a fork
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     control = socket.socket(fileno=os.dup(0))
     performs: Performs = resolve_name(prepare)(*arguments)
     gc.collect()
-    gc.freeze()  # what all share is not copied because somebody counts it
+    gc.freeze()  # keeps the collector off shared objects, whose pages would be copied in each worker
     source = os.getpid()
     while True:
         message, handles, _, _ = socket.recv_fds(control, LAYOUT.size, 1)
@@ -55,16 +55,16 @@ def main(prepare: str, arguments: Sequence[str]) -> None:
 
 
 def _end_with(source: int) -> None:
-    """Let the kernel kill this process when the one that it was forked from ends, which ends with its user's."""
+    """Let the kernel kill this worker when the source process ends, which itself ends with the user's process."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
-    if os.getppid() != source:  # it has ended before the kernel was asked
+    if os.getppid() != source:  # the source ended before the call of prctl
         os._exit(0)
 
 
 def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) -> None:
-    """Answer calls, which are (function, arguments), until there are no more."""
-    size, used = _size(), 0.0
+    """Answer pickled calls (function, arguments) until the connection is closed."""
+    size, used = _address_space(), 0.0
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_AS, (size + limits.memory, size + limits.memory))
     while True:
@@ -72,17 +72,17 @@ def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) 
             function, arguments = pickle.load(stream)
         except EOFError:
             return
-        _bound_time(limits)
-        ending, answer = _performed(performs, function, arguments)
+        _limit_time(limits)
+        ending, answer = _call(performs, function, arguments)
         signal.setitimer(signal.ITIMER_REAL, 0)
-        before, used = used, _seconds()
+        before, used = used, _cpu_time()
         pickle.dump(Reply(ending, answer, used - before), stream)
         stream.flush()
-        if ending is Ending.MEMORY:  # what is left of it is not to be shared with the next
+        if ending is Ending.MEMORY:  # its state is unreliable; the next call gets a new worker
             return
 
 
-def _performed(performs: Performs, function: Any, arguments: Sequence[Any]) -> tuple[Ending, Any]:
+def _call(performs: Performs, function: Any, arguments: Sequence[Any]) -> tuple[Ending, Any]:
     try:
         return Ending.DONE, performs(function, arguments)
     except BadInput as problem:
@@ -93,24 +93,24 @@ def _performed(performs: Performs, function: Any, arguments: Sequence[Any]) -> t
         return Ending.FAILED, f"{type(problem).__name__}: {problem}"
 
 
-def _bound_time(limits: Limits) -> None:
-    """Let this process be killed after some more seconds of CPU, or of wall clock while it hangs.
+def _limit_time(limits: Limits) -> None:
+    """Set the limits of CPU and wall-clock time for the next call.
 
-    The kernel does that by signals whose handlers are not Python's, so that it also ends code in C.
+    The kernel enforces them by signals with their default action, which also end code in C.
     """
-    end = int(_seconds()) + limits.seconds + 1
+    end = int(_cpu_time()) + limits.seconds + 1
     resource.setrlimit(resource.RLIMIT_CPU, (end, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     signal.setitimer(signal.ITIMER_REAL, limits.wall)
 
 
-def _seconds() -> float:
-    """Return the CPU time that this process has used [s]."""
+def _cpu_time() -> float:
+    """CPU time of this process [s]."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
 
-def _size() -> int:
-    """Return the bytes of address space in use."""
+def _address_space() -> int:
+    """Address space in use [bytes]."""
     try:
         with open("/proc/self/statm", "rb") as statistics:
             return int(statistics.read().split()[0]) * resource.getpagesize()

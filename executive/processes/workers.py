@@ -1,4 +1,4 @@
-"""Workers: calls in processes forked from a warm one, which end at limits of time and memory."""
+"""Make calls in worker processes, which are forked from a warm source process and have limits of time and memory."""
 
 from __future__ import annotations
 
@@ -14,20 +14,23 @@ from contextlib import suppress
 from executive.processes.calls import LAYOUT, Ending, Limits, Reply
 
 ATTEMPTS = 2
-"""Processes in which a call is tried that ends with its process, within its limits."""
+"""Processes in which a call is tried if its worker dies within the limits."""
 _ENDED = (Ending.LOST, Ending.LATE, Ending.MEMORY)
-"""The ways a call ends that let its process end, too."""
+"""Endings of a call that also end its worker."""
 
 
 class Source:
-    """The process that workers are forked from; it is started when the first is needed. Threads may share it.
+    """The process that workers are forked from, started on demand. Thread-safe.
 
-    When it ends, so do its workers (on Linux at once, elsewhere after the call that they are at).
-    It ends when this process does, however that ends.
+    It ends with this process, even if that is killed; its workers end with it (on Linux at once, elsewhere after their
+    current call).
     """
 
     def __init__(self, prepare: str, *arguments: str) -> None:
-        """``prepare`` (``module:function``) gets the arguments and returns how workers call functions."""
+        """Configure the source; ``prepare`` (``module:function``) is called in it with ``arguments``.
+
+        It returns the function by which workers make calls (:data:`~executive.processes.calls.Performs`).
+        """
         self._prepare = (prepare, *arguments)
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
@@ -35,14 +38,14 @@ class Source:
         self._is_closed = False
 
     def connect(self, limits: Limits) -> socket.socket:
-        """Return a connection to a new process. Raises ConnectionError if the source has just ended, or is closed."""
+        """Fork a worker and connect to it. Raises ConnectionError if the source has just ended, or is closed."""
         here, there = socket.socketpair()
         message = LAYOUT.pack(limits.seconds, limits.memory, limits.wall)
         self.start()
         with there, self._lock:
             if self._control is None:
                 here.close()
-                raise ConnectionError("no process is started any more")
+                raise ConnectionError("the source of workers is closed")
             try:
                 socket.send_fds(self._control, [message], [there.fileno()])
             except OSError:
@@ -54,7 +57,7 @@ class Source:
         self._end()
         self._control, theirs = socket.socketpair()
         with theirs:
-            # -P: nothing is imported from this folder, where strangers' files may lie
+            # -P: imports nothing from the current folder, which may contain untrusted files
             command = [sys.executable, "-P", "-m", "executive.processes.forking", *self._prepare]
             self._process = subprocess.Popen(
                 command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, start_new_session=True
@@ -69,33 +72,33 @@ class Source:
         self._control = self._process = None
 
     def start(self) -> None:
-        """Start the process, if there is none: the first worker waits for what it reads."""
+        """Start the process if it is not running; the first worker waits until it is prepared."""
         with self._lock:
             if not self._is_closed and (self._process is None or self._process.poll() is not None):
                 self._start()
 
     def close(self) -> None:
-        """End the process and its workers, for good: a call that is lost thereby is not tried again."""
+        """End the process and its workers for good; calls lost by this are not tried again."""
         with self._lock:
             self._is_closed = True
             self._end()
 
 
 class Worker:
-    """A process of a source, replaced when it has ended. One thread uses it at a time."""
+    """A worker process, replaced when it has ended. Not thread-safe."""
 
     def __init__(self, source: Source, limits: Limits) -> None:
-        """Fork it with the first call; ``limits`` are those of each call."""
+        """Configure the worker, which is forked by the first call; ``limits`` apply to each call."""
         self._source, self._limits = source, limits
         self._connection: socket.socket | None = None
 
     def call(self, function: Callable[..., object], *arguments: object) -> Reply:
-        """Call a module's function in the process; once more in a new one if that ends within the limits."""
+        """Call a module-level function in the worker; if that dies within the limits, try once more in a new one."""
         reply = Reply(Ending.LOST)
         for _ in range(ATTEMPTS):
             try:
                 with suppress(ConnectionError):  # the source has just ended
-                    reply = self._asked(function, arguments)
+                    reply = self._try(function, arguments)
             finally:
                 if reply.ending in _ENDED:
                     self.close()
@@ -103,7 +106,7 @@ class Worker:
                 break
         return reply
 
-    def _asked(self, function: Callable[..., object], arguments: tuple[object, ...]) -> Reply:
+    def _try(self, function: Callable[..., object], arguments: tuple[object, ...]) -> Reply:
         if self._connection is None:
             self._connection = self._source.connect(self._limits)
             self._stream = self._connection.makefile("rwb")
@@ -118,7 +121,7 @@ class Worker:
         return reply
 
     def close(self) -> None:
-        """Let the process end once it has answered."""
+        """Close the connection, so that the worker ends after its current call."""
         if self._connection is not None:
             with suppress(OSError):
                 self._stream.close()

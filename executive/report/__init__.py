@@ -1,6 +1,6 @@
-"""The world in the page of a run: poses over time, shapes, the map from above, places that were looked at.
+"""The world on the page of a run: poses over time, shapes, the floor plan, searches for base poses.
 
-General layout: ``tracks`` (poses over time, true and believed), ``shapes`` (what bodies and links look like),
-``places`` (searches for base poses, with what was rejected and why), ``watching`` (looks on while a run goes on).
-The page itself, and all that a trace tells, is ``planlang.report``.
+General layout: ``tracks`` (poses over time, true and believed), ``shapes`` (geometry of bodies and links),
+``places`` (searches for base poses, with rejected candidates and reasons), ``watching`` (collects all of these during a
+run). The page itself, and everything that comes from the trace, is ``planlang.report``.
 """

@@ -1,4 +1,4 @@
-"""Searches for base poses in a page: what was looked at, what was rejected and why, what was chosen."""
+"""Searches for base poses on the page of a run: candidates, reasons of rejections, the chosen pose."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from planlang.report.tree import shown
 from planlang.runs.run_tree import RunTree, TaskNode
 
 MOST_QUESTIONS = 100
-"""Searches that a page shows."""
+"""Largest number of searches on a page."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """A search for base poses: when it began [world steps], for what, and what it has counted and remembered."""
+class Search:
+    """A search for base poses: when it began [world steps], the location, and the log of its candidates."""
 
     step: int
     location: Location
@@ -29,37 +29,37 @@ class Asked:
 
 
 class Questions:
-    """The searches of a run, while it goes on."""
+    """Collects the searches of a run."""
 
     def __init__(self) -> None:
-        self.asked: list[Asked] = []
+        self.searches: list[Search] = []
         self.step = 0
 
     def watch(self, location: Location, log: Rejections) -> None:
-        """Take the log of the next search, into which it writes what it looks at."""
-        if len(self.asked) < MOST_QUESTIONS:
-            self.asked.append(Asked(self.step, location, log))
+        """Register a search that begins; it fills ``log`` later."""
+        if len(self.searches) < MOST_QUESTIONS:
+            self.searches.append(Search(self.step, location, log))
 
     def model(self, tree: RunTree) -> list[dict[str, Any]]:
-        """Return those in which anything was looked at, with the constructs of the plan that they were for."""
-        texts = {id(one): str(one.location) for one in self.asked}
-        asking: dict[str, list[TaskNode]] = {}
+        """Build the page's data of all searches with candidates, each with the task that needed the location."""
+        texts = {id(one): str(one.location) for one in self.searches}
+        by_location: dict[str, list[TaskNode]] = {}
         for node in tree.numbered.values():
             if isinstance(text := node.parameters.get("location"), str):
-                asking.setdefault(text, []).append(node)
-        found = []
-        for one in self.asked:
-            before = [node for node in asking.get(texts[id(one)], ()) if (node.begun or 0) <= one.step]
-            if (question := _question(one, before[-1] if before else None, tree.rate)) is not None:
-                found.append(question)
-        clouds = [question[of] for question in found for of in ("bases", "hands")]
-        of = colours([reason["text"] for cloud in clouds for reason in cloud["reasons"]])
-        for reason in (reason for cloud in clouds for reason in cloud["reasons"]):
-            reason["colour"] = "#{:02x}{:02x}{:02x}".format(*of[reason["text"]])  # the same in all searches
-        return found
+                by_location.setdefault(text, []).append(node)
+        questions = []
+        for one in self.searches:
+            earlier = [node for node in by_location.get(texts[id(one)], ()) if (node.begun or 0) <= one.step]
+            if (question := _question(one, earlier[-1] if earlier else None, tree.rate)) is not None:
+                questions.append(question)
+        clouds = [question[name] for question in questions for name in ("bases", "hands")]
+        colour_of = colours([reason["text"] for cloud in clouds for reason in cloud["reasons"]])
+        for reason in (reason for cloud in clouds for reason in cloud["reasons"]):  # same colours in all searches
+            reason["colour"] = "#{:02x}{:02x}{:02x}".format(*colour_of[reason["text"]])
+        return questions
 
 
-def _question(one: Asked, node: TaskNode | None, rate: float) -> dict[str, Any] | None:
+def _question(one: Search, node: TaskNode | None, rate: float) -> dict[str, Any] | None:
     log = one.log
     if not (log.counts or log.places or log.refused):
         return None
@@ -71,8 +71,8 @@ def _question(one: Asked, node: TaskNode | None, rate: float) -> dict[str, Any] 
     hands: dict[str, list[Array]] = {}
     for reason, candidates in log.hands:
         hands.setdefault(reason, []).append(np.asarray(candidates, float)[:, :2])
-    happened = node.happened if node is not None else ()
-    chosen = next((event for event in happened if event.event == "solution" and event.step >= one.step), None)
+    events = node.happened if node is not None else ()
+    chosen = next((event for event in events if event.event == "solution" and event.step >= one.step), None)
     accepted = sum(place.reason == "" for place in log.places)
     return {
         "time": round(one.step / rate, 4),
@@ -86,16 +86,16 @@ def _question(one: Asked, node: TaskNode | None, rate: float) -> dict[str, Any] 
 
 
 def _cloud(groups: Mapping[str, list[Array]], counts: Mapping[str, int]) -> dict[str, Any]:
-    """Return reasons with how many candidates there were, and points [reason, x, y], at most 200 for each reason.
+    """Reasons with their numbers of candidates, most frequent first, and points [index of reason, x, y].
 
-    These are taken evenly out of all; those without a reason, which were accepted, come last.
+    At most ``MOST_PLACES`` evenly spaced points are kept for each reason. The empty reason (accepted) comes last.
     """
-    every = {reason: np.unique(np.concatenate(parts).round(3), axis=0) for reason, parts in groups.items()}
-    number_of = {**{reason: len(points) for reason, points in every.items()}, **counts}
-    known = sorted(number_of, key=lambda reason: (reason == "", -number_of[reason], reason))
+    distinct = {reason: np.unique(np.concatenate(parts).round(3), axis=0) for reason, parts in groups.items()}
+    number_of = {**{reason: len(points) for reason, points in distinct.items()}, **counts}
+    reasons = sorted(number_of, key=lambda reason: (reason == "", -number_of[reason], reason))
     points = []
-    for place, reason in enumerate(known):
-        found = every.get(reason, np.zeros((0, 2)))
-        rows = np.linspace(0, len(found) - 1, min(MOST_PLACES, len(found))).round().astype(int)
-        points += [[place, x, y] for x, y in found[rows].tolist()]
-    return {"reasons": [{"text": shown(reason), "count": number_of[reason]} for reason in known], "points": points}
+    for index, reason in enumerate(reasons):
+        positions = distinct.get(reason, np.zeros((0, 2)))
+        rows = np.linspace(0, len(positions) - 1, min(MOST_PLACES, len(positions))).round().astype(int)
+        points += [[index, x, y] for x, y in positions[rows].tolist()]
+    return {"reasons": [{"text": shown(reason), "count": number_of[reason]} for reason in reasons], "points": points}

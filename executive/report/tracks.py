@@ -1,4 +1,4 @@
-"""Poses over time in a page: of what has moved, ten times a second, as differences of 16-bit numbers."""
+"""Poses over time on the page of a run: of entities that moved, at 10 Hz, delta-encoded in 16 bits."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ BELIEVED = "belief"
 
 @dataclass(slots=True)
 class Track:
-    """The poses of a body, limb, link or of what is believed of a body, in a frame: keys where it has moved."""
+    """Poses of a body, limb or link, or the believed poses of a body, as keyframes at the steps where it moved."""
 
     kind: str
     name: str
     frame: str
-    """The name of a body or link; the map for what stands in it."""
+    """Name of the parent body or link; empty for the map."""
     steps: list[int] = field(default_factory=list)
     poses: list[tuple[float, ...]] = field(default_factory=list)
     """Position [m] and quaternion (x, y, z, w) at each of the steps."""
     gone: list[tuple[int, bool]] = field(default_factory=list)
-    """From which steps on it is not there, or there again."""
+    """Steps at which it disappears (True) or appears again (False)."""
 
     def add(self, step: int, pose: Pose) -> None:
-        """Add a key."""
+        """Add a keyframe."""
         self.steps.append(step)
         self.poses.append((*pose.position, *pose.orientation))
 
     def is_there(self, step: int, there: bool) -> None:
-        """Note whether it is there from a step on."""
+        """Record whether it exists from a step on."""
         if (not self.gone[-1][1] if self.gone else True) != there:
             self.gone.append((step, not there))
 
 
 class Tracks:
-    """Keeps where everything is, and where it is believed to be."""
+    """Records the true and the believed poses of all entities."""
 
     def __init__(self, rate: int, belief: Belief) -> None:
         self._belief = belief
@@ -53,19 +53,19 @@ class Tracks:
         self._believed: dict[str, Pose] = {}
         self.rate = rate
         self.all: dict[tuple[str, str], Track] = {}
-        """By kind and name, in the order in which they came."""
+        """By kind and name, in the order of their first keyframes."""
 
     def move(self, step: int, found: Sequence[Placed]) -> None:
-        """Keep what has moved, as :class:`~executive.pictures.pose_track.PoseTrack` notes it."""
+        """Record the entities that moved, as reported by :class:`~executive.pictures.pose_track.PoseTrack`."""
         for one in found:
-            (kind, name), (_, frame) = _called(one.path), _called(one.frame)
+            (kind, name), (_, frame) = _entity_at(one.path), _entity_at(one.frame)
             track = self._track(kind, name, frame)
             track.is_there(step, one.pose is not None)
             if one.pose is not None:
                 track.add(step, one.pose)
 
     def believe(self, step: int) -> None:
-        """Keep what is believed to be elsewhere since this was called last; what a hand holds goes with it."""
+        """Record believed poses that changed since the last call, except for held objects, which move with the hand."""
         if self._revision == self._belief.revision:
             return
         self._revision = self._belief.revision
@@ -89,24 +89,24 @@ class Tracks:
 _KINDS = {"bodies": "body", "robot": "link"}
 
 
-def _called(path: tuple[str, ...]) -> tuple[str, str]:
-    """Return kind and name of what a path of :class:`~executive.pictures.drawn.Drawn` means; both empty for the map."""
+def _entity_at(path: tuple[str, ...]) -> tuple[str, str]:
+    """Kind and name of the entity at a path of :class:`~executive.pictures.drawn.Drawn`; both are empty for the map."""
     kind = "limb" if len(path) > 2 else _KINDS.get(path[0], "") if path else ""
     return kind, "/".join(path[1:])
 
 
 def packed(tracks: Sequence[Track], rate: float, shapes: Mapping[tuple[str, str], Any]) -> tuple[dict[str, Any], bytes]:
-    """Return the entities of the model with their shapes, and their keys, compressed.
+    """Encode entities with their shapes for the page's model, and their keyframes as compressed binary data.
 
-    Of all keys first the steps as 32-bit numbers, then x, y, z and qx, qy, qz, qw as 16-bit ones, column by column;
-    each is the difference to the one before of the same entity. A key's pose in the map or in that of its frame's.
+    The data are the steps of all keyframes as 32-bit integers, then x, y, z, qx, qy, qz, qw as 16-bit integers, column
+    by column; each is the difference from the entity's keyframe before. Poses are in the frame of the track.
     """
     index = {(one.kind, one.name): number for number, one in enumerate(tracks)}
     entities = [_entity(one, index, rate, shapes) for one in tracks]
-    every = [_continuous(np.array(one.poses, float).reshape(-1, 7)) for one in tracks]
-    farthest = max((float(np.abs(poses[:, :3]).max()) for poses in every if len(poses)), default=1.0)
+    all_poses = [_continuous(np.array(one.poses, float).reshape(-1, 7)) for one in tracks]
+    farthest = max((float(np.abs(poses[:, :3]).max()) for poses in all_poses if len(poses)), default=1.0)
     scale = max(FINEST, farthest / 32767)
-    numbers = [_differences(np.rint(poses / ([scale] * 3 + [1 / 32767] * 4)).astype(np.int64)) for poses in every]
+    numbers = [_differences(np.rint(poses / ([scale] * 3 + [1 / 32767] * 4)).astype(np.int64)) for poses in all_poses]
     steps = [_differences(np.array(one.steps, np.int64).reshape(-1, 1)) for one in tracks]
     columns = np.concatenate(numbers or [np.zeros((0, 7))]).T.astype("<i2")
     data = np.concatenate(steps or [np.zeros((0, 1))]).astype("<i4").tobytes() + np.ascontiguousarray(columns).tobytes()
@@ -118,20 +118,20 @@ def _entity(
 ) -> dict[str, Any]:
     frames = ((kind, one.frame) for kind in (("body",) if one.kind == "limb" else ("link",)) if one.kind != "body")
     frame = next((index[key] for key in frames if key in index), -1)
-    found: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": len(one.steps)}
+    entity: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": len(one.steps)}
     if one.kind == BELIEVED:
-        found["of"] = index["body", one.name]
-    found["shapes"] = shapes.get((one.kind, one.name), [])
-    return found | ({"gone": [[step / rate, is_gone] for step, is_gone in one.gone]} if one.gone else {})
+        entity["of"] = index["body", one.name]
+    entity["shapes"] = shapes.get((one.kind, one.name), [])
+    return entity | ({"gone": [[step / rate, is_gone] for step, is_gone in one.gone]} if one.gone else {})
 
 
 def _continuous(poses: Array) -> Array:
-    """Return poses (n, 7) with quaternions of unit length that turn the short way from one to the next."""
-    turns = poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    signs = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0, -1.0, 1.0)
-    if len(turns):
-        turns *= np.concatenate([[1.0 if turns[0, 3] >= 0 else -1.0], signs]).cumprod()[:, None]
-    return np.hstack([poses[:, :3], turns])
+    """Normalise the quaternions of poses (n, 7), with signs such that consecutive ones turn the short way."""
+    quaternions = poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    signs = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+    if len(quaternions):
+        quaternions *= np.concatenate([[1.0 if quaternions[0, 3] >= 0 else -1.0], signs]).cumprod()[:, None]
+    return np.hstack([poses[:, :3], quaternions])
 
 
 def _differences(numbers: Any) -> Any:
@@ -139,15 +139,15 @@ def _differences(numbers: Any) -> Any:
 
 
 def ordered(tracks: Iterable[Track]) -> list[Track]:
-    """Return tracks with frames before what stands in them: bodies, limbs, links by their depth, what is believed."""
+    """Sort tracks so that frames come before their children: bodies, limbs, links by depth, believed poses."""
     kinds = {"body": 0, "limb": 1, "link": 2, BELIEVED: 3}
-    every = list(tracks)
-    above = {one.name: one.frame for one in every if one.kind == "link"}
+    unsorted = list(tracks)
+    parent_of = {one.name: one.frame for one in unsorted if one.kind == "link"}
 
     def depth(one: Track) -> int:
         count, frame = 0, one.frame if one.kind == "link" else ""
         while frame:
-            count, frame = count + 1, above.get(frame, "")
+            count, frame = count + 1, parent_of.get(frame, "")
         return count
 
-    return sorted(every, key=lambda one: (kinds[one.kind], depth(one)))
+    return sorted(unsorted, key=lambda one: (kinds[one.kind], depth(one)))

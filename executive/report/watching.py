@@ -1,4 +1,4 @@
-"""Looks on while a run goes on, for its page: hears the trace, sees the world, remembers searches for places."""
+"""Collect the data of a run's page during the run: its trace, its true world, and its searches for base poses."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ VIEW = {
     "border": viewpoints.BORDER,
     "least": viewpoints.LEAST_RADIUS,
 }
-"""How the page chooses a viewpoint: as pictures do, angles [rad]."""
+"""Parameters of the page's choice of a viewpoint, the same as for pictures; angles in rad."""
 
 
 class Watching:
-    """What a page shows of a run: a listener of its trace, and a watcher of its true world."""
+    """Collects what the page of a run shows; listens to the trace and watches the true world."""
 
     def __init__(self, platform: Platform, truth: Truth) -> None:
         self.told = Told()
@@ -48,22 +48,22 @@ class Watching:
         platform.resolver.watchers.append(self._questions.watch)
 
         self.move = self._tracks.move
-        """Takes what has moved."""
+        """Records the entities that moved."""
 
     def listen(self, record: Mapping[str, Any], node: object) -> None:
-        """Read a record of the trace."""
+        """Process a record of the trace."""
         self.told.add(record)
 
     def look(self, world: Truth) -> None:
-        """Look at the true world after one of its steps."""
+        """Record the state after a world step."""
         self._questions.step = world.steps
         self._tracks.believe(world.steps)
-        if self._count != world.changed:  # what is new has its shapes from now on
+        if self._count != world.changed:  # bodies were added
             self._count = world.changed
             self._shapes.add(drawn_in(world))
 
     def world(self) -> tuple[dict[str, Any], dict[str, bytes]]:
-        """Return the parts of the model about the world, and the blobs that belong to them."""
+        """Build the world's part of the page's model, and its binary data by name."""
         shapes, bounds = self._shapes, [round(float(one), 3) for one in self._truth.scene.bounds]
         tracks, keys = packed(ordered(self._tracks.all.values()), self._tracks.rate, shapes.of)
         radius = self._platform.scene.base_radius
@@ -82,7 +82,7 @@ class Watching:
 
 
 def _local(one: Outline, pose: Pose) -> dict[str, Any]:
-    """Return the outline of a body in a level frame at its pose, by which it is drawn wherever it is later."""
+    """Express the outline of a body in its own frame (position and yaw), so that the page can move it."""
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     corners = [(a - pose.position[0], b - pose.position[1]) for a, b in one.polygon[:, :2].tolist()]
     polygon = [[round(cos * a + sin * b, 3), round(cos * b - sin * a, 3)] for a, b in corners]

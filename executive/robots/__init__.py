@@ -1,10 +1,10 @@
-"""Robots: a self-model bound to a URDF, and what a task requires of it.
+"""Robots: self-models bound to URDFs, and matching with the requirements of tasks.
 
-General layout: ``binding`` is the entrance; ``robot`` reads SRDL, ``robot_file`` the numbers beside it and
-``mechanism`` the URDF, ``limbs`` brings them together. ``requirements`` reads what classes of actions and
-capabilities require, ``matching`` compares that with a robot, ``tasks`` does so for a whole recipe: import ``match``
-from there, the rest needs no recipes. ``arms`` is the robot as planning asks it. ``draft`` makes a robot file from a
-URDF: ``anatomy`` finds arms and hands in its tree, ``hand_shape`` measures hands, ``srdf`` reads what stands beside it.
+General layout: ``binding`` is the entry point; ``robot`` reads SRDL, ``robot_file`` the TOML file and ``mechanism`` the
+URDF, ``limbs`` combines them. ``requirements`` reads what classes of actions and capabilities require, ``matching``
+compares that with a robot, ``tasks`` does so for a whole recipe: import ``match`` from there, as the rest does not
+depend on recipes. ``arms`` is the robot as planning sees it. ``draft`` makes a robot file from a URDF and an SRDF:
+``anatomy`` finds arms and hands in the kinematic tree, ``hand_shape`` measures hands.
 """
 
 from executive.robots.binding import bind_draft, bind_robot, robots

@@ -1,8 +1,8 @@
-"""Two arms that hold one thing: their joints as one space, and postures for poses of both tips.
+"""Two arms that hold one object: their joint space, and inverse kinematics for poses of both tips.
 
-While both hands hold a thing they are a closed chain: each pose of the thing gives a pose of each tip, and inverse
-kinematics follows it arm by arm from posture to posture, for many ways at once. A torso that lifts both arms straight
-up is not solved for: it is given.
+Two hands that hold an object form a closed chain: each pose of the object determines the poses of both tips, and
+inverse kinematics follows a path of poses arm by arm, for many paths at once. The position of a torso that lifts both
+arms straight up is an input, not solved for.
 """
 
 from __future__ import annotations
@@ -21,39 +21,39 @@ from planlang.geometry.matrices import inverse, product
 from planlang.records import dataclass
 
 TORSOS = 5
-"""Positions of the torso that are tried beside the present one."""
+"""Number of torso positions to try besides the current one."""
 ALIKE = 0.01
-"""Positions of the torso that differ by less are one [m]."""
+"""Torso positions closer than this to the current one are skipped [m]."""
 FARTHEST = 0.35
-"""Largest move of a joint between two postures of a way [rad, m]."""
+"""Greatest motion of a joint between consecutive postures of a path [rad, m]: more is a jump to another solution."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmPair:
-    """Two arms of one robot; n joints in all, shared ones once."""
+    """Two arms of one robot, with n joints in total; shared joints count once."""
 
     arms: tuple[ArmModel, ArmModel]
     still: Mapping[str, float]
-    """Values of joints that both arms share and that are no torso: they stay."""
+    """Values of the shared joints, which stay fixed, except for the torso."""
 
     @cached_property
     def group(self) -> ArmGroup:
-        """The joints of both arms as one space."""
+        """Joint space of both arms."""
         return ArmGroup([arm.solver.chain for arm in self.arms])
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the joints (n,)."""
+        """Names of the joints (n,)."""
         return self.group.names
 
     @cached_property
     def torso(self) -> int | None:
-        """The number of the joint that lifts both arms; None without one."""
+        """Index of the joint that lifts both arms; None without one."""
         lifts = [arm.lift for arm in self.arms]
         return next((self.names.index(lift.joint) for lift in lifts if lift and lift == lifts[-1]), None)
 
     def torsos(self, now: float) -> Array:
-        """Return positions of the torso to try (t,), that which it has first; one that means nothing without torso."""
+        """List torso positions to try (t,), the current one ``now`` first, then by distance; a dummy without torso."""
         lift = self.arms[0].lift
         if self.torso is None or lift is None:
             return np.zeros(1)
@@ -62,7 +62,7 @@ class ArmPair:
         return np.concatenate([[now], others[np.argsort(np.abs(others - now).round(9), kind="stable")]])
 
     def raised(self, torso: float, by: float) -> float:
-        """Return the position of the torso that lifts both arms by so much more [m], as far as it can."""
+        """Compute the torso position that lifts both arms ``by`` [m] from a position, clamped to its range."""
         lift = self.arms[0].lift
         if self.torso is None or lift is None:
             return torso
@@ -75,7 +75,7 @@ class ArmPair:
 
     @cached_property
     def solved(self) -> tuple[NDArray[np.intp], ...]:
-        """Return for each arm the numbers of the joints that are solved for."""
+        """Indices of the joints that inverse kinematics solves for, per arm."""
         return tuple(np.array([self.names.index(name) for name in one.chain.names], np.intp) for one in self._solvers)
 
     def _fixed(self, arm: ArmModel) -> dict[str, float]:
@@ -84,15 +84,16 @@ class ArmPair:
         return fixed if arm.lift is None or self.torso is None else {**fixed, arm.lift.joint: arm.lift.lowest}
 
     def tips(self, q: Array) -> Array:
-        """Return the poses of both tips in the base (..., 2, 4, 4) at joint values (..., n)."""
+        """Compute the poses of both tips in the base frame (..., 2, 4, 4) at joint values (..., n)."""
         rows = q.reshape(-1, q.shape[-1])
         poses = np.stack([self.group.fk(rows, arm) for arm in (0, 1)], axis=1)
         return np.asarray(poses.reshape(*q.shape[:-1], 2, 4, 4))
 
     def solve_one(self, arm: int, targets: Array, seeds: Array, torso: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return joint values (m, d) of one arm for poses of its tip (m, 4, 4) in the base, and which meet them (m,).
+        """Solve inverse kinematics of one arm for poses of its tip (m, 4, 4) in the base frame.
 
-        ``seeds`` (m, s, n) are of both arms; ``torso`` (m,): its position.
+        ``seeds`` (m, s, n) are joint values of both arms, ``torso`` (m,) its positions. Returns joint values (m, d)
+        and a mask of the solved poses (m,).
         """
         lift = self.arms[arm].lift
         lowered = targets.copy()
@@ -101,7 +102,7 @@ class ArmPair:
         return self._solvers[arm].solve(lowered, seeds[:, :, self.solved[arm]])
 
     def joined(self, parts: tuple[Array, Array], torso: Array, start: Array) -> Array:
-        """Return joint values (m, n) of both arms from those of each (m, d); others as at the start (n,)."""
+        """Combine joint values (m, d) of each arm and the torso (m,) into (m, n); the rest as in ``start`` (n,)."""
         rows = np.tile(start, (len(torso), 1))
         if self.torso is not None:
             rows[:, self.torso] = torso
@@ -110,33 +111,34 @@ class ArmPair:
         return rows
 
     def along(self, targets: Array, start: Array, torso: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Return joint values (m, k, n) that follow poses of both tips (m, k, 2, 4, 4), and how far each way goes (m,).
+        """Follow m paths of k poses of both tips (m, k, 2, 4, 4) from joint values ``start`` (m, n).
 
-        ``start`` (m, n): the values before; ``torso`` (m, k): its positions. A way ends where a pose is out of reach,
-        or a joint would have to jump.
+        ``torso`` (m, k) are its positions. Returns joint values (m, k, n) and the number of poses reached (m,): a path
+        ends where a pose is out of reach, or a joint would jump by more than :data:`FARTHEST`. The values beyond the
+        end repeat the last ones.
         """
-        found = np.repeat(start[:, None], targets.shape[1], axis=1)
-        reached, alive = np.zeros(len(targets), np.intp), np.arange(len(targets))
+        postures = np.repeat(start[:, None], targets.shape[1], axis=1)
+        reached, active = np.zeros(len(targets), np.intp), np.arange(len(targets))
         last = start.copy()
         for k in range(targets.shape[1]):
-            if not len(alive):
+            if not len(active):
                 break
-            good, parts = np.ones(len(alive), bool), []
+            is_valid, parts = np.ones(len(active), bool), []
             for arm in (0, 1):
-                q, met = self.solve_one(arm, targets[alive, k, arm], last[alive][:, None], torso[alive, k])
-                good &= met
+                q, is_solved = self.solve_one(arm, targets[active, k, arm], last[active][:, None], torso[active, k])
+                is_valid &= is_solved
                 parts.append(q)
-            rows = self.joined((parts[0], parts[1]), torso[alive, k], start[0])
-            good &= np.abs(rows - last[alive]).max(axis=1) < FARTHEST
-            alive, rows = alive[good], rows[good]
-            found[alive, k:], last[alive], reached[alive] = rows[:, None], rows, k + 1
-        return found, reached
+            rows = self.joined((parts[0], parts[1]), torso[active, k], start[0])
+            is_valid &= np.abs(rows - last[active]).max(axis=1) < FARTHEST
+            active, rows = active[is_valid], rows[is_valid]
+            postures[active, k:], last[active], reached[active] = rows[:, None], rows, k + 1
+        return postures, reached
 
 
 def strays(pair: ArmPair, rows: Array) -> tuple[float, float]:
-    """Return by how much the pose of one tip in the frame of the other changes along a way (k, n) [m, rad]."""
+    """Measure how much the pose of one tip relative to the other changes along a path (k, n) [m, rad]."""
     tips = pair.tips(rows)
-    between = product(inverse(tips[:, 0]), tips[:, 1])
-    away = float(np.linalg.norm(between[:, :3, 3] - between[0, :3, 3], axis=1).max())
-    traces = np.trace(product(between[:, :3, :3], between[0, :3, :3].T), axis1=1, axis2=2)
-    return away, float(np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0)).max())
+    relative = product(inverse(tips[:, 0]), tips[:, 1])
+    distance = float(np.linalg.norm(relative[:, :3, 3] - relative[0, :3, 3], axis=1).max())
+    traces = np.trace(product(relative[:, :3, :3], relative[0, :3, :3].T), axis1=1, axis2=2)
+    return distance, float(np.arccos(np.clip((traces - 1) / 2, -1.0, 1.0)).max())

@@ -1,4 +1,4 @@
-"""Arms of a bound robot as location resolving and motion planning need them, and a posture for them to drive in."""
+"""Arms of a bound robot as location resolution and motion planning see them, and a posture for driving."""
 
 from __future__ import annotations
 
@@ -23,25 +23,27 @@ from planlang.records import dataclass
 from sim import Body, PlanningWorld, Scene
 
 SAMPLES = 400
-"""Random configurations from which the length of an arm is measured; 2 % are added for those that were not drawn."""
+"""Number of random configurations from which the reach of an arm is estimated."""
+REACH_MARGIN = 1.02
+"""Factor on that estimate, as the samples rarely contain the fully stretched arm."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
-"""Steps in which motions of turning and sliding joints are checked [rad], [m]."""
+"""Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class HandFrame:
-    """Convention of a tip frame: unit vectors of the approach and of the closing direction in it."""
+    """Axes of a tip frame: unit vectors of the approach and closing directions in it."""
 
     approach: tuple[float, float, float]
     closing: tuple[float, float, float]
 
     def rotation(self, approach: Array, closing: Array) -> Array:
-        """Return the rotation (3, 3) that turns the frame's approach and closing axes into the given map directions."""
+        """Compute the rotation (3, 3) that maps the approach and closing axes to directions in the map frame."""
         return np.asarray(_axes(approach, closing) @ _axes(self.approach, self.closing).T)
 
 
 def _axes(first: Sequence[float] | Array, second: Sequence[float] | Array) -> Array:
-    """Return two orthogonal unit vectors and their cross product as columns (3, 3): np.cross is slow for one."""
+    """Stack two orthogonal unit vectors and their cross product as columns (3, 3), without np.cross, which is slow."""
     a, b, c = first
     d, e, f = second
     return np.array([[a, d, b * f - c * e], [b, e, c * d - a * f], [c, f, a * e - b * d]])
@@ -55,20 +57,20 @@ class Held:
     pose: Pose
     size: tuple[float, float, float]
     largest_tilt: float | None = None
-    """The angle by which its z axis may lean from upright [rad]; None if it may be turned as one likes."""
+    """Greatest angle between its z axis and the vertical [rad]; None for any orientation."""
 
     @property
     def up(self) -> Array:
-        """Return its z axis in the tip frame, (3,)."""
+        """Its z axis in the tip frame, (3,)."""
         return np.asarray(self.pose.rotation[:, 2])
 
     def lowest_of(self, rotations: Array) -> Array:
-        """Return height of the object's lowest point relative to the tip, for tip rotations (m, 3, 3), (m,) [m]."""
-        turned = rotations @ self.pose.matrix()[:3, :3]
-        return np.asarray(self.offsets(rotations)[:, 2] - np.abs(turned[:, 2]) @ (np.asarray(self.size) / 2))
+        """Compute the height (m,) of its lowest point above the tip [m], for tip rotations (m, 3, 3) in the map."""
+        in_map = rotations @ self.pose.matrix()[:3, :3]
+        return np.asarray(self.offsets(rotations)[:, 2] - np.abs(in_map[:, 2]) @ (np.asarray(self.size) / 2))
 
     def offsets(self, rotations: Array) -> Array:
-        """Return the object's centre relative to the tip, in the map, for tip rotations (m, 3, 3), (m, 3)."""
+        """Compute its centre (m, 3) relative to the tip, along the map's axes, for tip rotations (m, 3, 3)."""
         return np.asarray(rotations @ np.asarray(self.pose.position))
 
 
@@ -86,17 +88,17 @@ class Lift:
     per_unit: float
 
     def rise(self, position: ArrayLike) -> Array:
-        """Return rise [m] of joint positions."""
+        """Convert joint positions to rises [m]."""
         return np.asarray(self.per_unit * (np.asarray(position, float) - self.lowest))
 
     def position(self, rise: ArrayLike) -> Array:
-        """Return the joint positions for a rise [m]."""
+        """Convert rises [m] to joint positions."""
         return np.asarray(self.lowest + np.asarray(rise, float) / self.per_unit)
 
 
 @dataclass(frozen=True, slots=True)
 class ArmModel:
-    """One arm (with the joints that carry it, e.g. the torso) as the resolver sees it."""
+    """One arm, with the joints that carry it (the torso), as planning sees it; d joints."""
 
     name: str
     joints: tuple[str, ...]
@@ -104,44 +106,44 @@ class ArmModel:
     upper: Array
     solver: InverseKinematics
     resolution: Array
-    """Steps in which motions are checked, (d,) [rad, m]."""
+    """Resolution of collision checks along motions, (d,) [rad, m]."""
     frame: HandFrame
     max_opening: float
     hand_links: frozenset[str]
     hand_radius: float
-    """Extent of the hand around its tip frame across the approach direction [m]."""
+    """Radius of the hand about the approach axis through the tip [m]."""
     shoulder_low: Array
-    """Shoulder in the base frame at the lowest posture of what carries the arm, (3,)."""
+    """Shoulder in the base frame with the torso at its lowest, (3,)."""
     shoulder_high: Array
-    """The same at the highest, (3,)."""
+    """Shoulder in the base frame with the torso at its highest, (3,)."""
     reach: float
-    """Longest distance from shoulder to tip [m]."""
+    """Greatest distance from shoulder to tip [m]."""
     seeds: Array
-    """Postures to start inverse kinematics from, (s, d)."""
+    """Initial postures for inverse kinematics, (s, d)."""
     lift: Lift | None = None
-    """The torso that lifts it straight up."""
+    """The torso, if it lifts the arm straight up."""
     payload: float = math.inf
     """Largest mass that the hand carries [kg]."""
     openings: Openings = field(default_factory=Openings)
     """Openings of the hand."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
-    """Corners of boxes around the hand's pieces in the tip frame, (n, 3)."""
+    """Corners of boxes around the links of the hand in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()
-    """The pieces that are no fingers, which nothing that is grasped may touch."""
+    """Corners of the boxes without those of the fingers: a grasped object must not touch the palm."""
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
-        """Return the lowest point (m,) of hand and held object over the tip [m], for tip rotations (m, 3, 3)."""
+        """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
         hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
         return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
 
 
 def arm_models(robot: Robot, world: PlanningWorld) -> tuple[ArmModel, ...]:
-    """Return all arms of a robot, in its order; ``world`` knows which links belong to a hand."""
+    """Build the models of all arms of a robot, in its order; ``world`` contains the robot, to measure its hands."""
     return tuple(_model(robot, arm, world) for arm in robot.arms)
 
 
 def gaze_of(robot: Robot) -> Gaze | None:
-    """Return what points the camera; None for a robot without one."""
+    """Build the model that points the camera; None for a robot without one."""
     if robot.camera is None:
         return None
     posture = robot.postures.get("carrying", {})
@@ -154,7 +156,7 @@ def gaze_of(robot: Robot) -> Gaze | None:
 
 
 def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
-    """Return the pose (4, 4) of the last joint's child in the first joint's parent."""
+    """Compute the pose (4, 4) of the last joint's child in the frame of the first joint's parent."""
     pose = np.eye(4)
     for joint in joints:
         pose = product(pose, joint.origin)
@@ -191,32 +193,32 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         palm=tuple(map(tuple, world.robot.hand_corners(arm.tip, fingers).round(6).tolist())),
         shoulder_low=low,
         shoulder_high=high,
-        reach=1.02 * float(np.linalg.norm(tips - shoulders, axis=1).max()),
+        reach=REACH_MARGIN * float(np.linalg.norm(tips - shoulders, axis=1).max()),
         seeds=_distinct(seeds),
         lift=lift_of(chain, robot.torso),
     )
 
 
 def _shoulders(robot: Robot, arm: Arm, chain: Chain, world: PlanningWorld) -> tuple[Array, Array]:
-    """Return where the arm begins, in the base frame, at the lowest and the highest posture of what carries it."""
-    found = []
+    """Compute the positions of the shoulder (3,) in the base frame with the torso at its lowest and highest."""
+    positions = []
     for ends in (chain.lower, chain.upper):
         joints = {robot.torso: float(ends[chain.names.index(robot.torso)])} if robot.torso in chain.names else {}
         pose = world.link_pose(arm.base_link, Configuration((0.0, 0.0, 0.0), joints))
-        found.append(np.asarray(pose.position))
-    first, second = sorted(found, key=lambda point: float(point[2]))
+        positions.append(np.asarray(pose.position))
+    first, second = sorted(positions, key=lambda point: float(point[2]))
     return first, second
 
 
 def _distinct(seeds: list[Array]) -> Array:
-    kept: dict[bytes, Array] = {}
+    distinct: dict[bytes, Array] = {}
     for seed in seeds:
-        kept.setdefault(np.round(seed, 6).tobytes(), seed)
-    return np.stack(list(kept.values()))
+        distinct.setdefault(np.round(seed, 6).tobytes(), seed)
+    return np.stack(list(distinct.values()))
 
 
 def lift_of(chain: Chain, torso: str | None) -> Lift | None:
-    """Return how a torso joint lifts a chain; None if it does not, or not straight up."""
+    """Describe how a torso joint lifts a chain; None if it does not, or not straight up."""
     if torso is None or torso not in chain.names:
         return None
     column = chain.names.index(torso)
@@ -236,33 +238,34 @@ def lift_of(chain: Chain, torso: str | None) -> Lift | None:
 
 
 AHEAD = np.arange(0.25, 0.75, 0.1)
-"""Distances of the hand ahead of the base's axis [m]."""
+"""Candidates for a carrying posture: distances of the hand in front of the base's axis [m]."""
 ASIDE = (0.0, 0.1, 0.2, 0.3)
-"""Distances from the middle, on the arm's own side [m]."""
+"""Distances of the hand from the sagittal plane, on the arm's own side [m]."""
 ABOVE = np.arange(-0.5, 0.7, 0.15)
-"""Heights above the shoulder [m]."""
+"""Heights of the hand above the shoulder [m]."""
 INWARDS = (0.0, 0.6, 1.2)
-"""By how much the hand may point across the robot [rad]."""
+"""Angles by which the hand points inwards, across the robot [rad]."""
 HEIGHT = -0.2
-"""Height of a hand above the shoulder that is wished for [m]."""
+"""Preferred height of the hand above the shoulder [m]."""
 NARROWER = 0.05
-"""Differences of width that count [m]."""
+"""Robots whose radii differ by less are equally narrow: then the height decides [m]."""
 LOWEST = 0.3
-"""Least height of a hand above the floor [m]."""
+"""Least height of the hand above the floor [m]."""
 SEEDS = 6
-"""Random postures from which inverse kinematics begins, beside the middle one: it is run once for a robot."""
-STRAY = 100
-"""Postures at random that are looked at as well, if the hand is level in none."""
+"""Number of random seeds for inverse kinematics, besides the middle of the joint limits."""
+RANDOM_POSTURES = 100
+"""Number of random postures to try as well if no level one is free of contact."""
 TORSO = 0.3
-"""Height of the torso as a share of its range."""
-HERE = (0.0, 0.0, 0.0)
+"""Height of the torso as a fraction of its range."""
+ORIGIN = (0.0, 0.0, 0.0)
+"""Base pose in the world of the search."""
 
 
 def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), report: Report = unreported) -> Robot:
-    """Return the robot with a carrying posture: without contact, hands level, as narrow as possible.
+    """Add a carrying posture to a robot: free of contact, hands level, as narrow as possible.
 
-    ``held`` are the things that it holds: the link, the body, and its pose in the frame of the link. The posture that
-    the robot has is left to it if these touch nothing there. ``report`` is given the progress of the search.
+    ``held`` are the objects that it holds: link, body, and pose in the frame of the link. A robot that has a carrying
+    posture keeps it unless they touch something there. ``report`` receives the progress of the search.
     """
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
@@ -278,31 +281,31 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
             low, high = world.robot.limits[robot.torso]
             joints[robot.torso] = low + TORSO * (high - low)
         for arm in robot.arms:
-            joints |= _best(robot, arm, joints, world, partial(report, f"posture to drive in: {arm.name} arm"))
+            joints |= _best(robot, arm, joints, world, partial(report, f"carrying posture: {arm.name} arm"))
             report("", 1.0)
     finally:
         world.close()
-    assumed = note(
+    assumption = note(
         "B010",
-        f"{robot.name} has no posture to drive in; one with level hands close to the body is used",
-        help="a robot file (TOML) says one under [postures.carrying]",
+        f"{robot.name} has no posture for driving; one with level hands close to the body is used",
+        help="state one under [postures.carrying] of a robot file (TOML)",
     )
-    return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, assumed))
+    return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, assumption))
 
 
 def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld, share: Share) -> dict[str, float]:
-    """Return the joints of an arm, others fixed: least penetration first, then the narrowest, then of a good height."""
+    """Find joint values of an arm, others fixed: the least penetration, then the narrowest, then the best height."""
     chain = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip, locked=fixed)
     rng = np.random.default_rng(0)
     candidates = _level(arm, chain, world, fixed, rng)
     free = arm.gripper.opened if arm.gripper is not None else {}
-    shoulder = world.link_pose(arm.base_link, Configuration(HERE, fixed)).position[2]
+    shoulder = world.link_pose(arm.base_link, Configuration(ORIGIN, fixed)).position[2]
     best: tuple[tuple[float, float, float], dict[str, float]] | None = None
-    for rows in (candidates, chain.sample(rng, STRAY)):
+    for rows in (candidates, chain.sample(rng, RANDOM_POSTURES)):
         for number, row in enumerate(rows):
             share(number / len(rows))
             joints = dict(zip(chain.names, map(float, row), strict=True))
-            world.set_configuration(Configuration(HERE, {**fixed, **joints, **free}))
+            world.set_configuration(Configuration(ORIGIN, {**fixed, **joints, **free}))
             depth = round(sum(contact.depth for contact in world.contacts(moving=arm.joints)), 3)
             if best is not None and depth > best[0][0]:
                 continue
@@ -318,8 +321,8 @@ def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWor
 
 
 def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, float], rng: np.random.Generator) -> Array:
-    """Return the joint values (n, d) with the hand level, so that what it holds stays upright."""
-    shoulder = world.link_pose(arm.base_link, Configuration(HERE, fixed)).position[2]
+    """Sample joint values (n, d) with the hand level, so that a held object stays upright."""
+    shoulder = world.link_pose(arm.base_link, Configuration(ORIGIN, fixed)).position[2]
     side = {"left": 1.0, "right": -1.0}.get(arm.side or "", 1.0)
     targets = [
         _target(arm, (x, side * y, z), -side * inwards)
@@ -331,16 +334,16 @@ def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, flo
     middle = np.clip((chain.lower + chain.upper) / 2, -np.pi, np.pi)
     seeds = np.concatenate([middle[None], chain.sample(rng, SEEDS)])
     q, ok = InverseKinematics(chain).solve(np.stack(targets), np.repeat(seeds[None], len(targets), axis=0))
-    found: Array = q[ok]
-    return found
+    solutions: Array = q[ok]
+    return solutions
 
 
 def _target(arm: Arm, position: tuple[float, float, float], heading: float) -> Array:
-    """Return the pose (4, 4) of the tip at a place, pointing level into a direction, fingers closing level."""
+    """Compute the pose (4, 4) of a tip whose approach and closing axes are horizontal, with a heading [rad]."""
     ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
     across = np.array([-np.sin(heading), np.cos(heading), 0.0])
-    there = np.column_stack([ahead, across, np.cross(ahead, across)])
+    in_base = np.column_stack([ahead, across, np.cross(ahead, across)])
     tip = np.column_stack([arm.approach, arm.closing, np.cross(arm.approach, arm.closing)])
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = product(there, tip.T), position
+    pose[:3, :3], pose[:3, 3] = product(in_base, tip.T), position
     return pose

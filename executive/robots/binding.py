@@ -1,4 +1,4 @@
-"""Binding a robot: a self-model (SRDL) or a robot file (TOML) to the links and joints of a URDF."""
+"""Binding of robots: a self-model (SRDL) or a robot file (TOML) to the links and joints of a URDF."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 
 def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
-    """Return the robot that a source describes, bound to a URDF.
+    """Bind the robot that a source describes to a URDF.
 
-    ``source``: a loaded ontology, a file with a self-model or a robot file (told by content), or the name of a bundled
-    robot. Without ``urdf``, a self-model is bound to the bundled robot whose self-model it is, else to the one that has
-    most of its actuated joints, and all of at least one arm. Beside a URDF that is given, a robot file of the same stem
-    says the numbers.
-    Raises BadInput with all that is wrong.
+    ``source`` is a loaded ontology, a file (self-model, robot file or URDF, recognised by content), or the name of a
+    bundled robot. Without ``urdf``, a self-model is bound to the bundled robot whose self-model it is, else to the one
+    that has the most of its actuated joints, and all of at least one arm. With ``urdf``, numbers come from a robot file
+    of the same stem beside it, if there is one, else from a bundled robot with the same arms.
+    Raises BadInput with all errors.
     """
     if isinstance(source, Ontology):
         return _bind_model(read_self_model(source), urdf)
@@ -59,9 +59,9 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
         path = _bundled_file(str(source))
     if looks_like_toml(path):
         numbers = read_robot_file(path)
-        own = numbers.self_model
-        stated = read_self_model(load(own, folders=tuple(folders))) if own is not None else None
-        return _bind(stated, numbers, _built(numbers, urdf))
+        model_path = numbers.self_model
+        model = read_self_model(load(model_path, folders=tuple(folders))) if model_path is not None else None
+        return _bind(model, numbers, _urdf_of(numbers, urdf))
     if looks_like_urdf(path):
         return _bind_urdf(path)
     ontology = load(path, folders=tuple(folders))
@@ -72,24 +72,24 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
 
 
 def _bind_urdf(path: Path) -> Robot:
-    """Return the robot that a URDF alone shows, with what is assumed about it."""
-    from executive.robots.draft import draft_of  # most robots have a robot file or a self-model
+    """Bind a robot given by its URDF alone, using the draft of a robot file."""
+    from executive.robots.draft import draft_of  # imported late: most robots have a robot file or a self-model
 
     draft = draft_of(path)
     robot = bind_draft(draft, path)
     advice = f"planlang robot make {path} -o {path.stem}.toml writes a robot file to complete"
-    made = note("B010", f"{robot.name} is made from its URDF alone", Span(str(path)), advice)
-    return replace(robot, diagnostics=(made, *draft.diagnostics(), *robot.diagnostics))
+    origin = note("B010", f"{robot.name} is derived from its URDF alone", Span(str(path)), advice)
+    return replace(robot, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics))
 
 
 def bind_draft(draft: Draft, path: Path) -> Robot:
-    """Return the robot of a robot file in the making, which is to be written to a path."""
+    """Bind the robot of a draft as if it had been written to ``path``."""
     numbers = read_robot(draft.text().encode(), path)
     return _bind(None, numbers, numbers.urdf)
 
 
 def robots() -> tuple[str, ...]:
-    """Return the names of the bundled robots, sorted."""
+    """List the names of the bundled robots, sorted."""
     return tuple(sorted(path.stem for path in Bundled.ROBOT.folder.glob("*.toml")))
 
 
@@ -103,8 +103,8 @@ def _bundled_file(name: str) -> Path:
 def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
     if urdf is not None:
         beside = urdf.with_suffix(".toml")
-        known = read_robot_file(beside) if beside.is_file() else _numbers_for(urdf)
-        return _bind(model, known, _built(known, urdf) if known else urdf)
+        numbers_beside = read_robot_file(beside) if beside.is_file() else _numbers_for(urdf)
+        return _bind(model, numbers_beside, _urdf_of(numbers_beside, urdf) if numbers_beside else urdf)
     absent: dict[str, str] = {}
     numbers = _matching(model, absent)
     if numbers is None:
@@ -117,7 +117,7 @@ def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
 
 
 def _installed(absent: dict[str, str]) -> Iterator[RobotFile]:
-    """Yield the bundled robots whose URDF is there; ``absent`` receives the others, with how to install them."""
+    """Yield the bundled robots whose URDFs are installed; ``absent`` receives the others, with how to install them."""
     for name in robots():
         try:
             yield read_robot_file(_bundled_file(name))
@@ -128,41 +128,41 @@ def _installed(absent: dict[str, str]) -> Iterator[RobotFile]:
 
 
 def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
-    """Return True if a URDF's text has one of these names: spares reading URDFs of quite other robots."""
+    """Check whether the text of a URDF contains one of these names: cheaper than parsing URDFs of other robots."""
     text = urdf.read_text(encoding="utf-8", errors="replace")
     return any(f'"{joint}"' in text for joint in joints)
 
 
-def _built(numbers: RobotFile, urdf: Path | None) -> Path:
-    """Return the URDF that the user names, with the grip points of a robot file; else the robot file's own."""
+def _urdf_of(numbers: RobotFile, urdf: Path | None) -> Path:
+    """Choose the user's URDF, with links added at the grip points of a robot file, else the robot file's own URDF."""
     if urdf is None:
         return numbers.urdf
     return mounted(urdf, None, numbers.tools) if numbers.tools else urdf
 
 
 def _matching(model: SelfModel, absent: dict[str, str]) -> RobotFile | None:
-    """Return the bundled robot whose self-model this is, else that with most of its joints and all of one arm.
+    """Find the bundled robot with this self-model, else the one with most of its joints and all of at least one arm.
 
-    ``absent`` receives the robots that are not compared.
+    ``absent`` receives the robots that are not installed, and so not compared.
     """
     moving = set(model.joints.values())
-    own = Path(model.ontology.documents[0].path).resolve()
+    model_path = Path(model.ontology.documents[0].path).resolve()
     best: tuple[int, RobotFile] | None = None
     for numbers in _installed(absent):
-        if numbers.self_model is not None and numbers.self_model.resolve() == own:
+        if numbers.self_model is not None and numbers.self_model.resolve() == model_path:
             return numbers
         if not _mentions(numbers.urdf, moving):
             continue
         mechanism = Mechanism(numbers.urdf)
         common = sum(mechanism.actuated(joint) for joint in sorted(moving))
-        whole = any(moving.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
-        if whole and (best is None or common > best[0]):
+        has_arm = any(moving.issuperset(mechanism.movers(arm.tip)) for arm in numbers.arms)
+        if has_arm and (best is None or common > best[0]):
             best = (common, numbers)
     return best[1] if best else None
 
 
 def _numbers_for(urdf: Path) -> RobotFile | None:
-    """Return the numbers of the bundled robot whose arms are those of a URDF: same joints, same lengths."""
+    """Find the bundled robot whose arms are those of a URDF: same joints, same lengths."""
     mechanism = Mechanism(urdf)
     for numbers in _installed({}):
         if not _mentions(numbers.urdf, mechanism.joints):
@@ -176,7 +176,7 @@ def _numbers_for(urdf: Path) -> RobotFile | None:
 
 
 def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
-    """Return whether two URDFs agree in the joints that move a link, and in where they are relative to each other."""
+    """Check whether the joints that move a link are the same in two URDFs, at the same poses relative to it."""
     movers = one.movers(tip)
     if not movers or movers != other.movers(tip):
         return False
@@ -188,36 +188,36 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
 
 
 def _assumed(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Iterator[Diagnostic]:
-    """Yield notes about what neither the self-model nor a robot file of this robot says."""
+    """Yield notes about values that neither the self-model nor a robot file of this robot states."""
     if numbers is None:
-        help = f"a robot file {urdf.stem}.toml beside the URDF says them in [base], [joints.*] and [postures.*]"
+        help = f"state them in [base], [joints.*] and [postures.*] of a robot file {urdf.stem}.toml beside the URDF"
         yield note("B010", "speeds, postures and the size of the base are assumed", None, help)
     elif model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
-        help = f"a robot file {urdf.stem}.toml beside the URDF says others"
+        help = f"to change them, add a robot file {urdf.stem}.toml beside the URDF"
         yield note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
 
 
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
     mechanism = Mechanism(urdf)
-    found = list(read_description(urdf).diagnostics)
+    diagnostics = list(read_description(urdf).diagnostics)
     if numbers is not None:
-        found += _check(numbers, mechanism)
-        if has_errors(found):
-            raise BadInput(found)
-    limbs = Limbs(mechanism, numbers, found)
+        diagnostics += _check(numbers, mechanism)
+        if has_errors(diagnostics):
+            raise BadInput(diagnostics)
+    limbs = Limbs(mechanism, numbers, diagnostics)
     if model is not None:
-        _check_same(model, mechanism, found)
-        naming = Naming(model, mechanism, found)
+        _check_same(model, mechanism, diagnostics)
+        naming = Naming(model, mechanism, diagnostics)
         arms = renamed(limbs.from_model(model, naming))
-        _list_unknown(model, naming, found)
+        _list_unknown(model, naming, diagnostics)
     else:
         arms = limbs.from_numbers(numbers) if numbers else ()
     torso = limbs.torso([arm.tip for arm in arms]) or (numbers.torso if numbers and not arms else None)
     camera = _camera(model, numbers, mechanism)
     neck = _neck(numbers, mechanism, camera, arms, torso)
-    if has_errors(found):
-        raise BadInput(found)
-    found.extend(_assumed(model, numbers, urdf))
+    if has_errors(diagnostics):
+        raise BadInput(diagnostics)
+    diagnostics.extend(_assumed(model, numbers, urdf))
     if model is not None:
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)
@@ -242,44 +242,44 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         parts=parts,
         claims=claims,
         model=model,
-        diagnostics=tuple(found),
+        diagnostics=tuple(diagnostics),
     )
 
 
-def _check_same(model: SelfModel, mechanism: Mechanism, found: list[Diagnostic]) -> None:
-    """Report a URDF that has none of the joints that move: it is another robot's."""
+def _check_same(model: SelfModel, mechanism: Mechanism, diagnostics: list[Diagnostic]) -> None:
+    """Report a URDF with none of the model's moving joints: it is that of another robot."""
     moving = [n for iri, n in model.joints.items() if not any("Fixed" in cls for cls in model.ontology.types(iri))]
     if moving and not any(name in mechanism.joints for name in moving):
-        message = f"{mechanism.path.name} has none of the {len(moving)} joints that move in {model.name}"
-        found.append(error("B012", message, model.span, "give --urdf FILE with the URDF of this robot"))
+        message = f"{mechanism.path.name} has none of the {len(moving)} moving joints of {model.name}"
+        diagnostics.append(error("B012", message, model.span, "give --urdf FILE with the URDF of this robot"))
 
 
-def _list_unknown(model: SelfModel, naming: Naming, found: list[Diagnostic]) -> None:
+def _list_unknown(model: SelfModel, naming: Naming, diagnostics: list[Diagnostic]) -> None:
     unknown = naming.unknown()
     if unknown:
         total = len(model.links) + len(model.joints)
-        shown = ", ".join(unknown[:8]) + (", ..." if len(unknown) > 8 else "")
+        names = ", ".join(unknown[:8]) + (", ..." if len(unknown) > 8 else "")
         message = f"{len(unknown)} of {total} links and joints of {model.name} are not in {naming.mechanism.path.name}"
-        found.append(note("B007", f"{message} and not used: {shown}", model.span))
+        diagnostics.append(note("B007", f"{message} and not used: {names}", model.span))
 
 
 def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
-    """Return the names in a robot file that the URDF does not have, and positions outside of limits."""
-    found: list[Diagnostic] = []
+    """Check a robot file against the URDF: unknown links and joints, passive joints, positions beyond limits."""
+    problems: list[Diagnostic] = []
     name = mechanism.path.name
 
     def link(value: str, key: str) -> None:
         if value not in mechanism.links:
-            found.append(error("B011", f"{key}: {name} has no link {value!r}", numbers.span(key)))
+            problems.append(error("B011", f"{key}: {name} has no link {value!r}", numbers.span(key)))
 
     def joint(value: str, key: str, position: float | None = None, *, follows: bool = False) -> None:
         if not (mechanism.moves(value) if follows else mechanism.actuated(value)):
-            found.append(error("B011", f"{key}: {name} has no joint {value!r} that moves by itself", numbers.span(key)))
+            problems.append(error("B011", f"{key}: {name} has no actuated joint {value!r}", numbers.span(key)))
         elif position is not None and mechanism.joints[value].kind != "continuous":
             lower, upper = mechanism.joints[value].lower, mechanism.joints[value].upper
             if not lower - 1e-9 <= position <= upper + 1e-9:
-                message = f"{key}: {position} is outside of the limits {lower} to {upper} of {value}"
-                found.append(error("B011", message, numbers.span(key)))
+                message = f"{key}: {position} is outside the limits {lower} to {upper} of {value}"
+                problems.append(error("B011", message, numbers.span(key)))
 
     for arm in numbers.arms:
         link(arm.tip, f"arms.{arm.name}.tip")
@@ -289,7 +289,7 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
                 joint(moved, f"arms.{arm.name}.gripper.{side}", position, follows=True)
         if arm.gripper and not any(map(mechanism.actuated, arm.gripper.opened)):
             key = f"arms.{arm.name}.gripper.opened"
-            found.append(error("B011", f"{key}: none of these joints moves by itself", numbers.span(key)))
+            problems.append(error("B011", f"{key}: none of these joints is actuated", numbers.span(key)))
         for finger in arm.gripper.fingers if arm.gripper else ():
             link(finger, f"arms.{arm.name}.gripper.fingers")
     if numbers.camera is not None:
@@ -306,11 +306,11 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
     for pair in numbers.allowed_contacts:
         for one in pair:
             link(one, "allowed_contacts")
-    return found
+    return problems
 
 
 def _camera(model: SelfModel | None, numbers: RobotFile | None, mechanism: Mechanism) -> CameraModel | None:
-    """Return the robot file's camera, if the self-model has one at all; else the self-model's first one in the URDF."""
+    """Choose the camera: that of the robot file if the self-model has any, else the model's first one in the URDF."""
     if model is None:
         return numbers.camera if numbers else None
     cameras = [
@@ -347,16 +347,16 @@ def _limits(
     torso: str | None,
     neck: tuple[str, ...],
 ) -> Mapping[str, JointLimits]:
-    """Return the limits of every joint that is used; of default and URDF speeds the lower one counts."""
+    """Collect the limits of all used joints; without stated limits, the lower of the default and the URDF's speed."""
     used = dict.fromkeys([torso] if torso else [])
     for arm in arms:
         used.update(dict.fromkeys((*arm.joints, *(arm.gripper.joints if arm.gripper else ()))))
     used.update(dict.fromkeys(neck))
-    default = numbers.default_limits if numbers else DEFAULT_LIMITS
+    defaults = numbers.default_limits if numbers else DEFAULT_LIMITS
     stated = numbers.limits if numbers else {}
     limits = {}
     for name in used:
         speed = mechanism.joints[name].velocity
-        slower = JointLimits(min(default.speed, speed or default.speed), default.acceleration, default.jerk)
+        slower = JointLimits(min(defaults.speed, speed or defaults.speed), defaults.acceleration, defaults.jerk)
         limits[name] = stated.get(name, slower)
     return limits

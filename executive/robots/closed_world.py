@@ -1,4 +1,4 @@
-"""Class expressions asked of individuals of which everything is known: yes, no, or unknown where that is not said."""
+"""Closed-world evaluation of class expressions for individuals: true, false, or None if a class is undefined."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planlang.ontology.terms import OWL, RDFS, XSD
 from planlang.units import stated_number, unit, unit_of
 
 DEEPEST = 30
-"""Definitions inside definitions that are looked into."""
+"""Greatest depth of nested definitions; deeper ones are unknown."""
 
 _NUMBERS = ("float", "double", "decimal", "integer", "int", "long", "short", "byte", "nonNegativeInteger",
             "positiveInteger", "nonPositiveInteger", "negativeInteger", "unsignedInt", "unsignedLong")  # fmt: skip
@@ -22,7 +22,7 @@ _FRACTIONS = frozenset(XSD + name for name in _NUMBERS[:3])
 
 
 class ClosedWorld:
-    """Everything that some ontologies say together about individuals."""
+    """The union of some ontologies, taken as all there is to know about individuals."""
 
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies: Sequence[Ontology] = tuple({id(one): one for one in ontologies}.values())
@@ -32,22 +32,22 @@ class ClosedWorld:
         self._defined: dict[str, tuple[Sequence[Expression], bool]] = {}
 
     def is_known(self, cls: str) -> bool:
-        """Return True if any of the ontologies defines a class."""
+        """Check whether any of the ontologies defines a class."""
         return cls.startswith((OWL, RDFS, XSD)) or any(one.defined(cls) for one in self.ontologies)
 
     def is_below(self, cls: str, upper: str) -> bool:
-        """Return True if a class is another one or below it, by any of the ontologies."""
+        """Check whether a class is another one or a subclass of it in any of the ontologies."""
         return upper in (self._above.get(cls) or self.above((cls,)))
 
     def above(self, classes: Iterable[str]) -> frozenset[str]:
-        """Return classes and all that are above any of them, by any of the ontologies."""
+        """Collect classes and all their superclasses in any of the ontologies."""
         for cls in (cls for cls in classes if cls not in self._above):
-            found = (one.taxonomy.ancestors(cls) for one in self.ontologies)
-            self._above[cls] = frozenset((cls,)).union(*found)
+            ancestors = (one.taxonomy.ancestors(cls) for one in self.ontologies)
+            self._above[cls] = frozenset((cls,)).union(*ancestors)
         return frozenset().union(*(self._above[cls] for cls in classes))
 
     def types(self, thing: Term) -> tuple[str, ...]:
-        """Return the classes that an individual is stated to be of."""
+        """List the stated classes of an individual."""
         if isinstance(thing, Literal):
             return ()
         if thing not in self._types:
@@ -55,23 +55,23 @@ class ClosedWorld:
         return self._types[thing]
 
     def values(self, thing: Term, prop: Expression) -> tuple[Term, ...]:
-        """Return what an individual has by a property or one below it, or by the inverse of one."""
+        """List the values of a property, its subproperties or an inverse property for an individual."""
         if isinstance(thing, Literal):
             return ()
         if prop.kind == "inverse":
             name = prop.parts[0].term
-            found = [
+            subjects = [
                 t.subject
                 for one in self.ontologies
                 for below in one.subproperties(str(name))
                 for t in one.triples(None, below, thing)
             ]
-            return tuple(dict.fromkeys(found))
+            return tuple(dict.fromkeys(subjects))
         name = prop.term
         return tuple(dict.fromkeys(v for o in self.ontologies for v in o.values(thing, str(name), subproperties=True)))
 
     def satisfies(self, thing: Term, expression: Expression, depth: int = DEEPEST) -> bool | None:
-        """Return whether an individual or a value is in a class or a data range; None if nothing is known of that."""
+        """Evaluate whether an individual or a literal is in a class or a data range; None if that is unknown."""
         if depth == 0:
             return None
         kind, parts = expression.kind, expression.parts
@@ -105,7 +105,7 @@ class ClosedWorld:
         answers = [
             self.satisfies(value, fillers[0], depth - 1) if fillers else True for value in self.values(thing, prop)
         ]
-        return compared(expression.kind, expression.number, answers)
+        return cardinality(expression.kind, expression.number, answers)
 
     def _named(self, thing: Term, cls: Term | None, depth: int) -> bool | None:
         if isinstance(thing, Literal):
@@ -118,51 +118,50 @@ class ClosedWorld:
             self._classes[thing] = self.above(self.types(thing))
         if cls in self._classes[thing]:
             return True
-        definitions, known = self._definitions(cls)
+        definitions, is_known = self._definitions(cls)
         if definitions:
             return disjunction([self.satisfies(thing, one, depth - 1) for one in definitions])
-        return False if known else None
+        return False if is_known else None
 
     def _definitions(self, cls: str) -> tuple[Sequence[Expression], bool]:
-        """Return what a class is defined to be the same as, and whether any ontology knows it; each looked up once."""
+        """Look up the equivalent expressions of a class, and whether any ontology defines it; results are cached."""
         if cls not in self._defined:
-            found = (
+            expressions = (
                 expression_of(one, triple.object, triple.span)
                 for one in self.ontologies
                 for triple in one.triples(cls, OWL.equivalentClass)
                 if isinstance(triple.object, BNode)
             )
-            self._defined[cls] = [one for one in found if one is not None], self.is_known(cls)
+            self._defined[cls] = [one for one in expressions if one is not None], self.is_known(cls)
         return self._defined[cls]
 
 
-def compared(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:
-    """Return whether as many answers are true as "min", "max" or "exactly" so many asks for; None if that depends."""
+def cardinality(kind: str, number: int, answers: Iterable[bool | None]) -> bool | None:
+    """Evaluate a cardinality "min", "max" or "exactly" over truth values; None if unknown ones could change it."""
     answers = list(answers)
-    surely = sum(answer is True for answer in answers)
-    perhaps = surely + sum(answer is None for answer in answers)
-    possible = range(surely, perhaps + 1)
-    found = {
+    least = sum(answer is True for answer in answers)
+    most = least + sum(answer is None for answer in answers)
+    outcomes = {
         count >= number if kind == "min" else count <= number if kind == "max" else count == number
-        for count in possible
+        for count in range(least, most + 1)
     }
-    return found.pop() if len(found) == 1 else None
+    return outcomes.pop() if len(outcomes) == 1 else None
 
 
 def conjunction(answers: Iterable[bool | None]) -> bool | None:
-    """Return whether all hold; None if that is not known."""
-    found = list(answers)
-    return False if False in found else None if None in found else True
+    """Conjunction in Kleene's three-valued logic; None is unknown."""
+    values = list(answers)
+    return False if False in values else None if None in values else True
 
 
 def disjunction(answers: Iterable[bool | None]) -> bool | None:
-    """Return whether any holds; None if that is not known."""
-    found = list(answers)
-    return True if True in found else None if None in found else False
+    """Disjunction in Kleene's three-valued logic; None is unknown."""
+    values = list(answers)
+    return True if True in values else None if None in values else False
 
 
 def negation(answer: bool | None) -> bool | None:
-    """Return the opposite; None if that is not known."""
+    """Negation in Kleene's three-valued logic; None is unknown."""
     return None if answer is None else not answer
 
 
@@ -178,7 +177,7 @@ def _same(one: Term, other: Term | None) -> bool:
 
 
 def _numbers(one: Literal, other: Literal) -> tuple[float, float]:
-    """Return two numbers in one unit; raises ValueError if one is none, or their units have no common dimension."""
+    """Convert two literals to numbers in one unit. Raises ValueError if one is not a number, or their units differ."""
     first, second = unit_of(one), unit_of(other)
     if first is not None and second is not None and unit(first) is not None:
         return one.number(), stated_number(other, first)
@@ -188,18 +187,18 @@ def _numbers(one: Literal, other: Literal) -> tuple[float, float]:
 def _of_datatype(value: Literal, datatype: str) -> bool | None:
     if datatype in (RDFS.Literal, value.datatype):
         return True
-    stated = value.datatype or XSD.string
+    own_type = value.datatype or XSD.string
     name = unit_of(value)
-    own, wanted = unit(name or ""), unit(local_name(datatype))
-    if own is not None and (datatype in _FRACTIONS or wanted is not None):
-        return wanted is None or own.dimension == wanted.dimension
+    own_unit, datatype_unit = unit(name or ""), unit(local_name(datatype))
+    if own_unit is not None and (datatype in _FRACTIONS or datatype_unit is not None):
+        return datatype_unit is None or own_unit.dimension == datatype_unit.dimension
     if datatype == XSD.string or not datatype.startswith(XSD):
-        return stated == datatype if datatype.startswith(XSD) else None
-    if stated in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
+        return own_type == datatype if datatype.startswith(XSD) else None
+    if own_type in _WHOLE and (datatype in _FRACTIONS or datatype == XSD.integer):
         return True
-    if stated in _FRACTIONS and datatype in _FRACTIONS:
+    if own_type in _FRACTIONS and datatype in _FRACTIONS:
         return True
-    if datatype in (XSD.nonNegativeInteger, XSD.positiveInteger) and stated in _WHOLE:
+    if datatype in (XSD.nonNegativeInteger, XSD.positiveInteger) and own_type in _WHOLE:
         try:
             return value.number() >= (datatype == XSD.positiveInteger)
         except ValueError:
@@ -214,7 +213,7 @@ def _facet(value: Term, facet: str, bound: Literal) -> bool | None:
     lengths = {"length": "exactly", "minLength": "min", "maxLength": "max"}
     try:
         if name in lengths:
-            return compared(lengths[name], int(bound.number()), [True] * len(value.value))
+            return cardinality(lengths[name], int(bound.number()), [True] * len(value.value))
         number, limit = _numbers(value, bound)
     except ValueError:
         return False

@@ -1,10 +1,10 @@
-"""A robot file made from a URDF, and a SRDF if there is one: what can be derived, what is assumed, and what is missing.
+"""Draft of a robot file from a URDF, and from an SRDF if there is one: derived, assumed and missing values.
 
-Every value has its reason. As text it is a file for a user to complete, in which what is missing stands as a comment;
-the same text is the robot when a URDF is all that there is of it.
+Every value has a reason. Written out, it is a file for the user to complete, with missing values as comments; the same
+text serves as robot file for a robot that is given by its URDF alone.
 
-The SRDF (https://wiki.ros.org/srdf) says which joints are an arm, where hands are, and named states. It comes from a
-stranger, as the URDF does, and is read in the same bounds; what it names and the URDF does not have is left out.
+The SRDF (https://wiki.ros.org/srdf) states end effectors, named postures, the type of the base, and pairs of links
+that may touch. It is untrusted, as the URDF is, and read with the same bounds; names unknown to the URDF are ignored.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description
 
 LONGEST = 120
-"""Columns of a line; a longer reason stands above its value."""
+"""Greatest length of a line; a longer reason is written above its value."""
 MARGIN = 0.02
-"""Room that is added around the base [m]."""
+"""Margin added to the radius of the base [m]."""
 PAYLOAD = 1.0
-"""Mass that any arm carries [kg]: a URDF does not say."""
+"""Default payload of an arm [kg], which any arm should carry: URDFs state none."""
 USUAL_OPENING = 0.07
-"""Opening that stands as an example where it is missing [m]."""
+"""Example of an opening where it is missing [m]."""
 TURNS = 8 * np.pi
-"""Range of a turning joint that nobody can have meant [rad]."""
+"""A greater range of a revolute joint is presumed to be an error [rad]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
 _UNSAFE = {"\x7f": "\\u007f"}
 
 
 class Status(Enum):
-    """The origin of a value. MISSING: it stands as an example, in a comment."""
+    """Origin of a value; a MISSING one is written as an example in a comment."""
 
     DERIVED = "derived"
     ASSUMED = "assumed"
@@ -57,7 +57,7 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A key of a table with its value and the reason for it."""
+    """A key of a table, with its value and the reason for it."""
 
     key: str
     value: Any
@@ -65,7 +65,7 @@ class Entry:
     status: Status = Status.DERIVED
 
     def lines(self) -> Iterator[str]:
-        """Yield the entry as TOML."""
+        """Write the entry as TOML, line by line."""
         why = " ".join(self.why.split())
         line = f"{'# ' if self.status is Status.MISSING else ''}{toml(self.key, is_key=True)} = {toml(self.value)}"
         if why and len(line) + len(why) + 4 > LONGEST:
@@ -76,7 +76,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """A table of the file. ``path`` are the keys that lead to it; none for the first values."""
+    """A table of the file; ``path`` are its keys from the top, none for the root table."""
 
     path: tuple[str, ...]
     entries: list[Entry] = field(default_factory=list)
@@ -87,11 +87,11 @@ class Table:
 
     @property
     def header(self) -> str:
-        """Return the header of the table."""
+        """Header line of the table."""
         return f"[{'.'.join(toml(key, is_key=True) for key in self.path)}]"
 
     def lines(self) -> Iterator[str]:
-        """Yield the table as TOML; a table of which all is missing is a comment as a whole."""
+        """Write the table as TOML, line by line; a table with missing values only becomes a comment."""
         if self.path:
             is_missing = all(entry.status is Status.MISSING for entry in self.entries)
             yield from ("", f"# {self.header}" if is_missing else self.header)
@@ -101,37 +101,37 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A robot file in the making."""
+    """Draft of a robot file."""
 
     urdf: Path
     tables: list[Table] = field(default_factory=list)
 
     def table(self, *path: str) -> Table:
-        """Return a new table at the end of the file."""
+        """Append a new table to the file."""
         self.tables.append(Table(path))
         return self.tables[-1]
 
     def text(self) -> str:
-        """Return the file."""
+        """Write the whole file."""
         head = f"# Made from {self.urdf.name} by planlang robot make. Lengths in metres, angles in radians, times in s."
         lines = [line for table in self.tables for line in table.lines()]
         return "\n".join([" ".join(head.split()), "", *lines]) + "\n"
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return notes on what is assumed, by table, and warnings about what is missing."""
-        found: list[Diagnostic] = []
+        """List assumed values as notes, and missing ones as warnings, by table."""
+        diagnostics: list[Diagnostic] = []
         for table in self.tables:
-            named = table.header if table.path else "the robot"
-            for status, tell, code in ((Status.ASSUMED, note, "B010"), (Status.MISSING, warning, "B016")):
+            subject = table.header if table.path else "the robot"
+            for status, severity, code in ((Status.ASSUMED, note, "B010"), (Status.MISSING, warning, "B016")):
                 entries = [entry for entry in table.entries if entry.status is status]
                 if entries:
-                    told = "; ".join(f"{entry.key}: {entry.why}" if entry.why else entry.key for entry in entries)
-                    found.append(tell(code, f"{named} {status.value}: {told}", Span(str(self.urdf))))
-        return found
+                    reasons = "; ".join(f"{entry.key}: {entry.why}" if entry.why else entry.key for entry in entries)
+                    diagnostics.append(severity(code, f"{subject} {status.value}: {reasons}", Span(str(self.urdf))))
+        return diagnostics
 
 
 def toml(value: Any, *, is_key: bool = False) -> str:
-    """Return a value in TOML's syntax; numbers rounded to nine digits, so that what is at a limit stays there."""
+    """Write a value in TOML syntax; numbers are rounded to nine digits, so that positions at a limit stay there."""
     match value:
         case str():
             if is_key and re.fullmatch(r"[A-Za-z0-9_-]+", value):
@@ -150,17 +150,18 @@ def toml(value: Any, *, is_key: bool = False) -> str:
 
 
 def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) -> Draft:
-    """Return what a URDF tells of a robot; raises BadInput for files that cannot be read.
+    """Draft the robot file of a URDF. Raises BadInput for files that cannot be read.
 
-    ``srdf``: by default the file of the same stem beside it, if there is one. ``named``: the URDF in the robot file.
+    ``srdf`` is by default the file of the same stem beside it, if there is one; ``named`` is the path of the URDF to
+    write into the robot file.
     """
     mechanism = Mechanism(urdf)
     beside = urdf.with_suffix(".srdf")
     source = srdf if srdf is not None else beside if beside.is_file() else None
-    said = read_srdf(source, mechanism.joints, mechanism.links) if source is not None else None
+    srdf_content = read_srdf(source, mechanism.joints, mechanism.links) if source is not None else None
     world = PlanningWorld(Scene(()), RobotBody(urdf, CameraModel(mechanism.root)))
     try:
-        return _Maker(Draft(urdf), mechanism, said, world).make(named or urdf.name)
+        return _Maker(Draft(urdf), mechanism, srdf_content, world).make(named or urdf.name)
     finally:
         world.close()
 
@@ -168,8 +169,8 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
 class _Maker:
     """Fills a draft, table by table."""
 
-    def __init__(self, draft: Draft, mechanism: Mechanism, said: Srdf | None, world: PlanningWorld) -> None:
-        self.draft, self.mechanism, self.said, self.world = draft, mechanism, said, world
+    def __init__(self, draft: Draft, mechanism: Mechanism, srdf: Srdf | None, world: PlanningWorld) -> None:
+        self.draft, self.mechanism, self.srdf, self.world = draft, mechanism, srdf, world
         self.limbs = self._limbs()
         self.movers = {name for limb in self.limbs for name in mechanism.movers(limb.hand)}
         """Joints that move a hand, those of a torso included."""
@@ -178,15 +179,15 @@ class _Maker:
         first = self.draft.table()
         first.add("name", read_urdf(self.draft.urdf).tree.get("name") or self.draft.urdf.stem)
         first.add("urdf", urdf)
-        if self.said is not None and self.said.touching:
-            first.add("allowed_contacts", self.said.touching, "pairs that the SRDF says may touch")
+        if self.srdf is not None and self.srdf.touching:
+            first.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
         self._base()
         self._mount()
         names: list[str] = []
         for limb in self.limbs:
             self._arm(limb, names)
         if not self.limbs:
-            what = f"no chain of {anatomy.LEAST_ARM} joints or more ends in a hand: nothing can be reached"
+            what = f"no chain of {anatomy.LEAST_ARM} or more joints ends in a hand: the robot cannot reach anything"
             self.draft.table("arms", "arm").add("tip", self.mechanism.root, what, Status.MISSING)
         self._camera()
         self._speeds()
@@ -194,10 +195,12 @@ class _Maker:
         return self.draft
 
     def _limbs(self) -> list[Limb]:
-        """Return the arms: up to the end effectors of the SRDF, else those that the tree shows."""
-        said = self.said.end_effectors if self.said is not None else ()
-        stated = (anatomy.limb_of(self.mechanism, one.parent_link, one.parent_group or one.name) for one in said)
-        arms = [limb for limb in stated if limb is not None] or list(anatomy.limbs(self.mechanism))
+        """Find the arms: those that end at end effectors of the SRDF, else those of the kinematic tree."""
+        end_effectors = self.srdf.end_effectors if self.srdf is not None else ()
+        at_end_effectors = (
+            anatomy.limb_of(self.mechanism, one.parent_link, one.parent_group or one.name) for one in end_effectors
+        )
+        arms = [limb for limb in at_end_effectors if limb is not None] or list(anatomy.limbs(self.mechanism))
         return [limb for limb in arms if anatomy.is_arm(limb)]
 
     # The base
@@ -206,29 +209,30 @@ class _Maker:
         table = self.draft.table("base")
         drives, why = self._drives()
         table.add("radius", *self._radius())
-        is_said = self.said is not None and self.said.base_joint is not None
-        table.add("fixed", not drives, why, Status.DERIVED if is_said or drives else Status.ASSUMED)
-        if is_said and not drives:
+        if not drives:
+            is_said = self.srdf is not None and self.srdf.base_joint is not None
+            table.add("fixed", True, why, Status.DERIVED if is_said else Status.ASSUMED)
             return
         for key in ("speed", "acceleration", "turn_speed", "turn_acceleration", "jerk"):
-            table.add(key, getattr(DEFAULT_BASE, key), "slow", Status.ASSUMED)
+            table.add(key, getattr(DEFAULT_BASE, key), "a slow default", Status.ASSUMED)
+        table.add("fixed", False, why)
 
     def _drives(self) -> tuple[bool, str]:
-        if self.said is not None and self.said.base_joint is not None:
-            kind = self.said.base_joint
+        if self.srdf is not None and self.srdf.base_joint is not None:
+            kind = self.srdf.base_joint
             return kind in ("planar", "floating"), f"the virtual joint of the SRDF is {kind}"
         wheels = anatomy.wheels(self.mechanism)
         if wheels:
             return True, f"{wheels[0]} turns a wheel"
         if "base_footprint" in self.mechanism.links:
-            return True, "base_footprint is the frame of bases that drive (REP 120)"
-        loose = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
-        if loose:
-            return True, f"{loose[0]} lets it go anywhere"
-        return False, "no wheel in the URDF, false if it stands on a base that drives"
+            return True, "base_footprint is the frame of mobile bases (REP 120)"
+        free = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
+        if free:
+            return True, f"{free[0]} moves freely"
+        return False, "the URDF has no wheel; with false the base drives, and needs speeds"
 
     def _radius(self) -> tuple[float, str, Status]:
-        """Return the radius of what no joint lifts."""
+        """Radius of the base, its reason and its status: that of a circle around all links that no joint moves."""
         points = self._ground()
         if not len(points):
             return DEFAULT_BASE.radius, "no link of the base has a shape", Status.ASSUMED
@@ -236,14 +240,14 @@ class _Maker:
         return round(reach, 3), "around the links that no joint moves", Status.DERIVED
 
     def _ground(self) -> Array:
-        """Return points (n, 3) of the links that no joint moves, in the frame of the root."""
+        """Points (n, 3) on the links that no joint moves, in the root frame."""
         return np.concatenate([np.zeros((0, 3)), *self.world.robot.points(sorted(self.world.robot.grounded))])
 
     def _mount(self) -> None:
         if self.limbs and not self._drives()[0]:
             table = self.draft.table("mount")
-            where = round(float(self._ground()[:, 2].min(initial=0.0)), 3) + 0.0
-            why = f"what it stands on, if not the floor; its lowest shape is at z = {where}"
+            lowest = round(float(self._ground()[:, 2].min(initial=0.0)), 3) + 0.0
+            why = f"if it does not stand on the floor: what it stands on; its lowest shape is at z = {lowest}"
             table.add("size", [0.4, 0.4, 0.6], why, Status.MISSING)
 
     # Arms
@@ -259,45 +263,45 @@ class _Maker:
         table = self.draft.table("arms", name)
         chain = f"{len(limb.joints)} joints, {limb.joints[0].name} to {limb.joints[-1].name}"
         if side is not None:
-            table.add("side", side, "by its names, or by where its shoulder is")
+            table.add("side", side, "from its names, or the position of its shoulder")
         table.add("tip", shape.tip, chain)
         if shape.offset is not None:
-            table.add("tool_offset", shape.offset, "grip point in the tip's frame: between the ends of the fingers")
+            table.add("tool_offset", shape.offset, "grip point in the tip's frame: between the fingertips")
         elif not shape.is_measured:
             table.add(
                 "tool_offset", (0.0, 0.0, 0.1), "grip point in the tip's frame, if not its origin", Status.MISSING
             )
-        table.add("hand", limb.hand, "carries the fingers" if limb.fingers else "the last link")
+        table.add("hand", limb.hand, "the link that carries the fingers" if limb.fingers else "the last link")
         status = Status.DERIVED if shape.is_measured else Status.ASSUMED
         measured = "from the wrist to the fingers" if shape.is_measured else "the axis of the last joint"
         table.add("approach", shape.approach, measured, status)
-        across = "along which the fingers move" if shape.opened else "at a right angle to the approach"
+        across = "the direction in which the fingers move" if shape.opened else "perpendicular to the approach"
         table.add("closing", shape.closing, across, Status.DERIVED if shape.opened else Status.ASSUMED)
         table.add("payload", PAYLOAD, "largest mass that the hand carries [kg]", Status.ASSUMED)
         self._gripper(name, shape)
         for joint in limb.joints:
             if joint.kind in ("revolute", "prismatic") and not 1e-6 < joint.upper - joint.lower < TURNS:
                 low, high = joint.lower, joint.upper
-                table.add(f"limits of {joint.name}", [low, high], "the URDF's range is not believable", Status.MISSING)
+                table.add(f"limits of {joint.name}", [low, high], "the URDF's range is implausible", Status.MISSING)
 
     def _gripper(self, name: str, shape: HandShape) -> None:
         table = self.draft.table("arms", name, "gripper")
         if not shape.opened:
-            what = "no finger of the URDF moves: without a gripper nothing can be grasped"
+            what = "the URDF has no moving finger: without a gripper the robot cannot grasp anything"
             table.add("opened", {"finger_joint": 0.04}, what, Status.MISSING)
             table.add("closed", {"finger_joint": 0.0}, "", Status.MISSING)
             table.add("max_opening", USUAL_OPENING, "", Status.MISSING)
             return
         status = Status.DERIVED if shape.max_opening else Status.MISSING
-        table.add("opened", shape.opened, "fingers farthest from each other, as far as a hand has to open", status)
+        table.add("opened", shape.opened, "fingers farthest apart, up to a gap that is wide enough", status)
         table.add("closed", shape.closed, "fingers together", status)
         table.add("fingers", shape.fingers, "", status)
         measured = "95 % of the gap between the opened fingers"
         if not shape.max_opening:
-            why = "no gap between two fingers can be measured; the data sheet of the hand says what fits"
+            why = "no gap between two fingers was found; take the greatest opening from the hand's data sheet"
             table.add("max_opening", USUAL_OPENING, why, status)
         elif any(one.code == "B013" for one in read_description(self.draft.urdf).diagnostics):
-            coarse = f"{measured}, whose meshes may be among those that are not there"
+            coarse = f"{measured}, some of whose meshes may be missing"
             table.add("max_opening", shape.max_opening, coarse, Status.ASSUMED)
         else:
             table.add("max_opening", shape.max_opening, measured)
@@ -308,30 +312,30 @@ class _Maker:
         arms = [joint.name for limb in self.limbs for joint in limb.joints]
         link, table = anatomy.camera(self.mechanism, arms), self.draft.table("camera")
         if link is None:
-            what = "no link of the body or head is called a camera: only --trust-map lets it handle things"
+            what = "no link of the body or head is named like a camera; without one the robot needs --trust-map"
             table.add("link", "camera_optical_frame", what, Status.MISSING)
             return
-        table.add("link", link, "by its name")
+        table.add("link", link, "from its name")
         neck = [name for name in self.mechanism.movers(link) if name not in self.movers]
         if neck:
-            table.add("neck", neck, "joints that move the camera and no hand")
+            table.add("neck", neck, "joints that move the camera but no hand")
         optical = anatomy.is_optical(link)
         status, why = (Status.DERIVED, "an optical frame") if optical else (Status.ASSUMED, "not an optical frame")
         table.add("forward", (0.0, 0.0, 1.0) if optical else (1.0, 0.0, 0.0), why, status)
         table.add("up", (0.0, -1.0, 0.0) if optical else (0.0, 0.0, 1.0), why, status)
         for key, value in (("fov", 1.0), ("near", 0.3), ("far", 4.0)):
-            table.add(key, value, "as usual", Status.ASSUMED)
+            table.add(key, value, "a common value", Status.ASSUMED)
 
     # Motion
 
     def _speeds(self) -> None:
         table = self.draft.table("joints", "default")
         for key in ("speed", "acceleration", "jerk"):
-            table.add(key, getattr(DEFAULT_LIMITS, key), "slow", Status.ASSUMED)
+            table.add(key, getattr(DEFAULT_LIMITS, key), "a slow default", Status.ASSUMED)
 
     def _postures(self) -> None:
-        """Add the named states of the SRDF; one for driving is the carrying posture."""
-        states = {name: self._within(state) for name, state in self.said.states.items()} if self.said else {}
+        """Add the named states of the SRDF; one with a name like "tuck" or "carry" is the carrying posture."""
+        states = {name: self._within(state) for name, state in self.srdf.states.items()} if self.srdf else {}
         states = {name: state for name, state in states.items() if state}
         carrying = next((name for name in states if _CARRYING.search(name)), None)
         if carrying is not None and CARRYING not in states:
@@ -340,14 +344,14 @@ class _Maker:
             self._posture(name, state, "a state of the SRDF")
 
     def _within(self, state: Mapping[str, float]) -> dict[str, float]:
-        """Return the joints of a state that move by themselves, at positions that they can have."""
-        found = {}
+        """Keep the actuated joints of a state whose positions are within their limits."""
+        reachable = {}
         for name, value in state.items():
             joint = self.mechanism.joints[name]
             is_possible = joint.kind == "continuous" or joint.lower <= value <= joint.upper
             if self.mechanism.actuated(name) and is_possible:
-                found[name] = value
-        return found
+                reachable[name] = value
+        return reachable
 
     def _posture(self, name: str, state: Mapping[str, float], why: str) -> None:
         table = self.draft.table("postures", name)
@@ -355,13 +359,13 @@ class _Maker:
             table.add(joint, value, why if number == 0 else "")
 
 
-HARMLESS = ("Never", "Adjacent")
-"""Reasons why a pair is not checked that say nothing: it cannot touch, or is left out anyhow."""
+IGNORED_REASONS = ("Never", "Adjacent")
+"""Reasons of pairs that need no entry: they cannot touch, or are never checked."""
 
 
 @dataclass(frozen=True, slots=True)
 class EndEffector:
-    """A hand: the link of the arm that it hangs from or is."""
+    """A hand, attached to the link ``parent_link`` of an arm."""
 
     name: str
     parent_link: str
@@ -375,15 +379,15 @@ class Srdf:
     path: Path
     end_effectors: tuple[EndEffector, ...]
     states: Mapping[str, Mapping[str, float]]
-    """Name -> joint positions; states of several groups by one name are one."""
+    """Name -> joint positions; states of several groups under one name are merged."""
     base_joint: str | None
-    """Type of the virtual joint that holds the robot in the world: "fixed", "planar" or "floating"."""
+    """Type of the virtual joint between world and robot: "fixed", "planar" or "floating"."""
     touching: tuple[tuple[str, str], ...]
     """Pairs of links that may touch."""
 
 
 def read_srdf(path: Path, joints: Iterable[str], links: Iterable[str]) -> Srdf:
-    """Read a SRDF about a URDF with these joints and links; raises BadInput (B009)."""
+    """Read the SRDF of a URDF with these joints and links. Raises BadInput (B009)."""
     try:
         robot = read_tree(path)
     except BadXml as problem:
@@ -412,7 +416,7 @@ def _end_effectors(robot: Element) -> Iterator[EndEffector]:
 
 
 def _positions(state: ElementTree.Element) -> Iterator[tuple[str, float]]:
-    """Yield joints with one position; a joint with several axes has more."""
+    """Yield joints with a single position; multi-axis joints are skipped."""
     for joint in state.iterfind("joint"):
         values = numbers(joint.get("value", ""))
         if len(values) == 1:
@@ -421,5 +425,5 @@ def _positions(state: ElementTree.Element) -> Iterator[tuple[str, float]]:
 
 def _touching(robot: Element) -> Iterator[tuple[str, str]]:
     for pair in robot.iterfind("disable_collisions"):
-        if pair.get("reason") not in HARMLESS:
+        if pair.get("reason") not in IGNORED_REASONS:
             yield pair.get("link1", ""), pair.get("link2", "")

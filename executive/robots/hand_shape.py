@@ -1,6 +1,6 @@
-"""The shape of a hand: where its fingers point, how they close, how far they open, and where they grip.
+"""The shape of a hand: approach and closing directions, opened and closed positions, opening width and grip point.
 
-Measured on the shapes of the fingers at the limits of their joints; without shapes, on the origins of their links.
+Measured on the collision shapes of the fingers within their joint limits; without shapes, on the link origins.
 """
 
 from __future__ import annotations
@@ -21,32 +21,33 @@ from planlang.records import dataclass
 from sim import PlanningWorld
 
 STRAIGHT, LOPSIDED = math.cos(math.radians(25)), math.cos(math.radians(45))
-"""Cosines of the angles up to which a direction is taken for that of a frame's axis; with one finger, which is on one
-side, for that of the wrist.
+"""Least cosines to snap a direction to an axis: of any axis of the hand, and of the wrist for hands with one finger.
+
+A single finger is beside the wrist's axis, so its direction deviates more.
 """
 PAD = 0.02
-"""Distance from the ends of the fingers to where they grip [m]; on short ones, half their length."""
+"""Distance of the grip point behind the fingertips [m]; for short fingers, half their length."""
 FRONT = 0.03
-"""Length of the ends of the fingers that counts for how far they are apart [m]."""
-STILL = 0.002
-"""Travel of a joint that opens nothing [m]."""
+"""Length of the fingertips between which the gap is measured [m]."""
+LEAST_TRAVEL = 0.002
+"""Joints that move the fingers less than this do not open the hand [m]."""
 SHARE = 0.95
-"""Share of the opening into which a thing fits."""
+"""Width of the widest object that fits, as a fraction of the gap."""
 LEAST_OPENING = 0.01
-"""Least opening that is believed [m]: where less is measured, the fingers are not two that face each other."""
-WIDEST = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
-"""Largest range of a finger's joint that is believed [rad, m]."""
+"""Least plausible opening [m]: a smaller gap means that the fingers do not face each other."""
+GREATEST_RANGE = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
+"""Greatest plausible range of a finger joint [rad, m]."""
 WIDEST_GAP = 0.13
-"""Gap to which fingers that go farther are opened [m]: hands that are wider bump into what is beside a thing."""
-THROUGH = -0.02
-"""Gap at which closed fingers go through each other [m]: shapes are coarse."""
+"""Greatest gap to which fingers are opened [m]: wider hands collide with objects beside the grasped one."""
+LEAST_CLOSED_GAP = -0.02
+"""Least gap of closed fingers [m]: collision shapes are coarse and may overlap a little."""
 STEPS = [k / 20 for k in range(21)]
-"""Shares of the way from closed to opened that are looked at, so that closed fingers do not go through each other."""
-BESIDE = 0.05
-"""Distance up to which a link that is called a tool is where the fingers grip [m]."""
+"""Fractions of the travel from closed to opened at which the gap is measured."""
+NEAR_GRIP = 0.05
+"""Greatest distance of a tool link from the measured grip point to be used as tip [m]."""
 
 FIXED = ""
-"""Name of the jaw that does not move, in the place of a finger's."""
+"""Name of the jaw that does not move, in place of a finger joint."""
 Values = Mapping[str, float]
 
 
@@ -56,32 +57,34 @@ class HandShape:
 
     tip: str
     offset: Axis | None
-    """The grip point [m]; None if it is the tip's origin."""
+    """Grip point [m]; None if it is the origin of the tip frame."""
     approach: Axis
     closing: Axis
     opened: Values
     closed: Values
     max_opening: float
-    """Widest thing that fits [m]; 0 if it cannot be measured, or no finger moves."""
+    """Width of the widest object that fits [m]; 0 if it cannot be measured, or no finger moves."""
     fingers: tuple[str, ...]
     is_measured: bool
-    """False if the directions are those of the wrist, for want of fingers."""
+    """False if the approach is the axis of the wrist, as there are no fingers."""
 
 
 def shape_of(limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> HandShape:
-    """Return the shape of the hand at the end of a limb; moves the robot in ``world``."""
+    """Measure the hand at the end of a limb; moves the robot in ``world``."""
     return _Hand(limb, mechanism, world).shape()
 
 
 class _Hand:
-    """A hand in a world. Points and directions are in the frame of the link that carries the fingers."""
+    """Measures a hand in a world. Points and directions are in the frame of the link that carries the fingers."""
 
     def __init__(self, limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> None:
         self.limb, self.mechanism, self.world = limb, mechanism, world
         self.links = {joint.name: _below(mechanism, joint) for joint in limb.fingers}
-        """Finger -> the links that move with it."""
+        """Finger joint -> links that move with it."""
         inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
-        self.joints = [j for j in inner if mechanism.actuated(j.name) and 0 < j.upper - j.lower <= WIDEST[j.kind]]
+        self.joints = [
+            j for j in inner if mechanism.actuated(j.name) and 0 < j.upper - j.lower <= GREATEST_RANGE[j.kind]
+        ]
         self.middle = {joint.name: (joint.lower + joint.upper) / 2 for joint in self.joints}
         self.wrist = self._place(limb.joints[-1].child)
 
@@ -107,49 +110,49 @@ class _Hand:
             ahead is not None,
         )
 
-    # Where things are
+    # Frames and points
 
     def _frame(self, link: str) -> Array:
-        """Return a link's frame (4, 4) in that of the hand."""
-        back = inverse(self.world.link_pose(self.limb.hand).matrix())
-        return np.asarray(product(back, self.world.link_pose(link).matrix()))
+        """Pose (4, 4) of a link in the frame of the hand."""
+        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        return np.asarray(product(to_hand, self.world.link_pose(link).matrix()))
 
     def _place(self, link: str) -> Array:
         return np.asarray(self._frame(link)[:3, 3])
 
     def _points(self, values: Values) -> dict[str, Array]:
-        """Return the points (n, 3) of each finger with the joints at some values; the other jaw of one is the hand."""
-        known = self.world.robot.joints
-        posture = {name: value for name, value in {**self.middle, **values}.items() if name in known}
+        """Points (n, 3) of each finger at joint values; a hand with a single finger has the fixed jaw as well."""
+        joints = self.world.robot.joints
+        posture = {name: value for name, value in {**self.middle, **values}.items() if name in joints}
         self.world.set_configuration(Configuration((0.0, 0.0, 0.0), posture))
         numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
-        back = inverse(self.world.link_pose(self.limb.hand).matrix())
-        found = {}
+        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        points = {}
         for finger, links in self.links.items():
             solid = [numbers[link] for link in links if link in numbers]
             if solid:
-                found[finger] = moved(back, np.concatenate(self.world.robot.points(solid)))
+                points[finger] = moved(to_hand, np.concatenate(self.world.robot.points(solid)))
             else:
-                found[finger] = np.stack([self._place(link) for link in links])
-        still = [numbers[link] for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
-        if len(self.links) == 1 and still:
-            found[FIXED] = moved(back, np.concatenate(self.world.robot.points(still)))
-        return found
+                points[finger] = np.stack([self._place(link) for link in links])
+        palm = [numbers[link] for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
+        if len(self.links) == 1 and palm:
+            points[FIXED] = moved(to_hand, np.concatenate(self.world.robot.points(palm)))
+        return points
 
     # Directions
 
     def _ahead(self) -> Array | None:
-        """Return the direction from the wrist to the fingers (3,); None without fingers, or if they are all around."""
+        """Direction from the wrist to the fingers (3,); None without fingers, or if they surround the wrist."""
         points = self._points({})
         if not points:
             return None
         middle = np.mean([one.mean(axis=0) for one in points.values()], axis=0) - self.wrist
-        if np.linalg.norm(middle) < STILL:
+        if np.linalg.norm(middle) < LEAST_TRAVEL:
             return None
         return self._straightened(middle / np.linalg.norm(middle))
 
     def _straightened(self, direction: Array) -> Array:
-        """Return an axis of the hand, or that of the wrist's last joint, which a direction nearly has; else itself."""
+        """Snap a direction to a close axis of the hand or of the wrist's last joint; unchanged if none is close."""
         wrist = self._last_axis()
         best = max([*np.eye(3), wrist], key=lambda axis: round(abs(float(axis @ direction)), 6))
         cosine = float(best @ direction)
@@ -164,23 +167,23 @@ class _Hand:
         return rotated(self._frame(last.child)[:3, :3], last.axis)
 
     def _roll_axis(self) -> Array:
-        """Return the axis of the last joint, pointing out of the arm: what a hand without fingers approaches along."""
+        """Axis of the last joint, pointing out of the arm: the approach of a hand without fingers."""
         axis = self._last_axis()
-        before = self._place(self.limb.joints[-2].child)
-        outwards = float(axis @ (self._place(self.limb.hand) - before))
+        elbow = self._place(self.limb.joints[-2].child)
+        outwards = float(axis @ (self._place(self.limb.hand) - elbow))
         return -axis if outwards < -1e-6 else axis
 
     def _closing(self, approach: Array) -> Array:
-        """Return the direction (3,), at a right angle to the approach, along which the fingers move most."""
+        """Direction (3,), perpendicular to the approach, in which the fingers move most."""
         best = np.zeros(3)
         for joint in self.joints:
             ends = [self._points({joint.name: value}) for value in (joint.lower, joint.upper)]
             for finger in self.links:
                 travel = (ends[1][finger] - ends[0][finger]).mean(axis=0)
                 travel = travel - approach * float(travel @ approach)
-                if np.linalg.norm(travel) > np.linalg.norm(best) + STILL:
+                if np.linalg.norm(travel) > np.linalg.norm(best) + LEAST_TRAVEL:
                     best = travel
-        if np.linalg.norm(best) < STILL:
+        if np.linalg.norm(best) < LEAST_TRAVEL:
             best = min(np.eye(3)[[1, 0, 2]], key=lambda axis: round(abs(float(axis @ approach)), 6))
         across = self._straightened(best / np.linalg.norm(best))
         across = across - approach * float(across @ approach)
@@ -189,7 +192,7 @@ class _Hand:
     # Opening
 
     def _ends(self, approach: Array, closing: Array) -> tuple[Values, Values]:
-        """Return the values of the joints that open the hand, opened and closed."""
+        """Joint values of the opened and the closed hand, of the joints that open it."""
         if not self.joints:
             return {}, {}
         opened, closed, travels = {}, {}, {}
@@ -197,24 +200,24 @@ class _Hand:
             low, high = (self._spread(closing, {joint.name: value}) for value in (joint.lower, joint.upper))
             limits = (joint.lower, joint.upper) if low < high else (joint.upper, joint.lower)
             closed[joint.name], opened[joint.name], travels[joint.name] = *limits, abs(high - low)
-        opening = [name for name, travel in travels.items() if travel >= STILL] or list(travels)
+        opening = [name for name, travel in travels.items() if travel >= LEAST_TRAVEL] or list(travels)
         wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
         last = max((k for k, width in widths.items() if width <= WIDEST_GAP), default=len(STEPS) - 1)
-        first = min((k for k, width in widths.items() if width >= THROUGH and k < last), default=0)
+        first = min((k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last), default=0)
         return steps[last], steps[first]
 
     def _spread(self, closing: Array, values: Values) -> float:
-        """Return the mean distance of the fingers from the middle of the hand [m]."""
+        """Mean distance of the fingers from the wrist's axis along the closing direction [m]."""
         middles = [float(closing @ (one.mean(axis=0) - self.wrist)) for one in self._points(values).values()]
         return float(np.mean(np.abs(middles)))
 
     def _opening(self, approach: Array, closing: Array, opened: Values, closed: Values) -> float:
-        """Return the widest thing that fits: the gap between the fingers, or their travel if they have no two sides.
+        """Width of the widest object that fits [m]: from the gap between the fingers, else from their travel.
 
-        0 if neither tells: with several fingers around the palm, or with fingers of one joint and no shape.
+        0 if neither is plausible: several fingers around the palm, or fingers with a single joint and no shapes.
         """
         gap = self._gap(approach, closing, opened)
         if gap is None or gap[1] - gap[0] < LEAST_OPENING:
@@ -224,7 +227,7 @@ class _Hand:
         return round(SHARE * width, 3) if width >= LEAST_OPENING else 0.0
 
     def _gap(self, approach: Array, closing: Array, values: Values) -> tuple[float, float] | None:
-        """Return from where to where along the closing direction nothing is between the fingers' ends [m]."""
+        """Interval of the gap between the fingertips along the closing direction [m]; None if all are on one side."""
         points = list(self._points(values).values())
         end = max(float((one @ approach).max()) for one in points)
         middles = [float((one @ closing).mean()) for one in points]
@@ -241,28 +244,28 @@ class _Hand:
     # Where it grips
 
     def _grip(self, approach: Array, closing: Array, closed: Values) -> Array:
-        """Return the point (3,) between the ends of the closed fingers."""
-        every = np.concatenate(list(self._points(closed).values()))
-        along = every @ approach
+        """Find the grip point (3,) between the tips of the closed fingers."""
+        points = np.concatenate(list(self._points(closed).values()))
+        along = points @ approach
         end, start = float(along.max()), float(along.min())
         depth = end - min(PAD, (end - start) / 2)
         gap = self._gap(approach, closing, closed)
         middle = float(closing @ self.wrist) if gap is None else sum(gap) / 2
         third = np.cross(approach, closing)
-        height = float((every[along >= end - FRONT] @ third).mean())
+        height = float((points[along >= end - FRONT] @ third).mean())
         wrist = float(third @ self.wrist)
         point = depth * approach + middle * closing + (wrist if abs(height - wrist) < PAD / 2 else height) * third
         return np.asarray(point.round(4) + 0.0)
 
     def _tip(self, grip: Array | None) -> tuple[str, Axis | None]:
-        """Return the tip link and the grip point in its frame: a link called a tool if it is there, else the hand."""
+        """Choose the tip link, and the grip point in its frame: a tool link near the grip point, else the hand."""
         group = self.mechanism.rigid_with(self.limb.hand)
         tools = [link for link in group if TOOL.search(link)]
         if grip is None:
             return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
-        away = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
-        nearest = min(away, key=lambda link: away[link], default=None)
-        if nearest is not None and away[nearest] <= BESIDE:
+        distances = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
+        nearest = min(distances, key=lambda link: distances[link], default=None)
+        if nearest is not None and distances[nearest] <= NEAR_GRIP:
             return nearest, None
         return self.limb.hand, _axis(grip)
 
@@ -273,8 +276,8 @@ def _axis(values: Iterable[float]) -> Axis:
 
 
 def _below(mechanism: Mechanism, joint: Joint) -> Sequence[str]:
-    """Return the links that move with a joint."""
-    found = [joint.child]
-    for link in found:
-        found += [one.child for one in mechanism.joints.values() if one.parent == link]
-    return found
+    """List the links that move with a joint."""
+    links = [joint.child]
+    for link in links:
+        links += [one.child for one in mechanism.joints.values() if one.parent == link]
+    return links

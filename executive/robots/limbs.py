@@ -1,4 +1,4 @@
-"""Arms, grippers, torso and neck: what a self-model's compositions, or a robot file, are in the URDF."""
+"""Arms, grippers, torso and neck: compositions of a self-model, or tables of a robot file, bound to a URDF."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
 
 FINGER = 0.05
-"""Length of a finger that does not end at the tip frame [m]."""
+"""Least length of a finger, used if its frame is not behind the tip frame [m]."""
 _TOOL = re.compile(r"tool|tcp|grip_?point|grasp", re.IGNORECASE)
 
 
 def is_gripper(model: SelfModel, composition: Composition) -> bool:
-    """Return whether a composition is a gripper or hand; one real file calls its grippers arms as well."""
+    """Check whether a composition is a gripper or hand, even if it is an arm as well, as in one published file."""
     return _is_a(model, composition, ("GripperComponent", "HolderGripper", "Hand", "LeftHand", "RightHand"))
 
 
 def is_arm(model: SelfModel, composition: Composition) -> bool:
-    """Return True if a composition is an arm."""
+    """Check whether a composition is an arm."""
     arm = _is_a(model, composition, ("ArmComponent", "Arm", "LeftArm", "RightArm"))
     return arm and not is_gripper(model, composition)
 
@@ -39,67 +39,67 @@ def _is_a(model: SelfModel, composition: Composition, names: Sequence[str]) -> b
 
 
 class Limbs:
-    """Builds the arms of one robot; problems are collected in ``found``."""
+    """Builds the arms of one robot; problems and assumptions are appended to ``diagnostics``."""
 
-    def __init__(self, mechanism: Mechanism, numbers: RobotFile | None, found: list[Diagnostic]) -> None:
-        self.mechanism, self.numbers, self.found = mechanism, numbers, found
+    def __init__(self, mechanism: Mechanism, numbers: RobotFile | None, diagnostics: list[Diagnostic]) -> None:
+        self.mechanism, self.numbers, self.diagnostics = mechanism, numbers, diagnostics
 
     # From a robot file alone
 
     def from_numbers(self, numbers: RobotFile) -> tuple[Arm, ...]:
-        """Return the arms that a robot file describes, whose links have been checked."""
+        """Build the arms of a robot file whose links have been checked."""
         torso = self.torso([arm.tip for arm in numbers.arms])
         return tuple(self._arm(n.name, None, n.side, n.tip, n.hand, n, n.gripper, None, torso) for n in numbers.arms)
 
     # From a self-model
 
     def from_model(self, model: SelfModel, naming: Naming) -> tuple[Arm, ...]:
-        """Return the arms that a self-model's compositions describe."""
+        """Build the arms that the compositions of a self-model describe."""
         grippers = {}
         for composition in model.compositions:
             if is_gripper(model, composition) and composition.base is not None:
                 base = naming.link(composition.base, composition.span)
                 if base is None:
-                    self._lost(composition, composition.base)
+                    self._report_missing(composition, composition.base)
                 else:
                     grippers[base] = composition
-        found = []
+        located = []
         for composition in model.compositions:
             if is_arm(model, composition):
-                place = self._place(composition, naming, grippers)
-                if place is not None:
-                    found.append((composition, *place))
-        torso = self.torso([tip for _, tip, _, _ in found])
+                links = self._links(composition, naming, grippers)
+                if links is not None:
+                    located.append((composition, *links))
+        torso = self.torso([tip for _, tip, _, _ in located])
         arms = []
-        for composition, tip, hand, gripper in found:
+        for composition, tip, hand, gripper in located:
             labels = [text for text in (composition.label, local_name(composition.iri)) if text]
             side = side_of(*(local_name(cls) for cls in composition.types)) or side_of(*labels) or side_of(tip)
             numbers = self._numbers_for(hand)
             name = numbers.name if numbers else side or local_name(composition.iri)
-            own = self._finger_names(hand, tip, model)
-            stated = (
-                numbers.gripper if numbers and numbers.gripper and set(numbers.gripper.opened) <= set(own) else None
+            fingers = self._finger_names(hand, tip, model)
+            hand_numbers = (
+                numbers.gripper if numbers and numbers.gripper and set(numbers.gripper.opened) <= set(fingers) else None
             )
-            if stated is None and own:
-                stated = self._guess_gripper(own, tip)
-            if gripper is not None and stated is None:
-                message = f"the gripper {local_name(gripper.iri)} has no joint that moves; it is left out"
-                self.found.append(warning("B006", message, gripper.span))
-            iri = gripper.iri if gripper and stated else None
-            arm = self._arm(name, composition.iri, side, tip, hand, numbers, stated, iri, torso)
+            if hand_numbers is None and fingers:
+                hand_numbers = self._guess_gripper(fingers, tip)
+            if gripper is not None and hand_numbers is None:
+                message = f"the gripper {local_name(gripper.iri)} has no moving joint; it is left out"
+                self.diagnostics.append(warning("B006", message, gripper.span))
+            iri = gripper.iri if gripper and hand_numbers else None
+            arm = self._arm(name, composition.iri, side, tip, hand, numbers, hand_numbers, iri, torso)
             self._check_known(arm, model, composition)
             arms.append(arm)
         return tuple(arms)
 
-    def _place(
+    def _links(
         self, composition: Composition, naming: Naming, grippers: dict[str, Composition]
     ) -> tuple[str, str, Composition | None] | None:
-        """Return the tip link, hand link and gripper of an arm; None, with an error, if the URDF lacks its ends."""
-        named = [iri for iri in (composition.base, *composition.ends) if iri]
-        links = {iri: naming.link(iri, composition.span) for iri in named}
+        """Find the tip link, hand link and gripper of an arm; None, with an error, if the URDF lacks its ends."""
+        iris = [iri for iri in (composition.base, *composition.ends) if iri]
+        links = {iri: naming.link(iri, composition.span) for iri in iris}
         for iri, link in links.items():
             if link is None:
-                self._lost(composition, iri)
+                self._report_missing(composition, iri)
         ends = [link for iri in composition.ends if (link := links[iri])]
         if None in links.values() or not ends:
             return None
@@ -110,7 +110,7 @@ class Limbs:
         return tip, hand, grippers.get(gripper or "")
 
     def _continues(self, gripper: str, ends: Sequence[str]) -> bool:
-        """Return True if a gripper that begins at a link is at the end of an arm with these ends."""
+        """Check whether a gripper that begins at a link continues an arm with these ends."""
         above = self.mechanism.ancestors(gripper)
         return any(end in above or gripper in self.mechanism.ancestors(end) for end in ends)
 
@@ -123,27 +123,29 @@ class Limbs:
         return candidates[0] if candidates else hand
 
     def _numbers_for(self, hand: str) -> ArmNumbers | None:
-        """Return the part of the robot file that is about the arm with this hand."""
+        """Find the arm of the robot file that has this hand."""
         group = self.mechanism.rigid_with(hand)
         return next((arm for arm in self.numbers.arms if arm.tip in group), None) if self.numbers else None
 
-    def _lost(self, composition: Composition, iri: str) -> None:
-        message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which {self.mechanism.path.name}"
-        help = "give --urdf FILE with the URDF that the self-model is about"
-        self.found.append(error("B004", f"{message} does not have", composition.span, help))
+    def _report_missing(self, composition: Composition, iri: str) -> None:
+        message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which is not in"
+        help = "give --urdf FILE with the URDF of the self-model"
+        self.diagnostics.append(error("B004", f"{message} {self.mechanism.path.name}", composition.span, help))
 
     def _check_known(self, arm: Arm, model: SelfModel, composition: Composition) -> None:
         known = set(model.joints.values())
         unknown = [joint for joint in arm.joints if joint not in known]
         if unknown:
-            message = f"{self.mechanism.path.name} moves {local_name(composition.iri)} by {', '.join(unknown)}"
-            help = "add the joints to the self-model, or give --urdf FILE with the URDF that it is about"
-            self.found.append(error("B005", f"{message}, which the self-model does not have", composition.span, help))
+            message = (
+                f"{local_name(composition.iri)} has joints in {self.mechanism.path.name} that the self-model lacks"
+            )
+            help = "add the joints to the self-model, or give --urdf FILE with its URDF"
+            self.diagnostics.append(error("B005", f"{message}: {', '.join(unknown)}", composition.span, help))
 
-    # Both
+    # From either
 
     def torso(self, tips: Sequence[str]) -> str | None:
-        """Return the sliding joint that carries all arms: the last one before any of them turns."""
+        """Find the prismatic joint that carries all arms: the last shared one before any other kind of joint."""
         leading = []
         for tip in tips:
             slides = []
@@ -174,27 +176,22 @@ class Limbs:
         if gripper is not None:
             names = tuple(name for name in gripper.opened if self.mechanism.actuated(name))
             fingers = gripper.fingers or tuple(self.mechanism.joints[joint].child for joint in names)
-            called = local_name(gripper_iri) if gripper_iri else f"{name}_gripper"
+            gripper_name = local_name(gripper_iri) if gripper_iri else f"{name}_gripper"
             opened, closed = ({name: side[name] for name in names} for side in (gripper.opened, gripper.closed))
-            bound = Gripper(called, gripper_iri, names, opened, closed, fingers, gripper.max_opening)
+            bound = Gripper(gripper_name, gripper_iri, names, opened, closed, fingers, gripper.max_opening)
             hand = self.mechanism.joints[names[0]].parent if numbers is None else numbers.hand
         payload = math.inf if numbers is None else numbers.payload
         return Arm(name, iri, side, joints, base, tip, hand, approach, closing, bound, payload)
 
     def _axes(self, tip: str, hand: str, name: str) -> tuple[Axis, Axis]:
-        """Return the approach and closing axes of a tip about which nothing is said."""
-        message = f"the {name} arm's hand is taken to move along x and to close along y of {tip}"
-        self.found.append(
-            note(
-                "B010",
-                message,
-                help=f"a robot file (TOML) beside the URDF says more: approach and closing in [arms.{name}]",
-            )
-        )
+        """Assume the approach and closing axes of a tip."""
+        message = f"the hand of the {name} arm is assumed to approach along x of {tip}, and to close along y"
+        help = f"state approach and closing in [arms.{name}] of a robot file (TOML) beside the URDF"
+        self.diagnostics.append(note("B010", message, help=help))
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
     def _finger_names(self, hand: str, tip: str, model: SelfModel) -> tuple[str, ...]:
-        """Return the finger joints at a hand that move by themselves and that the self-model has."""
+        """List the actuated finger joints at a hand that the self-model has."""
         above = {joint.name for joint in self.mechanism.chain(tip)}
         known = set(model.joints.values())
         fingers = (joint.name for joint in self.mechanism.fingers(hand) if joint.name not in above)
@@ -202,7 +199,7 @@ class Limbs:
         return tuple(name for name in moving if "finger" in name.lower()) or moving
 
     def _guess_gripper(self, joints: tuple[str, ...], tip: str) -> GripperNumbers | None:
-        """Return a gripper whose fingers are opened at the limit that is farther from the line of approach."""
+        """Derive a gripper whose fingers are open at the limits farther from the approach axis."""
         opened, closed, room = {}, {}, 0.0
         links: list[str] = []
         line = self.mechanism.frame(tip)
@@ -222,25 +219,25 @@ class Limbs:
             followers = [j.child for j in self.mechanism.joints.values() if j.mimic and j.mimic.joint == name]
             links += [link, *(child for child in followers if "finger" in child.lower())]
             room += (max(sides) - min(sides)) * (2 if len(followers) else 1)
-        help = "a robot file (TOML) beside the URDF says more: opened, closed, max_opening in [arms.*.gripper]"
-        message = f"{', '.join(joints)}: opened and closed are taken from the URDF's limits"
-        self.found.append(note("B010", message, help=help))
+        help = "state opened, closed and max_opening in [arms.*.gripper] of a robot file (TOML) beside the URDF"
+        message = f"{', '.join(joints)}: opened and closed positions are assumed from the URDF's limits"
+        self.diagnostics.append(note("B010", message, help=help))
         return GripperNumbers(opened, closed, tuple(links), max(0.9 * room, 0.01))
 
 
 def _ahead(finger: Array, tip: Array) -> Array:
-    """Return the direction of the approach (x of the tip) in a finger's frame, (3,)."""
+    """Approach direction (x of the tip) in a finger's frame, (3,)."""
     return rotated(finger[:3, :3].T, tip[:3, 0])
 
 
 def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:
-    """Return the joints that move the camera and no arm."""
-    taken = {torso, *(joint for arm in arms for joint in arm.joints)}
-    return tuple(joint for joint in mechanism.movers(link) if joint not in taken)
+    """List the joints that move the camera but no arm."""
+    of_arms = {torso, *(joint for arm in arms for joint in arm.joints)}
+    return tuple(joint for joint in mechanism.movers(link) if joint not in of_arms)
 
 
 def renamed(arms: Sequence[Arm]) -> tuple[Arm, ...]:
-    """Return the same arms with unique names."""
+    """Make the names of arms unique."""
     names: list[str] = []
     for arm in arms:
         names.append(unused_name(arm.name, names))

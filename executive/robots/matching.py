@@ -1,6 +1,6 @@
-"""Matching of robots with the requirements of tasks, with the reasons, as a tree.
+"""Matching of robots with the requirements of tasks, as a tree of findings with reasons.
 
-Three answers: available, missing, and unknown, when neither the self-model nor the vocabulary says enough.
+A requirement is available, missing, or unknown if neither the self-model nor the vocabulary decides.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
-from executive.robots.closed_world import ClosedWorld, compared, conjunction, disjunction, negation
+from executive.robots.closed_world import ClosedWorld, cardinality, conjunction, disjunction, negation
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -29,16 +29,16 @@ AVAILABLE, MISSING, UNKNOWN = Availability.AVAILABLE, Availability.MISSING, Avai
 
 _SHAPE = ("srdl2-comp:ArmComponent", "srdl2-comp:GripperComponent", "srdl2-comp:ManipulationEntity",
           "srdl2-comp:Camera", "srdl2-comp:MobileBase")  # fmt: skip
-"""Parts that the shape of a robot shows, so that without self-model they are missing rather than unknown."""
+"""Parts visible in a URDF: without a self-model they are missing rather than unknown."""
 _BY_CAMERA = frozenset(map(expand, ("srdl2-comp:ObjectRecognitionComponent", "knowrob:ObjectRecognitionModel")))
-"""Parts that come with a camera (:func:`executive.robots.robot.inherent`), and so are missing without one."""
+"""Parts that come with a camera (:func:`executive.robots.robot.inherent`): without a camera they are missing."""
 
 
 @dataclass(frozen=True)
 class Possessions:
     """Parts and capabilities of a robot, for matching.
 
-    ``lacks`` are capabilities (local names) that binding to a URDF has disproved, with the reason.
+    ``lacks`` are capabilities (local names) that the URDF disproves, with the reason.
     """
 
     robot: str
@@ -47,11 +47,11 @@ class Possessions:
     model: SelfModel | None = None
     lacks: Mapping[str, str] = field(default_factory=dict)
     recognises: tuple[str, ...] | None = None
-    """Classes (IRIs) that its camera recognises; None: its robot file does not say."""
+    """Classes (IRIs) that its camera recognises; None if its robot file does not state any."""
 
 
 def possessions_of(robot: Robot) -> Possessions:
-    """Return what a bound robot has. What binding found outweighs claims: no gripper in the URDF, no gripping."""
+    """Collect what a bound robot has. The URDF outweighs claims: without a gripper in it, the robot cannot grasp."""
     lacks: dict[str, str] = {}
     if not robot.arms:
         lacks |= dict.fromkeys(("ArmMotionCapability", "ManipulationCapability"), f"{robot.name} has no arm")
@@ -60,82 +60,86 @@ def possessions_of(robot: Robot) -> Possessions:
         lacks |= dict.fromkeys(grasping, f"{robot.name} has no gripper")
     if robot.base.fixed:
         lacks["BaseMotionCapability"] = f"the base of {robot.name} is fixed"
-    known = robot.camera.recognises if robot.camera is not None else None
-    recognises = None if known is None else tuple(map(expand, known))
+    classes = robot.camera.recognises if robot.camera is not None else None
+    recognises = None if classes is None else tuple(map(expand, classes))
     return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks, recognises)
 
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """Something that a task requires and a robot does not have, or may not have."""
+    """A requirement of a task that a robot lacks or may lack."""
 
     iri: str
     kind: FindingKind
     """CAPABILITY or COMPONENT; ACTION for a class of actions that nothing performs."""
     state: Availability
-    """MISSING, or UNKNOWN when neither the self-model nor the vocabulary says enough."""
+    """MISSING or UNKNOWN."""
     because: tuple[str, ...]
-    """Classes from the action to the requirement, each depending on the next (IRIs)."""
+    """Classes (IRIs) from the action to the requirement, each depending on the next."""
     reason: str
 
     @property
     def name(self) -> str:
-        """Local name of what is missing."""
+        """Local name of the requirement."""
         return local_name(self.iri)
 
     def __str__(self) -> str:
-        told = f"{self.kind.value} {self.name}: {self.reason}"
+        text = f"{self.kind.value} {self.name}: {self.reason}"
         above = " > ".join(map(local_name, self.because))
-        return told if self.kind is FindingKind.ACTION else f"{told} (required by {above})"
+        return text if self.kind is FindingKind.ACTION else f"{text} (required by {above})"
 
 
 def missing_capabilities(ontology: Ontology, actions: Iterable[str], robot: Robot) -> tuple[Missing, ...]:
-    """Return what action classes require and the robot lacks or may lack, capabilities first."""
+    """List the requirements of action classes that the robot lacks or may lack, capabilities first."""
     matcher = Matcher(ontology, possessions_of(robot))
-    found = missing_in(matcher.action(action) for action in dict.fromkeys(actions))
-    return tuple(sorted(found, key=lambda one: one.kind.value))
+    missing = missing_in(matcher.action(action) for action in dict.fromkeys(actions))
+    return tuple(sorted(missing, key=lambda one: one.kind.value))
 
 
 def missing_in(trees: Iterable[Finding]) -> tuple[Missing, ...]:
-    """Return what findings lack or may lack, each once, without what only one of several alternatives needs."""
-    found: dict[tuple[FindingKind, str], Missing] = {}
+    """List the missing and unknown requirements in trees of findings, each once, except for avoidable alternatives."""
+    missing: dict[tuple[FindingKind, str], Missing] = {}
     for finding, path in (pair for tree in trees for pair in lacking_in(tree)):
         if finding.kind in NEEDED:
             because = tuple(one.iri or one.text for one in (*path, finding) if one.kind is not FindingKind.ALTERNATIVES)
             what = finding.iri or finding.text
-            found.setdefault((finding.kind, what), Missing(what, finding.kind, finding.state, because, finding.reason))
-    return tuple(found.values())
+            entry = Missing(what, finding.kind, finding.state, because, finding.reason)
+            missing.setdefault((finding.kind, what), entry)
+    return tuple(missing.values())
 
 
 def lacking_in(tree: Finding) -> Iterator[tuple[Finding, tuple[Finding, ...]]]:
-    """Yield the findings that are not available, each with those above; none that only one of several choices needs."""
+    """Yield the missing and unknown findings of a tree, each with those above it.
+
+    Findings below alternatives are skipped if another alternative is available, or, for missing ones, unknown.
+    """
     for finding, path in tree.walk():
         choices = [one.state for one in path if one.kind is FindingKind.ALTERNATIVES]
-        is_excused = finding.state is MISSING and any(one is not MISSING for one in choices)
-        if finding.state is not AVAILABLE and AVAILABLE not in choices and not is_excused:
+        is_avoidable = finding.state is MISSING and any(one is not MISSING for one in choices)
+        if finding.state is not AVAILABLE and AVAILABLE not in choices and not is_avoidable:
             yield finding, path
 
 
 class Matcher:
-    """Compares requirements, as one ontology states them, with the possessions of one robot."""
+    """Compares the requirements stated in an ontology with the possessions of one robot."""
 
     def __init__(self, ontology: Ontology, robot: Possessions) -> None:
         self.ontology = ontology
         self.robot = robot
         self.world = ClosedWorld([ontology, *([robot.model.ontology] if robot.model else [])])
         self._classes = [self.world.above(part.classes) for part in robot.parts]
-        """The classes of each part, with those above them."""
+        """Classes of each part, superclasses included."""
         self._known: dict[str, Finding] = {}
         self._open: dict[str, None] = {}
 
     def action(self, cls: str, text: str | None = None, span: Span | None = None) -> Finding:
-        """Return what an action class requires itself, with all that this takes, and whether all of it is there."""
+        """Check the requirements of an action class, and all that these depend on."""
         below = tuple(self.requirement(one) for one in requirements_of(self.ontology, cls))
         state = together(one.state for top in below for one, _ in top.walk())
         return Finding(FindingKind.ACTION, text or local_name(cls), cls, state, "", span, below)
 
     def requirement(self, needed: Requirement) -> Finding:
-        """Return whether one requirement is met."""
+        """Check a single requirement."""
         if needed.kind is FindingKind.CAPABILITY and needed.name is not None:
             return replace(self.capability(self._class_of(needed.name)), required=needed.span)
         if needed.kind is FindingKind.CAPABILITY:
@@ -143,20 +147,20 @@ class Matcher:
         return self.component(needed)
 
     def _class_of(self, name: str) -> str:
-        """Return the class of a capability given by an individual of it."""
+        """Map an individual of a capability to its class."""
         if self.ontology.is_class(name):
             return name
         return next(iter(self.ontology.types(name)), name)
 
     def _expressed_capability(self, needed: Requirement) -> Finding:
-        """Return the finding about a combination of capabilities with and, or, not."""
+        """Check a combination of capabilities with and, or, not."""
         below: list[Finding] = []
 
-        def judged(expression: Expression) -> Availability:
+        def evaluate(expression: Expression) -> Availability:
             if expression.kind == "name" and isinstance(expression.term, str):
                 below.append(replace(self.capability(expression.term), counts=False))
                 return below[-1].state
-            states = [judged(part) for part in expression.parts]
+            states = [evaluate(part) for part in expression.parts]
             match expression.kind:
                 case "and":
                     return together(states)
@@ -166,52 +170,52 @@ class Matcher:
                     return {AVAILABLE: MISSING, MISSING: AVAILABLE}.get(states[0], UNKNOWN)
             return UNKNOWN
 
-        state = judged(needed.expression)
+        state = evaluate(needed.expression)
         return Finding(FindingKind.CAPABILITY, needed.text, None, state, "", None, tuple(below), required=needed.span)
 
     # -- components
 
     def component(self, needed: Requirement) -> Finding:
-        """Return whether parts of the robot are what is required, and as many."""
+        """Check whether enough parts of the robot fit a requirement."""
         text, name = needed.text, needed.name
         parts = zip(self.robot.parts, self._classes, strict=True)
         answers = [self._fits(part, classes, needed) for part, classes in parts]
         kind = needed.quantifier if needed.quantifier in ("min", "max", "exactly") else "min"
-        enough = compared(kind, needed.number, answers)
-        found = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
+        enough = cardinality(kind, needed.number, answers)
+        matching = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
         if enough:
-            return self._usable(needed, found)
+            return self._usable(needed, matching)
         who = self.robot.robot
         if enough is None or (name is not None and not self.world.is_known(name)):
             return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, "no ontology defines it", None, (), needed.span)
-        if self.robot.model is None and not found and not self._shows(name):
-            reason = f"{who} has no self-model that would tell"
+        if self.robot.model is None and not matching and not self._shows(name):
+            reason = f"{who} has no self-model to decide"
             return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, reason, None, (), needed.span)
-        reason = f"{who} has {f'only {len(found)}' if found and kind != 'max' else len(found) or 'none'}"
+        reason = f"{who} has {f'only {len(matching)}' if matching and kind != 'max' else len(matching) or 'none'}"
         return Finding(FindingKind.COMPONENT, text, name, MISSING, reason, None, (), needed.span)
 
-    def _usable(self, needed: Requirement, found: Sequence[Part]) -> Finding:
-        """Return the finding about parts that are there: some may require others, as a recognition system its model."""
-        named = ", ".join(part.name for part in found[:3]) + (", ..." if len(found) > 3 else "")
-        span = next((part.span for part in found if part.span), None)
-        takes = [self._requirements(part) for part in found if needed.quantifier in ("some", "value")]
-        below = () if () in takes else min(takes, key=_worst, default=())
+    def _usable(self, needed: Requirement, parts: Sequence[Part]) -> Finding:
+        """Check what fitting parts require in turn: a recognition system may need a model of an object."""
+        names = ", ".join(part.name for part in parts[:3]) + (", ..." if len(parts) > 3 else "")
+        span = next((part.span for part in parts if part.span), None)
+        needed_by = [self._requirements(part) for part in parts if needed.quantifier in ("some", "value")]
+        below = () if () in needed_by else min(needed_by, key=_worst, default=())
         state = together(one.state for one in below)
-        reason = (named or "none") if state is AVAILABLE else f"{named} {_lacking(state, below)}"
+        reason = (names or "none") if state is AVAILABLE else f"{names} {_lacking(state, below)}"
         return Finding(FindingKind.COMPONENT, needed.text, needed.name, state, reason, span, below, needed.span)
 
     def _requirements(self, part: Part) -> tuple[Finding, ...]:
-        """Return the findings about the components that a part requires, by the classes that it is stated to be of."""
+        """Check the components that the stated classes of a part require."""
         types = self.world.types(part.iri) if part.iri is not None else ()
-        stated = (needed for cls in types for needed in requirements_of(self.ontology, cls))
-        required = [one for one in stated if one.kind is FindingKind.COMPONENT]
+        needs = (needed for cls in types for needed in requirements_of(self.ontology, cls))
+        required = [one for one in needs if one.kind is FindingKind.COMPONENT]
         key = f"{part.iri}"
         if not required or key in self._open:
             return ()
         self._open[key] = None
-        found = tuple(self.component(one) for one in required)
+        findings = tuple(self.component(one) for one in required)
         del self._open[key]
-        return found
+        return findings
 
     def _fits(self, part: Part, classes: Collection[str], needed: Requirement) -> bool | None:
         if needed.name is not None and (part.iri == needed.name or needed.name in classes):
@@ -221,7 +225,7 @@ class Matcher:
         return self.world.satisfies(part.iri, needed.expression)
 
     def _by_classes(self, classes: Collection[str], expression: Expression) -> bool | None:
-        """Return whether a part of which only classes are known, with those above, satisfies an expression."""
+        """Evaluate an expression for a part of which only the classes are known, superclasses included."""
         answers = [self._by_classes(classes, one) for one in expression.parts]
         match expression.kind:
             case "name":
@@ -235,7 +239,7 @@ class Matcher:
         return None
 
     def _shows(self, name: str | None) -> bool:
-        """Return whether the shape of a robot shows if it has such a part."""
+        """Check whether a URDF shows if a robot has parts of this class."""
         if name is None or name in _BY_CAMERA:
             return name is not None
         return any(self.world.is_below(expand(one), name) for one in _SHAPE)
@@ -243,22 +247,22 @@ class Matcher:
     # -- capabilities
 
     def capability(self, cls: str) -> Finding:
-        """Return whether the robot has a capability: claims it and has the components, or has all that it takes."""
+        """Check a capability: claimed, with its components, or unclaimed, with all its requirements fulfilled."""
         if cls not in self._known:
-            if cls in self._open:  # not remembered: it may be there by another way
+            if cls in self._open:  # not cached: the capability may be available in another way
                 return Finding(
                     FindingKind.CAPABILITY, local_name(cls), cls, MISSING, "it depends on itself", counts=False
                 )
             self._open[cls] = None
             finding = self._validated(cls)
             del self._open[cls]
-            if self._open:  # what it found may stand on something that is still open
+            if self._open:  # not cached either: it may rest on a capability whose check is unfinished
                 return finding
             self._known[cls] = finding
         return self._known[cls]
 
     def _validated(self, cls: str) -> Finding:
-        """Return the finding about a capability with all that it takes, which a claimed one takes all the same."""
+        """Check a capability together with its requirements, which are listed even if it is claimed."""
         needed = requirements_of(self.ontology, cls)
         components = [self.requirement(one) for one in needed if one.kind is FindingKind.COMPONENT]
         capabilities = [self.requirement(one) for one in needed if one.kind is FindingKind.CAPABILITY]
@@ -272,24 +276,24 @@ class Matcher:
             state, reason = self._claimed(cls, claim, components)
             span = self.robot.claims[claim]
         elif not below:
-            state, reason = UNKNOWN, f"{self.robot.robot} does not claim it, and nothing is known of what it takes"
+            state, reason = UNKNOWN, f"{self.robot.robot} does not claim it, and its prerequisites are unknown"
         else:
-            state, reason = together(one.state for one in below), "all that it takes is there"
+            state, reason = together(one.state for one in below), "all prerequisites are met"
             if state is not AVAILABLE:
                 reason = f"{self.robot.robot} does not claim it and {_lacking(state, below)}"
         return Finding(FindingKind.CAPABILITY, local_name(cls), cls, state, reason, span, below)
 
     def _claimed(self, cls: str, claim: str, components: Iterable[Finding]) -> tuple[Availability, str]:
         components = tuple(components)
-        stated = f"{self.robot.robot} claims {'it' if claim == cls else local_name(claim)}"
+        claim_text = f"{self.robot.robot} claims {'it' if claim == cls else local_name(claim)}"
         state = together(one.state for one in components)
         if state is AVAILABLE:
-            return AVAILABLE, stated
-        return state, f"{stated}, but {_lacking(state, components)}"
+            return AVAILABLE, claim_text
+        return state, f"{claim_text}, but {_lacking(state, components)}"
 
 
 def _worst(findings: Iterable[Finding]) -> int:
-    """Return 0 if all that findings are about is there, 2 if something is missing, else 1."""
+    """Rank findings by the worst of them: 0 available, 1 unknown, 2 missing."""
     return (AVAILABLE, UNKNOWN, MISSING).index(together(one.state for one in findings))
 
 

@@ -1,4 +1,4 @@
-"""A robot's URDF: where the file comes from, its tree of links and joints, and which of them a self-model means."""
+"""A robot's URDF: its file, its tree of links and joints, and the names by which a self-model refers to them."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tr
 from planlang.records import dataclass
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
-"""Link and joint of a base that is added."""
+"""Link and joint of an added base."""
 
 
 class NotInstalled(Exception):
-    """The package that holds a URDF is not there."""
+    """The package with a URDF is not installed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """A box or an upright cylinder on the floor, on which the URDF's root link stands."""
+    """A box or an upright cylinder on the floor, on which the root link of a URDF stands."""
 
     size: tuple[float, ...]
     """Extents in x, y, z, or diameter and height [m]."""
     at: tuple[float, float, float]
-    """Position of the root link in the frame of the base, whose origin is in the middle of the base's floor [m]."""
+    """Position of the root link in the frame of the base, whose origin is the centre of its bottom [m]."""
 
     @property
     def radius(self) -> float:
@@ -52,30 +52,30 @@ ToolPoint = tuple[str, tuple[float, float, float]]
 
 
 def packaged(name: str, file: str) -> Path:
-    """Return a file of an installed package, by the end of its path; raises NotInstalled.
+    """Find a file of an installed package by the end of its path. Raises NotInstalled.
 
-    The package is named as it is installed or as it is imported: what is imported as pybullet is installed under
-    different names for different versions of Python.
+    The package goes by its name of distribution or of import: the distribution that provides ``pybullet`` depends on
+    the version of Python.
     """
-    found: Distribution | None
+    package: Distribution | None
     try:
-        found = distribution(name)
+        package = distribution(name)
     except (PackageNotFoundError, ValueError):
-        found = next((one for one in distributions() if name in (one.read_text("top_level.txt") or "").split()), None)
-    if found is None:
+        package = next((one for one in distributions() if name in (one.read_text("top_level.txt") or "").split()), None)
+    if package is None:
         raise NotInstalled(f"the package {name} is not installed")
-    wanted = Path(file).parts
-    for entry in found.files or ():
-        if entry.parts[-len(wanted) :] == wanted and (path := Path(str(entry.locate()))).is_file():
+    parts = Path(file).parts
+    for entry in package.files or ():
+        if entry.parts[-len(parts) :] == parts and (path := Path(str(entry.locate()))).is_file():
             return path.resolve()
     raise NotInstalled(f"the installed package {name} has no {file}")
 
 
 def mounted(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint] | None = None) -> Path:
-    """Return a copy of a URDF on a base and with further links at tool points, by their names.
+    """Write a copy of a URDF, put on a base and with additional links at tool points; return its path.
 
-    Its meshes are named by full paths; it is in a folder of this process alone. A URDF that cannot be read is returned
-    as it is, so that its reader reports what is wrong with it.
+    Paths of meshes are made absolute; the copy is in a folder of this process. The path of a URDF that cannot be read
+    is returned unchanged, so that its reader reports the error.
     """
     try:
         content = _text(urdf, mount, tools or {}).encode()
@@ -88,7 +88,7 @@ def mounted(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint] | No
 
 @cache
 def _own_folder() -> Path:
-    """Return a folder of this process alone: what PyBullet reads there is what was written there."""
+    """Create a folder for this process alone, in which no other process can change files before PyBullet reads them."""
     folder = tempfile.mkdtemp(prefix="planlang-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
@@ -98,9 +98,9 @@ def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> st
     robot = read_tree(urdf)
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
-        found = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
-        if found is not None:
-            mesh.set("filename", str(found.resolve()))
+        resolved = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
+        if resolved is not None:
+            mesh.set("filename", str(resolved.resolve()))
     if mount is not None:
         _put_on(robot, mount)
     for name, (link, at) in tools.items():
@@ -128,7 +128,7 @@ def _put_on(robot: Element, mount: Mount) -> None:
 
 
 def _fix(robot: Element, parent: str, child: str, name: str, at: tuple[float, float, float]) -> None:
-    """Add a joint that holds a link at a point of another."""
+    """Add a fixed joint between two links; ``at`` is its origin in the parent's frame [m]."""
     joint = ElementTree.SubElement(robot, "joint", name=name, type="fixed")
     ElementTree.SubElement(joint, "origin", xyz=" ".join(map(repr, at)))
     ElementTree.SubElement(joint, "parent", link=parent)
@@ -136,7 +136,7 @@ def _fix(robot: Element, parent: str, child: str, name: str, at: tuple[float, fl
 
 
 class Mechanism:
-    """Joints by name, and who hangs from whom; raises BadInput for a bad file."""
+    """Kinematic tree of a URDF. Raises BadInput for an invalid file."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -144,43 +144,43 @@ class Mechanism:
         self.root = urdf.root
         self.joints: dict[str, Joint] = {joint.name: joint for joint in urdf.joints}
         self.above: dict[str, Joint] = {joint.child: joint for joint in self.joints.values()}
-        """Link -> the joint it hangs from."""
+        """Link -> its parent joint."""
         self.links: dict[str, None] = {self.root: None}
         for joint in self.joints.values():
             self.links.update({joint.parent: None, joint.child: None})
 
     def moves(self, name: str) -> bool:
-        """Return True if a joint of that name exists and moves, by itself or after another one."""
+        """Check whether a joint of this name exists and moves, actuated or mimicking another one."""
         joint = self.joints.get(name)
         return joint is not None and joint.moves
 
     def actuated(self, name: str) -> bool:
-        """Return True if a joint of that name exists and moves by itself."""
+        """Check whether a joint of this name exists and is actuated: it moves, and mimics no other."""
         return self.moves(name) and self.joints[name].mimic is None
 
     def chain(self, link: str) -> tuple[Joint, ...]:
-        """Return the joints from the root to a link."""
-        found: list[Joint] = []
-        while link in self.above and len(found) <= len(self.joints):
-            found.append(self.above[link])
-            link = found[-1].parent
-        return tuple(reversed(found))
+        """List the joints from the root to a link."""
+        joints: list[Joint] = []
+        while link in self.above and len(joints) <= len(self.joints):
+            joints.append(self.above[link])
+            link = joints[-1].parent
+        return tuple(reversed(joints))
 
     def movers(self, link: str) -> tuple[str, ...]:
-        """Return the names of the actuated joints from the root to a link."""
+        """List the names of the actuated joints from the root to a link."""
         return tuple(joint.name for joint in self.chain(link) if self.actuated(joint.name))
 
     def ancestors(self, link: str) -> tuple[str, ...]:
-        """Return the link and its ancestors, up to the root."""
+        """List a link and its ancestors, up to the root."""
         return (link, *(joint.parent for joint in reversed(self.chain(link))))
 
     def common_ancestor(self, links: Iterable[str]) -> str:
-        """Return the deepest link that all links hang from or are."""
+        """Find the deepest link that is an ancestor of all links, or one of them."""
         paths = [self.ancestors(link) for link in links]
         return next(link for link in paths[0] if all(link in path for path in paths))
 
     def rigid_with(self, link: str) -> tuple[str, ...]:
-        """Return the link and all others that never move relative to it, in the order of the file."""
+        """List a link and all links rigidly attached to it, in the order of the file."""
         top = link
         while top in self.above and self.above[top].kind == "fixed":
             top = self.above[top].parent
@@ -190,12 +190,12 @@ class Mechanism:
         return tuple(name for name in self.links if name in group)
 
     def fingers(self, hand: str) -> tuple[Joint, ...]:
-        """Return the actuated joints, or those that mimic one, that hang from what is rigid with a link."""
+        """List the moving joints below a link or the links rigidly attached to it, mimicking ones included."""
         group = self.rigid_with(hand)
         return tuple(j for j in self.joints.values() if j.parent in group and j.kind != "fixed")
 
     def frame(self, link: str, position: float = 0.0, *, of: str = "") -> Array:
-        """Return a link's pose (4, 4) in the root frame, with the joint ``of`` at a position and all others at zero."""
+        """Pose (4, 4) of a link in the root frame, with the joint ``of`` at ``position`` and all others at zero."""
         matrix = np.eye(4)
         for joint in self.chain(link):
             matrix = product(matrix, joint.origin)
@@ -205,15 +205,15 @@ class Mechanism:
 
 
 class Naming:
-    """Finds links; what had to be guessed is noted once."""
+    """Maps IRIs of a self-model to links of a URDF, with a note for each guess."""
 
-    def __init__(self, model: SelfModel, mechanism: Mechanism, found: list[Diagnostic]) -> None:
-        self.model, self.mechanism, self.found = model, mechanism, found
+    def __init__(self, model: SelfModel, mechanism: Mechanism, diagnostics: list[Diagnostic]) -> None:
+        self.model, self.mechanism, self.diagnostics = model, mechanism, diagnostics
         self._noted: set[str] = set()
         self._prefixes = self._find_prefixes()
 
     def _find_prefixes(self) -> tuple[str, ...]:
-        """Return what local names have in front of the URDF's names, longest first."""
+        """List the prefixes that local names have before URDF names, longest first."""
         prefixes: dict[str, None] = {}
         for iri, name in (*self.model.links.items(), *self.model.joints.items()):
             local = local_name(iri)
@@ -224,7 +224,7 @@ class Naming:
         return tuple(sorted(prefixes, key=lambda prefix: (-len(prefix), prefix)))
 
     def link(self, iri: str, span: Span | None = None) -> str | None:
-        """Return the URDF's name of the link that an IRI means, for a joint its child link; None without one."""
+        """Find the link that an IRI refers to; for a joint, its child link; None if the URDF has none."""
         links, joints = self.mechanism.links, self.mechanism.joints
         name = self.model.links.get(iri)
         if name in links:
@@ -232,30 +232,27 @@ class Naming:
         joint = self.model.joints.get(iri)
         if joint in joints:
             child = joints[joint].child
-            self._note(
-                iri, f"{local_name(iri)} is a joint where a link is expected; its child link {child} is meant", span
-            )
+            self._note(iri, f"{local_name(iri)} is a joint, not a link; its child link {child} is used", span)
             return child
         local = local_name(iri)
         shorter = [local.removeprefix(prefix) for prefix in self._prefixes if local.startswith(prefix)]
         for candidate in (local, *shorter):
             if candidate in links:
-                self._note(
-                    iri, f"{local} is matched by name to the link {candidate} of {self.mechanism.path.name}", span
-                )
+                message = f"{local} is matched by name to the link {candidate} of {self.mechanism.path.name}"
+                self._note(iri, message, span)
                 return candidate
             if candidate in joints:
                 child = joints[candidate].child
-                self._note(iri, f"{local} is a joint where a link is expected; its child link {child} is meant", span)
+                self._note(iri, f"{local} is a joint, not a link; its child link {child} is used", span)
                 return child
         return None
 
     def _note(self, iri: str, message: str, span: Span | None) -> None:
         if iri not in self._noted:
             self._noted.add(iri)
-            self.found.append(note("B003", message, span))
+            self.diagnostics.append(note("B003", message, span))
 
     def unknown(self) -> tuple[str, ...]:
-        """Return the names of links and joints that the URDF does not have, in the order of the self-model."""
+        """List the names of links and joints that the URDF does not have, in the order of the self-model."""
         known = {*self.mechanism.links, *self.mechanism.joints}
         return tuple(name for name in (*self.model.links.values(), *self.model.joints.values()) if name not in known)

@@ -1,6 +1,6 @@
-"""Openings of a hand: so wide that what it takes fits, and no wider, so that fingers pass between close neighbours.
+"""Openings of a hand: just wide enough for the object to grasp, so that the fingers clear its neighbours.
 
-Measured on the shapes of the fingers at a few openings from closed to opened, at sections across the approach.
+Gaps are measured on the shapes of the fingers at some openings from closed to opened, at sections along the approach.
 """
 
 from __future__ import annotations
@@ -21,60 +21,60 @@ from planlang.records import dataclass
 from sim import PlanningWorld
 
 ROOM = 0.02
-"""Room that is left beside a thing between the fingers, on both sides together [m]."""
+"""Usual clearance between fingers and object, both sides together [m]."""
 TIGHT = 0.008
-"""The same where there is no way for wider fingers [m]."""
+"""Least such clearance, used where wider fingers do not fit between the object's neighbours [m]."""
 STEPS = 21
-"""Openings that are measured, from closed to opened."""
+"""Number of measured openings, from closed to opened."""
 SECTIONS = np.linspace(-0.1, 0.1, 21)
-"""Places along the approach, from the grip point on, at which fingers are measured [m]."""
+"""Positions along the approach, relative to the grip point, at which gaps are measured [m]."""
 _TURNS = np.arange(16) * (np.pi / 8)
 AROUND = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
-"""Directions in which an outline has its corners (2, 16)."""
+"""Directions (2, 16) of the corners of an outline."""
 
 Fingers = tuple[tuple[str, float], ...]
-"""Joints of fingers and their values; none means: as they are."""
+"""Finger joints with their values; empty to leave the fingers as they are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Openings:
-    """The openings of a hand, the narrowest first; none for a hand without fingers that move."""
+    """The openings of a hand, the narrowest first; none for a hand without moving fingers."""
 
     fingers: tuple[Fingers, ...] = ()
     gaps: Array = field(default_factory=lambda: np.zeros((0, len(SECTIONS))))
-    """Gap between the fingers at each opening and section [m], infinite where there are no fingers (n, s)."""
+    """Gap between the fingers at each opening and section (n, s) [m]; infinite where there are no fingers."""
     ends: Array = field(default_factory=lambda: np.zeros(0))
-    """How far the fingers reach beyond the grip point at each opening (n,) [m]: those that turn differ."""
+    """Distance of the fingertips in front of the grip point at each opening (n,) [m]: it varies if fingers rotate."""
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Return the names of the fingers' joints."""
+        """Names of the finger joints."""
         return tuple(name for name, _ in self.widest)
 
     @property
     def widest(self) -> Fingers:
-        """Return the fingers opened as far as they go."""
+        """The fully opened fingers."""
         return self.fingers[-1] if self.fingers else ()
 
     @property
     def gap(self) -> float:
-        """Gap between the fingers at the grip point, opened as far as they go [m]; infinite without any."""
+        """Gap at the grip point between the fully opened fingers [m]; infinite without any."""
         return float(self.gaps[-1, len(SECTIONS) // 2]) if self.fingers else math.inf
 
     def around(self, spans: Array, room: float = ROOM) -> NDArray[np.intp]:
-        """Return the number of the narrowest opening for things (m,), the widest one where none has room enough.
+        """Find the indices (m,) of the narrowest openings for objects; the widest one if none is wide enough.
 
-        ``spans``: how wide they are across, and how far they come behind the grip point [m] (m, 2); ``room``: what is
-        left beside them [m].
+        ``spans`` (m, 2) are the objects' widths in the closing direction, and how far they extend behind the grip point
+        [m]; ``room`` is the clearance, both sides together [m].
         """
-        between = -spans[:, 1:] - 1e-9 <= SECTIONS
-        fits = ~between[:, None] | (self.gaps >= spans[:, None, :1] + room)
-        good: NDArray[np.bool_] = np.asarray(fits.all(axis=2))
-        good[:, -1] = True
-        return np.asarray(good.argmax(axis=1), np.intp)
+        is_beside = -spans[:, 1:] - 1e-9 <= SECTIONS
+        fits = ~is_beside[:, None] | (self.gaps >= spans[:, None, :1] + room)
+        is_wide_enough: NDArray[np.bool_] = np.asarray(fits.all(axis=2))
+        is_wide_enough[:, -1] = True
+        return np.asarray(is_wide_enough.argmax(axis=1), np.intp)
 
     def closing(self, fingers: Fingers, width: float) -> tuple[Fingers, ...]:
-        """Return the openings through which fingers go as they close on a thing of some width [m], narrowest first."""
+        """List the openings that fingers pass as they close on an object of some width [m], narrowest first."""
         if not self.fingers:
             return (fingers,)
         last = self.fingers.index(fingers)
@@ -82,20 +82,20 @@ class Openings:
         return self.fingers[min(first, last) : last + 1]
 
     def advance(self, width: float) -> float:
-        """Return how far fingers reach out beyond where they are when wide open, as they close on a thing [m]."""
+        """Compute how far fingertips move forward, from fully opened, as they close on an object of some width [m]."""
         if not self.fingers:
             return 0.0
         narrow, wide = (int(self.around(np.array([[width, 0.0]]), room)[0]) for room in (0.0, ROOM))
-        last = max(0, narrow - 1)  # they meet the thing between two of the openings that were measured
+        last = max(0, narrow - 1)  # contact happens between two measured openings
         return max(0.0, float(self.ends[last : wide + 1].max() - self.ends[-1]))
 
     def lets_in(self, width: float) -> bool:
-        """Return whether something so wide [m] goes between the tips of the fingers though they are closed."""
+        """Check whether an object of some width [m] fits between the fingertips of the closed hand."""
         tips = self.gaps[0][np.isfinite(self.gaps[0])][-1:] if self.fingers else ()
         return any(width < gap for gap in tips)
 
     def beyond(self, joints: Mapping[str, float]) -> Fingers:
-        """Return the narrowest opening in which fingers have let go of what they hold with their joints at values."""
+        """Find the narrowest opening that releases what fingers at these joint values hold."""
         if not self.fingers:
             return ()
         middle = len(SECTIONS) // 2
@@ -105,20 +105,20 @@ class Openings:
         return self.fingers[int(self.around(np.array([[np.interp(now, shares, widths), 0.0]]))[0])]
 
     def share(self, joints: Mapping[str, float]) -> float:
-        """Return how far the fingers are open, 0 closed and 1 opened, with their joints at values."""
+        """Compute how far fingers at these joint values are open: 0 closed, 1 fully opened."""
         closed, opened = (np.array([value for _, value in self.fingers[end]]) for end in (0, -1))
         now = np.array([joints[name] for name in self.joints])
         return float(np.clip(((now - closed) / (opened - closed)).max(), 0.0, 1.0))
 
 
 def openings_of(arm: Arm, world: PlanningWorld) -> Openings:
-    """Return the openings of an arm's hand; fingers without shapes are taken to need the widest."""
+    """Measure the openings of an arm's hand; for fingers without shapes all gaps are 0, so that the widest is used."""
     if arm.gripper is None:
         return Openings()
     gripper = arm.gripper
     fingers = tuple(_between(gripper, share) for share in np.linspace(0.0, 1.0, STEPS).tolist())
     measured = [_measured(arm, gripper, dict(one), world) for one in fingers]
-    world.link_pose(arm.tip)  # it shows the robot as it is again
+    world.link_pose(arm.tip)  # puts the robot back into its own configuration
     gaps, ends = np.stack([gaps for gaps, _ in measured]), np.array([end for _, end in measured])
     return Openings(fingers, gaps if np.isfinite(gaps).any() else np.zeros_like(gaps), ends)
 
@@ -128,19 +128,19 @@ def _between(gripper: Gripper, share: float) -> Fingers:
 
 
 def _measured(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: PlanningWorld) -> tuple[Array, float]:
-    """Return twice the least distance of any finger from the middle plane of the hand at each section [m] (s,).
+    """Measure the gap at each section (s,) [m], and how far fingers reach in front of the grip point [m].
 
-    And how far fingers reach beyond the grip point [m].
+    The gap is twice the least distance of any finger from the plane in the middle of the hand.
     """
-    there = Configuration((0.0, 0.0, 0.0), joints)
-    back = inverse(world.link_pose(arm.tip, there).matrix())
+    configuration = Configuration((0.0, 0.0, 0.0), joints)
+    to_tip = inverse(world.link_pose(arm.tip, configuration).matrix())
     numbers = {name: number for number, name in enumerate(world.robot.solid_names)}
     axes = np.stack([arm.approach, arm.closing], axis=1)
     least, end = np.full(len(SECTIONS), np.inf), 0.0
     for link in gripper.finger_links:
         if link not in numbers:
             continue
-        frame = back @ world.link_pose(link, there).matrix()
+        frame = to_tip @ world.link_pose(link, configuration).matrix()
         outlines = [_outline(frame @ hull.pose.matrix(), hull, axes) for hull in world.robot.hulls(numbers[link])]
         side = float(np.sign(np.concatenate(outlines)[:, 1].mean()))
         for outline in outlines:
@@ -150,15 +150,18 @@ def _measured(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: Pl
 
 
 def _outline(at: Array, hull: ConvexSolid, axes: Array) -> Array:
-    """Return points (n, 2) that span a convex solid at a pose (4, 4), seen along two axes (3, 2)."""
+    """Project a convex solid at a pose (4, 4) onto two axes (3, 2): points (n, 2) that span its outline."""
     points = moved(at, hull.points) @ axes
     extreme = points[sorted({*(points @ AROUND).argmax(axis=0).tolist()})]
-    thick = hull.radius + hull.beyond
-    return np.asarray((extreme[:, None] + thick * AROUND.T).reshape(-1, 2) if thick > 0 else extreme)
+    radius = hull.radius + hull.beyond
+    return np.asarray((extreme[:, None] + radius * AROUND.T).reshape(-1, 2) if radius > 0 else extreme)
 
 
 def _sections(outline: Array) -> Array:
-    """Return the least second coordinate of a convex outline (n, 2) at sections of the first, infinite beside it."""
+    """Find the least second coordinate of a convex outline (n, 2) at each section of the first; infinite beside it.
+
+    Every pair of points is treated as an edge, as inner ones do not change the minimum.
+    """
     first, second = outline[:, None], outline[None]
     low, high = np.minimum(first[..., 0], second[..., 0]), np.maximum(first[..., 0], second[..., 0])
     run = np.where(high - low < 1e-9, 1.0, second[..., 0] - first[..., 0])

@@ -1,16 +1,16 @@
-"""Tasks compared with robots by the rules of KnowRob's SRDL (November 2014), for comparison with ours.
+"""Matching of tasks with robots by the rules of KnowRob's SRDL (November 2014), for comparison with ours.
 
-What a class has of a property stands in restrictions (some, value) on it or a property below it, on the class and
-everything above: its superclasses, the members of an intersection that it is, the unions that it is in, and what states
-that it is equivalent to it. The other direction is not followed, so that what stands in a class's own equivalent class
-is not seen. Sub-actions are all that have the property ``subAction``, stated and inherited, and theirs; order, states
-and alternatives do not matter. Required are
+The values of a property of a class are those in restrictions (some, value) on the property or its subproperties, of
+the class and everything above it: superclasses, members of the intersection that defines it, unions that contain it,
+and classes that are stated to be equivalent to it. Equivalence is followed in this direction only, so that the class's
+own definitions by equivalence are not seen. Sub-actions are all values of ``subAction``, transitively; order, states
+and alternatives are ignored. A task requires
 
-* the capabilities of the task and its sub-actions, and those that the task's own depend on directly;
-* the components of the task, of its sub-actions and of the required capabilities.
+* its own capabilities and those of its sub-actions, and the direct dependencies of its own;
+* its own components, those of its sub-actions and those of the required capabilities.
 
-A capability is there if it, or one below it, is claimed, whatever components it takes, or if all components and
-capabilities are there that it depends on, which may be none. There are two answers: what nobody knows requires nothing.
+A capability is available if it or a subclass is claimed, whatever components it depends on, or if all components and
+capabilities that it depends on, possibly none, are available. Nothing is unknown: undefined classes require nothing.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.terms import OWL, RDF, RDFS
 
 Node = str | tuple[int, BNode]
-"""An IRI, or a nameless node with the number of its ontology."""
+"""An IRI, or a blank node with the number of its ontology."""
 
 CAPABILITY, COMPONENT = NEEDED
 AVAILABLE, MISSING = Availability.AVAILABLE, Availability.MISSING
@@ -39,7 +39,7 @@ _ANY_CAPABILITY, _ROBOT = expand("srdl2-cap:Capability"), expand("knowrob:Robot"
 
 
 class ClassProperties:
-    """The properties of classes, as several ontologies say together."""
+    """Properties of classes in the union of several ontologies."""
 
     def __init__(self, ontologies: Iterable[Ontology]) -> None:
         self.ontologies = tuple(ontologies)
@@ -53,7 +53,7 @@ class ClassProperties:
                     self._unions.setdefault(member, []).append(_node(number, triple.subject))
 
     def _above(self, cls: Node) -> dict[Node, None]:
-        """Return a class and everything above it."""
+        """Collect a class and everything above it, by the original rules."""
         return dict.fromkeys(reached((cls,), self._next))
 
     def _directly_above(self, cls: Node) -> Iterator[Node]:
@@ -73,7 +73,7 @@ class ClassProperties:
             yield other
 
     def _items(self, number: int, cell: Term | None) -> Iterator[Node]:
-        """Yield the items of a list; one that leads back to itself ends there."""
+        """Yield the items of an RDF list; a cyclic list ends where it repeats."""
         ontology, seen = self.ontologies[number], set[Term]()
         while isinstance(cell, BNode) and cell not in seen:
             seen.add(cell)
@@ -81,21 +81,21 @@ class ClassProperties:
             cell = ontology.value(cell, RDF.rest)
 
     def _values(self, cls: Node, prop: str) -> dict[Node, Span]:
-        """Return what a class has of a property (IRI), each with where it is first stated."""
+        """Collect the values of a property (IRI) for a class, each with its first statement."""
         below = {name for ontology in self.ontologies for name in ontology.subproperties(prop)}
-        found: dict[Node, Span] = {}
+        values: dict[Node, Span] = {}
         for one in self.above(cls):
             if isinstance(one, str):
                 continue
-            number, nameless = one
-            for stated in self.ontologies[number].restrictions(nameless):
-                is_read = stated.property in below and stated.kind in ("some", "value")
-                if is_read and not isinstance(stated.filler, Literal):
-                    found.setdefault(_node(number, stated.filler), stated.span)
-        return found
+            number, blank = one
+            for restriction in self.ontologies[number].restrictions(blank):
+                is_read = restriction.property in below and restriction.kind in ("some", "value")
+                if is_read and not isinstance(restriction.filler, Literal):
+                    values.setdefault(_node(number, restriction.filler), restriction.span)
+        return values
 
     def text(self, node: Node) -> str:
-        """Return the name of a class, or a nameless one in Manchester syntax."""
+        """Write a named class by its local name, an anonymous one in Manchester syntax."""
         if isinstance(node, str):
             return local_name(node)
         expression = expression_of(self.ontologies[node[0]], node[1], Span(""))
@@ -107,11 +107,11 @@ def _node(number: int, term: Term) -> Node:
 
 
 class OriginalMatcher:
-    """Compares tasks, as an ontology states them, with one robot by the original rules."""
+    """Compares the tasks of an ontology with one robot by the original rules."""
 
     def __init__(self, ontology: Ontology, robot: Possessions) -> None:
-        own = [] if robot.model is None or robot.model.ontology is ontology else [robot.model.ontology]
-        self.classes = ClassProperties([ontology, *own])
+        model_ontologies = [] if robot.model is None or robot.model.ontology is ontology else [robot.model.ontology]
+        self.classes = ClassProperties([ontology, *model_ontologies])
         self.robot = robot
         self._world = ClosedWorld(self.classes.ontologies)
         self._claimed: dict[Node, str] = {}
@@ -121,9 +121,12 @@ class OriginalMatcher:
         self._derived: dict[Node, bool] = {}
 
     def task(self, cls: str) -> Finding:
-        """Return what a class of actions requires, itself and by its sub-actions, and whether it is there."""
-        stated = self.classes.values(cls, PROPERTIES[CAPABILITY])
-        own = (*(self._capability(one, span, deeper=True) for one, span in stated.items()), *self._components(cls))
+        """Check the requirements of a class of actions and its sub-actions."""
+        capabilities = self.classes.values(cls, PROPERTIES[CAPABILITY])
+        own = (
+            *(self._capability(one, span, deeper=True) for one, span in capabilities.items()),
+            *self._components(cls),
+        )
         start: Node = cls
         subs = reached((start,), lambda action: self.classes.values(action, _SUB_ACTION))
         below = (*own, *(self._action(sub) for sub in subs if sub != cls))
@@ -131,14 +134,14 @@ class OriginalMatcher:
         return Finding(FindingKind.TASK, local_name(cls), cls, _all_there(below), "", span, below)
 
     def _action(self, cls: Node) -> Finding:
-        stated = self.classes.values(cls, PROPERTIES[CAPABILITY])
-        below = (*(self._capability(one, span) for one, span in stated.items()), *self._components(cls))
+        capabilities = self.classes.values(cls, PROPERTIES[CAPABILITY])
+        below = (*(self._capability(one, span) for one, span in capabilities.items()), *self._components(cls))
         iri = cls if isinstance(cls, str) else None
         return Finding(FindingKind.ACTION, self.classes.text(cls), iri, _all_there(below), "", None, below)
 
     def _components(self, cls: Node) -> tuple[Finding, ...]:
-        stated = self.classes.values(cls, PROPERTIES[COMPONENT])
-        return tuple(self._component(one, span) for one, span in stated.items())
+        components = self.classes.values(cls, PROPERTIES[COMPONENT])
+        return tuple(self._component(one, span) for one, span in components.items())
 
     def _component(self, component: Node, required: Span) -> Finding:
         part = self._part(component)
@@ -147,51 +150,52 @@ class OriginalMatcher:
         return Finding(COMPONENT, self.classes.text(component), iri, state, reason, None, (), required)
 
     def _capability(self, capability: Node, required: Span, *, deeper: bool = False) -> Finding:
-        """Return whether a capability is there; what it depends on is required, too, with ``deeper``."""
-        takes = self.classes.values(capability, PROPERTIES[CAPABILITY]) if deeper else {}
-        below = (*self._components(capability), *(self._capability(one, span) for one, span in takes.items()))
-        state, reason = self._judged(capability)
+        """Check a capability and its components; with ``deeper``, also the capabilities that it depends on."""
+        needed = self.classes.values(capability, PROPERTIES[CAPABILITY]) if deeper else {}
+        below = (*self._components(capability), *(self._capability(one, span) for one, span in needed.items()))
+        state, reason = self._state(capability)
         iri = capability if isinstance(capability, str) else None
         return Finding(CAPABILITY, self.classes.text(capability), iri, state, reason, None, below, required)
 
-    def _judged(self, capability: Node) -> tuple[Availability, str]:
+    def _state(self, capability: Node) -> tuple[Availability, str]:
         name, claim = self.robot.robot, self._claimed.get(capability)
         if claim is not None:
             return AVAILABLE, f"{name} claims {'it' if claim == self.classes.text(capability) else claim}"
         if self._is_derived(capability):
-            return AVAILABLE, "all that it takes is there" if any(self._takes(capability)) else "it takes nothing"
-        components, capabilities = self._takes(capability)
+            is_free = not any(self._dependencies(capability))
+            return AVAILABLE, "it has no prerequisites" if is_free else "all prerequisites are met"
+        components, capabilities = self._dependencies(capability)
         lacking = [one for one in components if self._part(one) is None]
         lacking += [one for one in capabilities if one not in self._claimed and not self._is_derived(one)]
         short = ", ".join(map(self.classes.text, lacking))
         return MISSING, f"{name} does not claim it and lacks {short}" if short else f"{name} does not claim it"
 
-    def _takes(self, capability: Node) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
-        """Return the components and the capabilities on which a capability depends."""
+    def _dependencies(self, capability: Node) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
+        """List the components and the capabilities that a capability depends on directly."""
         values = self.classes.values
         return tuple(values(capability, PROPERTIES[COMPONENT])), tuple(values(capability, PROPERTIES[CAPABILITY]))
 
     def _is_derived(self, capability: Node) -> bool:
-        """Return whether all is there that a capability depends on; not by way of itself."""
+        """Check whether all dependencies of a capability are available; none may rest on itself (least fixed point)."""
         if capability not in self._derived:
-            taken = tuple(reached((capability,), lambda one: self._takes(one)[1]))
-            there = {one for one in taken if one in self._claimed}
-            while new := [one for one in taken if one not in there and self._follows(one, there)]:
-                there.update(new)
-            self._derived |= {one: self._follows(one, there) for one in taken}
+            closure = tuple(reached((capability,), lambda one: self._dependencies(one)[1]))
+            available = {one for one in closure if one in self._claimed}
+            while new := [one for one in closure if one not in available and self._follows(one, available)]:
+                available.update(new)
+            self._derived |= {one: self._follows(one, available) for one in closure}
         return self._derived[capability]
 
-    def _follows(self, capability: Node, there: set[Node]) -> bool:
+    def _follows(self, capability: Node, available: set[Node]) -> bool:
         if _ANY_CAPABILITY not in self.classes.above(capability) or capability == _ANY_CAPABILITY:
             return False
-        components, capabilities = self._takes(capability)
-        return self._is_robot() and there.issuperset(capabilities) and None not in map(self._part, components)
+        components, capabilities = self._dependencies(capability)
+        return self._is_robot() and available.issuperset(capabilities) and None not in map(self._part, components)
 
     def _is_robot(self) -> bool:
         return self.robot.model is None or any(_ROBOT in self.classes.above(kind) for kind in self.robot.model.types)
 
     def _claims(self) -> Iterator[Node]:
-        """Yield the capabilities that the robot's classes claim, and the robot itself."""
+        """Yield the capabilities claimed for the robot and for its classes."""
         model = self.robot.model
         if model is None:
             yield from self.robot.claims
@@ -207,16 +211,16 @@ class OriginalMatcher:
 
     @cached_property
     def _kinds(self) -> dict[Node, str]:
-        """Classes of which the robot has a part -> its name."""
-        found: dict[Node, str] = {}
+        """Class -> name of the first part of the robot that is of this class."""
+        kinds: dict[Node, str] = {}
         for part in self.robot.parts:
             for kind in sorted(part.classes):
                 for cls in self.classes.above(kind):
-                    found.setdefault(cls, part.name)
-        return found
+                    kinds.setdefault(cls, part.name)
+        return kinds
 
     def _part(self, component: Node) -> str | None:
-        """Return the name of a part that is of a class, named or not; None if there is none."""
+        """Find the name of a part of a named or anonymous class; None if the robot has none."""
         if isinstance(component, str) or component in self._kinds:
             return self._kinds.get(component)
         expression = expression_of(self.classes.ontologies[component[0]], component[1], Span(""))
@@ -229,5 +233,5 @@ class OriginalMatcher:
 
 
 def _all_there(below: Iterable[Finding]) -> Availability:
-    """Return whether all is there of what counts; what a claimed capability takes is required, too."""
+    """Find the worst state of all findings that count; dependencies of claimed capabilities do."""
     return together(one.state for top in below for one, _ in top.walk())

@@ -23,7 +23,7 @@ class Availability(Enum):
 
 
 class FindingKind(Enum):
-    """Subject of a node of the tree."""
+    """Kind of a node of the tree."""
 
     TASK = "task"
     ACTION = "action"
@@ -34,21 +34,20 @@ class FindingKind(Enum):
     MODEL = "recognition model"
     MAP = "map"
     ENTRY = "entry"
-    """One that a knowledge base has, and that is of no use here."""
+    """An entry of a knowledge base that cannot be used."""
 
 
 NEEDED = (FindingKind.CAPABILITY, FindingKind.COMPONENT)
-"""Kinds that a robot has or lacks; the others are parts of the task, or knowledge."""
+"""Kinds that a robot has or lacks; the other kinds are parts of the task, or knowledge."""
 _UNLABELLED = (FindingKind.TASK, FindingKind.ACTION, FindingKind.ALTERNATIVES)
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A node of the tree of reasons.
+    """A node of the tree of findings.
 
     ``iri`` is None for an expression; ``span`` is where the robot claims it, ``required`` where the requirement is
-    stated. A node that does not count is listed for its reason
-    alone: a part of a combination, or a requirement that leads back to itself.
+    stated. A node that does not count only explains another: a part of a combination, or a circular requirement.
     """
 
     kind: FindingKind
@@ -62,20 +61,20 @@ class Finding:
     counts: bool = True
 
     def walk(self, path: tuple[Finding, ...] = ()) -> Iterator[tuple[Finding, tuple[Finding, ...]]]:
-        """Yield this and everything below it that counts, each with the findings above it, outermost first."""
+        """Yield this finding and all below it that count, each with the findings above it, outermost first."""
         yield self, path
         for one in self.below:
             if one.counts:
                 yield from one.walk((*path, self))
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
-        """Yield the tree as lines of text; without ``all_of_it`` only what is not available, and what is above that."""
+        """Draw the tree, line by line; without ``all_of_it`` only the findings that are not available."""
         yield from self._lines("", "", all_of_it, set())
 
-    def _lines(self, first: str, rest: str, all_of_it: bool, shown: set[tuple[str, str]]) -> Iterator[str]:
+    def _lines(self, first: str, rest: str, all_of_it: bool, drawn: set[tuple[str, str]]) -> Iterator[str]:
         key = (self.kind.value, self.iri or self.text)
-        repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in shown
-        shown.add(key)
+        repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in drawn
+        drawn.add(key)
         label = self.text if self.kind in _UNLABELLED else f"{self.kind.value} {self.text}"
         reason = f": {self.reason}" if self.reason else ""
         where = f" ({self.span})" if self.span is not None and self.kind in NEEDED else ""
@@ -86,10 +85,10 @@ class Finding:
         for one in below:
             last = one is below[-1]
             corner, beam = ("`- ", "   ") if last else ("|- ", "|  ")
-            yield from one._lines(rest + corner, rest + beam, all_of_it, shown)
+            yield from one._lines(rest + corner, rest + beam, all_of_it, drawn)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the tree as JSON data."""
+        """Convert the tree to JSON data."""
         data: dict[str, Any] = {"kind": self.kind.value, "name": self.text, "iri": self.iri, "state": self.state.value}
         if self.reason:
             data["reason"] = self.reason
@@ -102,12 +101,12 @@ class Finding:
 
 
 def together(states: Iterable[Availability], *, any_of: bool = False) -> Availability:
-    """Return the worst of some states, or the best with ``any_of``; AVAILABLE for none at all."""
-    found = set(states)
+    """Combine states into the worst, or with ``any_of`` the best of them; no states are AVAILABLE."""
+    states_present = set(states)
     order = [Availability.MISSING, Availability.UNKNOWN, Availability.AVAILABLE]
     if any_of:
         order.reverse()
-    return next((state for state in order if state in found), Availability.AVAILABLE)
+    return next((state for state in order if state in states_present), Availability.AVAILABLE)
 
 
 PROPERTIES = {
@@ -119,14 +118,14 @@ WORDS = {
     "hasCapabilityDependency": FindingKind.CAPABILITY,
     "dependsOnComponent": FindingKind.COMPONENT,
 }
-"""The same by local names, and that of 2010: SRDL has them in several namespaces."""
+"""Kinds by local names of the properties, that of 2010 included: SRDL files use several namespaces."""
 
 
 class Semantics(Enum):
-    """Semantics of requirements and of capabilities.
+    """Semantics of requirements and capabilities.
 
-    CLOSURE: through equivalent classes in both directions, closed under dependencies of capabilities; a claim counts
-    when the components are there. ORIGINAL, for comparison, is what KnowRob's SRDL did: see
+    CLOSURE follows equivalent classes in both directions and dependencies of capabilities to any depth; a claim counts
+    if the components are available. ORIGINAL, for comparison, has the rules of KnowRob's SRDL: see
     :mod:`executive.robots.original`.
     """
 
@@ -136,7 +135,7 @@ class Semantics(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One restriction: ``kind`` is CAPABILITY or COMPONENT, ``quantifier`` as in Restriction.
+    """A requirement, stated by a restriction: ``kind`` is CAPABILITY or COMPONENT, ``quantifier`` as in Restriction.
 
     ``number`` is that of a cardinality, else 1.
     """
@@ -149,25 +148,25 @@ class Requirement:
 
     @property
     def name(self) -> str | None:
-        """IRI of the class or individual, None for any other expression."""
+        """IRI of the class or individual; None for any other expression."""
         term = self.expression.term
         return term if isinstance(term, str) else None
 
     @property
     def text(self) -> str:
-        """Return the requirement in Manchester syntax, with the number if it is not one."""
+        """The requirement in Manchester syntax, cardinalities included."""
         words = text_of(self.expression)
         return f"{self.quantifier} {self.number} {words}" if self.quantifier in ("min", "max", "exactly") else words
 
 
 def requirements_of(ontology: Ontology, cls: str) -> tuple[Requirement, ...]:
-    """Return what a class requires directly: restrictions of it and its ancestors, nearest first, each once.
+    """List the direct requirements of a class: restrictions of it and its ancestors, nearest first, each once.
 
-    ``only`` requires nothing: it says what else may not be needed. Expressions that cannot be read are left out, the
-    checks of the ontology tell of them.
+    ``only`` is skipped, as it requires nothing to exist. So are expressions that cannot be read: the checks of the
+    ontology report them.
     """
     kinds = {below: kind for kind, prop in PROPERTIES.items() for below in ontology.subproperties(prop)}
-    found: dict[tuple[FindingKind, str, Term, int], Requirement] = {}
+    unique: dict[tuple[FindingKind, str, Term, int], Requirement] = {}
     for restriction in ontology.inherited_restrictions(cls):
         kind = kinds.get(restriction.property) or WORDS.get(local_name(restriction.property))
         if kind is None or restriction.kind == "only" or isinstance(restriction.filler, Literal):
@@ -177,22 +176,22 @@ def requirements_of(ontology: Ontology, cls: str) -> tuple[Requirement, ...]:
             continue
         number = 1 if restriction.cardinality is None else restriction.cardinality
         key = (kind, restriction.kind, restriction.filler, number)
-        found.setdefault(key, Requirement(kind, restriction.kind, expression, number, restriction.span))
-    return tuple(found.values())
+        unique.setdefault(key, Requirement(kind, restriction.kind, expression, number, restriction.span))
+    return tuple(unique.values())
 
 
 def requirements(ontology: Ontology, actions: Iterable[str]) -> tuple[Mapping[str, tuple[str, ...]], ...]:
-    """Return the capabilities and components that action classes require, closed: each -> the classes that lead to it.
+    """Collect the capabilities and components that action classes require, dependencies of capabilities included.
 
-    Keys are IRIs of classes; of other expressions their text.
+    Returns two mappings, from the IRI of a class (the text of any other expression) to the classes that lead to it.
     """
-    found: dict[FindingKind, dict[str, tuple[str, ...]]] = {kind: {} for kind in PROPERTIES}
+    required: dict[FindingKind, dict[str, tuple[str, ...]]] = {kind: {} for kind in PROPERTIES}
     queue: list[tuple[str, tuple[str, ...]]] = [(action, (action,)) for action in dict.fromkeys(actions)]
     for cls, path in queue:
         for needed in requirements_of(ontology, cls):
             key = needed.name or needed.text
-            if key not in found[needed.kind]:
-                found[needed.kind][key] = path
+            if key not in required[needed.kind]:
+                required[needed.kind][key] = path
                 if needed.kind is FindingKind.CAPABILITY and needed.name is not None:
                     queue.append((needed.name, (*path, needed.name)))
-    return found[FindingKind.CAPABILITY], found[FindingKind.COMPONENT]
+    return required[FindingKind.CAPABILITY], required[FindingKind.COMPONENT]

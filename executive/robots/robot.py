@@ -1,7 +1,7 @@
-"""The robot: what its self-model (SRDL) says it has, and the robot as the executive knows it.
+"""Self-models in SRDL, and the robot that results from binding one to a URDF.
 
 A self-model has links, joints, compositions, parts and capabilities; the robot has arms, grippers, torso, neck, camera,
-and the numbers of moving them.
+and the parameters of their motion.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sim import CameraModel, RobotBody
 
 @dataclass(frozen=True, slots=True)
 class Composition:
-    """Parts that are one thing (an arm, a gripper), given by where it begins and where it ends; names may dangle."""
+    """A composition of parts (an arm, a gripper), given by its base and end links; these may be undefined IRIs."""
 
     iri: str
     types: tuple[str, ...]
@@ -36,7 +36,7 @@ class Composition:
 
 @dataclass(frozen=True, slots=True)
 class SelfModel:
-    """Self-model of one robot in an ontology."""
+    """The self-model of one robot in an ontology."""
 
     ontology: Ontology
     iri: str
@@ -48,14 +48,14 @@ class SelfModel:
     """IRI of a joint -> its name in the URDF."""
     compositions: tuple[Composition, ...]
     components: tuple[str, ...]
-    """IRIs of everything that is part of it: chain, compositions, software."""
+    """IRIs of all its parts: links and joints, compositions, software."""
     span: Span | None = None
     dangling: frozenset[str] = field(default_factory=frozenset)
-    """IRIs that compositions name although no individual has them."""
+    """IRIs that compositions refer to, but that no individual has."""
 
 
 def read_self_model(ontology: Ontology) -> SelfModel:
-    """Return the robot that an ontology describes: the first individual of a class of robots, or with parts of its own.
+    """Read the self-model of the first robot in an ontology: an individual of a class of robots, else one with parts.
 
     Raises BadInput if there is none.
     """
@@ -63,8 +63,8 @@ def read_self_model(ontology: Ontology) -> SelfModel:
     if robot is None:
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
-        help = "a self-model has an individual of a class below knowrob:Robot, with srdl2-comp:succeedingLink"
-        raise BadInput([error("B002", "there is no robot in this file", span, help)])
+        help = "add an individual of a subclass of knowrob:Robot, with srdl2-comp:succeedingLink"
+        raise BadInput([error("B002", "this file describes no robot", span, help)])
     names = _urdf_names(ontology)
     joints = {iri: name for iri, name in names.items() if _is_joint(ontology, iri)}
     links = {iri: name for iri, name in names.items() if iri not in joints}
@@ -100,12 +100,12 @@ def _robot(ontology: Ontology) -> str | None:
 
 
 def _urdf_names(ontology: Ontology) -> dict[str, str]:
-    """Return IRI -> name in the URDF, of everything that has one."""
-    found = {}
+    """Map the IRIs of links and joints to their names in the URDF."""
+    names = {}
     for triple in ontology.triples(None, expand("srdl2-comp:urdfName")):
         if isinstance(triple.subject, str) and isinstance(triple.object, Literal):
-            found[triple.subject] = triple.object.value.strip()
-    return found
+            names[triple.subject] = triple.object.value.strip()
+    return names
 
 
 def _urdf_name(ontology: Ontology, iri: str) -> str | None:
@@ -144,14 +144,14 @@ def _compositions(ontology: Ontology, robot: str) -> Iterator[Composition]:
 
 
 def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
-    """Return the robot and everything reached from it by chain and part relations, breadth first."""
+    """List the robot and all its parts, links and joints, breadth first."""
     names = ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint")
     return tuple(reached((robot,), lambda iri: (part for name in names for part in ontology.iris(iri, name))))
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A component of a robot. ``classes`` holds superclasses, too (IRIs); ``iri`` is None for what only shape tells."""
+    """A component of a robot; ``classes`` (IRIs) includes superclasses, ``iri`` is None if the URDF implies it."""
 
     name: str
     classes: frozenset[str]
@@ -160,7 +160,7 @@ class Part:
 
 
 def parts_of(model: SelfModel) -> tuple[Part, ...]:
-    """Return the parts that a self-model lists, software included."""
+    """List the parts of a self-model, software included."""
     ontology = model.ontology
     return tuple(
         Part(local_name(iri), _upwards(ontology, ontology.types(iri)), iri, ontology.span(iri))
@@ -169,7 +169,7 @@ def parts_of(model: SelfModel) -> tuple[Part, ...]:
 
 
 def claims_of(model: SelfModel) -> dict[str, Span | None]:
-    """Return the capabilities (IRIs of classes) that a self-model claims, for the robot or its classes, and where."""
+    """Collect the capabilities (IRIs of classes) that a self-model claims, for the robot or its classes, and where."""
     ontology = model.ontology
     properties = set(ontology.subproperties(expand("srdl2-cap:hasCapability")))
     claims: dict[str, Span | None] = {}
@@ -189,9 +189,9 @@ def claims_of(model: SelfModel) -> dict[str, Span | None]:
 def inherent(
     arms: Iterable[tuple[str, bool]], *, has_camera: bool, drives: bool
 ) -> tuple[tuple[Part, ...], Mapping[str, Span | None]]:
-    """Return the parts and capabilities that a shape implies, for a robot without self-model.
+    """Infer parts and capabilities from the anatomy of a robot without a self-model.
 
-    ``arms`` are the names of arms, with whether they have a gripper.
+    ``arms`` are the names of the arms, and whether they have a gripper.
     """
     arms = tuple(arms)
     parts = [_part("base", "srdl2-comp:MobileBase", "srdl2-comp:WheeledBase")] if drives else []
@@ -240,7 +240,7 @@ def _place(ontology: Ontology) -> Callable[[str], tuple[bool, Span, str]]:
 Axis = tuple[float, float, float]
 
 CARRYING = "carrying"
-"""The posture in which the robot drives, and from which another base pose can be tried."""
+"""Posture for driving, to which the arms return before another base pose is tried."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,7 +254,7 @@ class Gripper:
     closed: Mapping[str, float]
     finger_links: tuple[str, ...]
     max_opening: float
-    """Widest thing that fits between the opened fingers [m]."""
+    """Width of the widest object that fits between the opened fingers [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +266,7 @@ class Arm:
     side: str | None
     """"left", "right" or None."""
     joints: tuple[str, ...]
-    """Actuated joints from base to tip, the torso left out."""
+    """Actuated joints from base to tip, without the torso."""
     base_link: str
     """Parent link of the first joint."""
     tip: str
@@ -274,7 +274,7 @@ class Arm:
     hand_link: str
     """Link that carries the fingers; held objects are attached to it."""
     approach: Axis
-    """Unit vector in the tip frame along which the hand moves towards what it grasps."""
+    """Unit vector in the tip frame along which the hand moves towards an object."""
     closing: Axis
     """Unit vector in the tip frame along which the fingers close."""
     gripper: Gripper | None
@@ -283,13 +283,13 @@ class Arm:
 
     @property
     def hand(self) -> Device:
-        """The designator of the hand of this arm and of no other, whether or not a self-model names it."""
+        """A designator of this hand, unique even if no self-model names it."""
         return Device("Hand", self.iri or f"robot:#{self.name}_hand")
 
 
 @dataclass(frozen=True, slots=True)
 class BaseDrive:
-    """Motion of the base; ``radius`` of its outline [m], speeds [m/s, rad/s], accelerations [m/s2, rad/s2]."""
+    """Motion of the base: radius of its footprint [m], speeds [m/s, rad/s], accelerations [m/s2, rad/s2]."""
 
     radius: float
     speed: float
@@ -299,12 +299,12 @@ class BaseDrive:
     jerk: float
     """Of translation [m/s3] and rotation [rad/s3]."""
     fixed: bool = field(default=False, kw_only=True)
-    """It never moves: the robot stands where it starts."""
+    """True for a base that never moves from its start pose."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:
-    """Limits of a joint's motion [rad/s, rad/s2, rad/s3], of a sliding one [m/s, m/s2, m/s3]."""
+    """Limits of a joint's motion [rad/s, rad/s2, rad/s3], of a prismatic one [m/s, m/s2, m/s3]."""
 
     speed: float
     acceleration: float
@@ -313,7 +313,7 @@ class JointLimits:
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """A self-model bound to a URDF. What the robot does not have is None or empty."""
+    """A robot: a self-model or a robot file, bound to a URDF. What the robot lacks is None or empty."""
 
     name: str
     iri: str | None
@@ -322,55 +322,55 @@ class Robot:
     """Root link of the URDF; stands on the floor at the base pose."""
     base: BaseDrive
     torso: str | None
-    """Sliding joint that carries all arms."""
+    """Prismatic joint that carries all arms."""
     arms: tuple[Arm, ...]
     neck: tuple[str, ...]
-    """Joints between the body and the camera that no arm moves."""
+    """Joints that move the camera but no arm."""
     camera: CameraModel | None
     postures: Mapping[str, Mapping[str, float]]
-    """Name -> joint positions; joints not named stay."""
+    """Name -> joint positions; other joints keep theirs."""
     limits: Mapping[str, JointLimits]
     """For every actuated joint of torso, arms, grippers and neck."""
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     """Pairs of links that may touch."""
     parts: tuple[Part, ...] = ()
-    """Its parts, software included; without self-model, those that its shape implies."""
+    """Its parts, software included; without a self-model, those inferred from its anatomy."""
     claims: Mapping[str, Span | None] = field(default_factory=dict)
     """Capabilities (IRIs of classes) that it claims, and where."""
     model: SelfModel | None = field(default=None, compare=False, repr=False)
-    """The self-model that was bound, if there is one."""
+    """The self-model, if there is one."""
     diagnostics: tuple[Diagnostic, ...] = field(default=(), compare=False)
     """Repairs, assumptions and omissions of the binding."""
 
     def arm(self, name: str) -> Arm:
-        """Return the arm of that name; ``KeyError`` lists those there are."""
+        """Find the arm with this name. Raises KeyError, which lists the arms."""
         for arm in self.arms:
             if arm.name == name:
                 return arm
         raise KeyError(f"{self.name} has no arm {name!r}; it has {', '.join(a.name for a in self.arms) or 'none'}")
 
     def arms_of(self, device: Object | None) -> tuple[Arm, ...]:
-        """Return the arms that a device designator may mean, in the robot's order; all of them without designator.
+        """List the arms that a device designator can refer to, in the robot's order; all of them without a designator.
 
-        A part of this robot is itself. Any other device is taken by side (left or right in its name or class) and, if
-        it is a gripper or hand, only on arms that have one; no side means any.
+        A hand or gripper of this robot refers to its arm. Any other device is matched by side (left or right in its
+        name or class; without one, any side) and, if it is a gripper or hand, only to arms that have a gripper.
         """
         if device is None:
             return self.arms
-        known = (device.iri, device.type)
+        words = (device.iri, device.type)
         exact = tuple(a for a in self.arms if device.iri in {a.hand.iri, a.gripper and a.gripper.iri} - {None})
         if exact:
             return exact
-        side = side_of(*(local_name(text) for text in known if text))
-        graspers = any(re.search(r"gripper|hand|finger", text, re.IGNORECASE) for text in known if text)
+        side = side_of(*(local_name(text) for text in words if text))
+        graspers = any(re.search(r"gripper|hand|finger", text, re.IGNORECASE) for text in words if text)
         return tuple(a for a in self.arms if (side is None or a.side == side) and (a.gripper or not graspers))
 
     def holder(self, link: str) -> Arm | None:
-        """Return the arm whose hand a link is."""
+        """Find the arm whose hand or tip a link is."""
         return next((a for a in self.arms if link in (a.hand_link, a.tip)), None)
 
     def body(self, posture: str | None = None) -> RobotBody:
-        """Return what the simulator needs, in a named posture to begin with (default: ``carrying``, if there is one).
+        """Describe the robot for the simulator, starting in a posture (by default ``carrying``, if it has one).
 
         Fingers of one hand may touch each other.
         """
@@ -381,21 +381,21 @@ class Robot:
         return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start, tuple(self.limits))
 
     def posture(self, name: str) -> Mapping[str, float] | None:
-        """Return the joint positions of a named posture; None if the robot knows none of that name."""
+        """Joint positions of a posture; None if the robot has none of this name."""
         return self.postures.get(name)
 
 
 def trusting_map(robot: Robot) -> Robot:
-    """Return the robot as one that recognises things: the map, which its user vouches for, tells where they are."""
+    """Give a robot the capability to recognise objects: it looks them up in the map, which the user vouches for."""
     return replace(robot, parts=(*robot.parts, *_RECOGNITION), claims={**dict.fromkeys(_RECOGNISING), **robot.claims})
 
 
 def side_of(*names: str) -> str | None:
-    """Return "left" or "right" if the names say one of them and not the other."""
+    """Find the side in names: "left" or "right"; None if they contain neither or both."""
     sides = {word.lower() for name in names for word in re.findall(r"(?<![Uu]p)(?:[Ll]eft|[Rr]ight)|LEFT|RIGHT", name)}
     return sides.pop() if len(sides) == 1 else None
 
 
 def is_device(what: Object) -> bool:
-    """Return whether a designator is a part of the robot."""
+    """Check whether a designator refers to a part of the robot."""
     return isinstance(what, Device)

@@ -1,14 +1,14 @@
-"""Numbers of a robot that OWL cannot say nicely: one TOML file beside its URDF.
+"""Robot files: the parameters of a robot that OWL cannot express well, in a TOML file beside its URDF.
 
 ```toml
 name = "amigo"                  # required
 urdf = "amigo.urdf"             # required: beside this file, or in an installed package (below)
-self_model = "amigo.omn"        # OWL self-model; without one, [arms.*] say what the robot is
+self_model = "amigo.omn"        # OWL self-model; without one, [arms.*] describe the robot
 torso = "spindle_joint"
 allowed_contacts = [["a", "b"]] # links that may touch
 
 [base]                          # required: radius [m], speeds [m/s, rad/s], accelerations, jerk; or fixed = true
-[mount]                         # what a URDF without base stands on: size (x, y, z, or diameter and height), at [m]
+[mount]                         # stand of a URDF without a base: size (x, y, z, or diameter and height), at [m]
 [arms.right]                    # tip, tool_offset (grip point in its frame [m]), hand, side, approach, closing,
                                 # payload: the largest mass that the hand carries [kg]
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
@@ -18,8 +18,8 @@ allowed_contacts = [["a", "b"]] # links that may touch
 [postures.NAME]                 # joint = position
 ```
 
-A URDF in a package: ``urdf = { package = "pybullet", file = "franka_panda/panda.urdf" }``, the file by the end of its
-path; ``extra``: which extra of planlang brings the package.
+A URDF in a package: ``urdf = { package = "pybullet", file = "franka_panda/panda.urdf" }``, with the end of the file's
+path; ``extra`` is the extra of planlang that installs the package.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class GripperNumbers:
-    """A gripper: joint values when opened and closed, finger links, widest thing that fits [m]."""
+    """A gripper: joint values when opened and closed, finger links, width of the widest object that fits [m]."""
 
     opened: Mapping[str, float]
     closed: Mapping[str, float]
@@ -67,11 +67,11 @@ class GripperNumbers:
 
 @dataclass(frozen=True, slots=True)
 class ArmNumbers:
-    """An arm by its tip frame; the axes are unit vectors in that frame."""
+    """An arm, defined by its tip frame; the axes are unit vectors in that frame."""
 
     name: str
     tip: str
-    """A link; with an offset of the tool, one that :func:`mounted` adds at the grip point."""
+    """A link; with a tool offset, the one that :func:`mounted` adds at the grip point."""
     hand: str
     side: str | None
     approach: Axis
@@ -99,38 +99,38 @@ class RobotFile:
     postures: Mapping[str, Mapping[str, float]]
     allowed_contacts: tuple[tuple[str, str], ...]
     tools: Mapping[str, ToolPoint]
-    """Links that are added at grip points."""
+    """Links to add at grip points, by name."""
     span: Callable[[str], Span]
     """Source span of a dotted key, or of the nearest table around it."""
 
 
 DEFAULT_BASE = BaseDrive(0.4, 0.5, 0.5, 0.8, 0.8, 5.0)
-"""For a robot of which nothing is known but its URDF: slow and wide."""
+"""Base of a robot with a URDF only: slow and wide, to be safe."""
 
 DEFAULT_LIMITS = JointLimits(0.5, 1.0, 10.0)
-"""For a joint without numbers; the speed is that of the URDF if that is lower."""
+"""Limits of a joint without numbers; the URDF's speed is used if it is lower."""
 
 
 def tool_link(arm: str) -> str:
-    """Return the name of the link that is added at the grip point of an arm."""
+    """Name of the link that is added at the grip point of an arm."""
     return f"tool_point_of_{arm}"
 
 
 def looks_like_toml(path: Path) -> bool:
-    """Return whether a file is a robot's TOML file: by its content, never by its suffix."""
+    """Check whether a file is a robot file: by its content, never by its suffix."""
     head = beginning(path)
     lines = [line.strip() for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     return bool(lines) and re.match(r"\[[\w.\"-]+\]|[\w\"-]+\s*=", lines[0]) is not None
 
 
 def looks_like_urdf(path: Path) -> bool:
-    """Return whether the root element of a file is that of a URDF."""
+    """Check whether the root element of a file is that of a URDF."""
     text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", beginning(path), flags=re.DOTALL)
     return text.lstrip("\ufeff \t\r\n").startswith("<robot")
 
 
 def beginning(path: Path) -> str:
-    """Return the first 4000 bytes of a file as text; nothing of one that cannot be read."""
+    """Read the first 4000 bytes of a file as text; empty if it cannot be read."""
     try:
         with open_regular(path) as file:
             return file.read(4000).decode("utf-8", errors="replace")
@@ -139,28 +139,28 @@ def beginning(path: Path) -> str:
 
 
 def read_robot_file(path: Path) -> RobotFile:
-    """Read and check a robot's TOML file; raises BadInput with everything wrong in it."""
+    """Read and check a robot file. Raises BadInput with all errors."""
     return read_robot(read_file(path, "B001"), path)
 
 
 def read_robot(content: bytes, path: Path) -> RobotFile:
-    """Read and check the content of a robot's TOML file; raises BadInput with everything wrong in it."""
+    """Read and check the content of a robot file. Raises BadInput with all errors."""
     try:
         text = content.decode("utf-8")
         table = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
         where = re.search(r"line (\d+), column (\d+)", str(problem))
         span = Span(str(path), *map(int, where.groups())) if where else Span(str(path))
-        raise BadInput([error("B001", f"not TOML: {problem}", span)]) from None
+        raise BadInput([error("B001", f"invalid TOML: {problem}", span)]) from None
     report = _Report(path, _lines_of(text))
     numbers = _robot(path, _Table(report, table))
-    if report.found:
-        raise BadInput(report.found)
+    if report.problems:
+        raise BadInput(report.problems)
     return numbers
 
 
 def _lines_of(text: str) -> dict[str, int]:
-    """Return dotted key -> line (from 1) of every table header and key."""
+    """Map the dotted name of each table and key to its line, counted from 1."""
     lines: dict[str, int] = {}
     table = ""
     for number, line in enumerate(text.splitlines(), 1):
@@ -176,100 +176,100 @@ def _lines_of(text: str) -> dict[str, int]:
 
 
 class _Report:
-    """The problems of a file."""
+    """Collects the errors of a file."""
 
     def __init__(self, path: Path, lines: dict[str, int]) -> None:
         self.path, self.lines = path, lines
-        self.found: list[Diagnostic] = []
+        self.problems: list[Diagnostic] = []
 
     def span(self, key: str) -> Span:
-        """Return where a key, or the nearest table around it, is written."""
+        """Source span of a dotted key, or of the nearest table around it."""
         while key and key not in self.lines:
             key = key.rpartition(".")[0]
         return Span(str(self.path), self.lines.get(key, 1))
 
 
 class _Table:
-    """A TOML table; what is wrong with a value is reported, and a harmless value returned in its place."""
+    """A TOML table; a bad value is reported and replaced by a valid one, so that all errors are found in one pass."""
 
     def __init__(self, report: _Report, values: Mapping[str, Any], name: str = "", kind: str | None = "") -> None:
-        """``kind`` is the one of :data:`_KEYS` by which keys are checked; None: any will do."""
+        """Check the keys against those of ``kind`` in :data:`_KEYS`; None allows any key."""
         self.report, self.values, self.name = report, values, name
         for key in values if kind is not None else ():
             if key not in _KEYS[kind or ""]:
                 self.bad(key, "unknown key", f"valid here: {', '.join(_KEYS[kind or ''])}")
 
     def bad(self, key: str, message: str, help: str | None = None) -> None:
-        """Report a problem with a key."""
-        whole = f"{self.name}.{key}".lstrip(".")
-        self.report.found.append(error("B001", f"{whole}: {message}", self.report.span(whole), help))
+        """Report an error in the value of a key."""
+        dotted = f"{self.name}.{key}".lstrip(".")
+        self.report.problems.append(error("B001", f"{dotted}: {message}", self.report.span(dotted), help))
 
     def table(self, key: str, kind: str | None, *, required: bool = False) -> _Table:
-        """Return a table inside; an empty one if it is absent."""
+        """Read a table; empty if it is absent."""
         value = self.values.get(key, {})
         if not isinstance(value, dict) or (required and key not in self.values):
-            self.bad(key, "a table is expected")
+            self.bad(key, "must be a table")
             value = {}
         return _Table(self.report, value, f"{self.name}.{key}".lstrip("."), kind)
 
     def tables(self, key: str, kind: str) -> dict[str, _Table]:
-        """Return the tables inside a table, by name."""
+        """Read a table of tables, by name."""
         inner = self.table(key, None)
         return {name: inner.table(name, kind) for name in inner.values}
 
     def text(self, key: str, default: str | None = None) -> str:
-        """Return a text; one without default is required."""
+        """Read a string; required unless it has a default."""
         value = self.values.get(key, default)
         if not isinstance(value, str):
-            self.bad(key, "missing" if value is None else f"text is expected, not {value!r}")
+            self.bad(key, "missing" if value is None else f"must be a string, not {value!r}")
             return ""
         return value
 
     def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
-        """Return a finite number; one without default is required."""
+        """Read a finite number; required unless it has a default."""
         value = self.values.get(key, default)
         if not _is_number(value):
-            self.bad(key, "missing" if value is None else f"a finite number is expected, not {value!r}")
+            self.bad(key, "missing" if value is None else f"must be a finite number, not {value!r}")
             return 1.0
         if positive and value <= 0:
-            self.bad(key, f"a positive number is expected, not {float(value)}")
+            self.bad(key, f"must be positive, not {float(value)}")
             return 1.0
         return float(value)
 
     def numbers(self, keys: Iterable[str]) -> Iterator[float]:
-        """Yield positive numbers."""
+        """Read several positive numbers."""
         return (self.number(key, positive=True) for key in keys)
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """Return a list of texts."""
+        """Read a list of strings; empty if it is absent."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            self.bad(key, f"a list of names is expected, not {value!r}")
+            self.bad(key, f"must be a list of names, not {value!r}")
             return ()
         return tuple(value)
 
     def vector(self, key: str, default: Axis = (0.0, 0.0, 0.0)) -> Axis:
-        """Return three finite numbers [m]."""
+        """Read three finite numbers [m]."""
         value = self.values.get(key, list(default))
         if not isinstance(value, list) or len(value) != 3 or not all(map(_is_number, value)):
-            self.bad(key, f"three numbers are expected, not {value!r}")
+            self.bad(key, f"must be three numbers, not {value!r}")
             return default
         return (float(value[0]), float(value[1]), float(value[2]))
 
     def axis(self, key: str, default: Axis) -> Axis:
-        """Return a unit vector."""
+        """Read a direction of any length as a unit vector."""
         value = self.values.get(key, default)
         numbers = (
             isinstance(value, (list, tuple)) and len(value) == 3 and all(isinstance(v, (int, float)) for v in value)
         )
         length = math.hypot(*value) if numbers else 0.0
         if not 1e-9 < length < math.inf:
-            self.bad(key, f"three numbers that are a direction are expected, not {value!r}")
+            self.bad(key, f"must be three numbers, not all 0, not {value!r}")
             return default
         return (value[0] / length, value[1] / length, value[2] / length)
 
     def positions(self, key: str) -> dict[str, float]:
-        """Return numbers by joint."""
+        """Read a table of numbers by joint."""
         inner = self.table(key, None)
         return {joint: inner.number(joint) for joint in inner.values}
 
@@ -281,7 +281,7 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     mount = _mount(table)
     urdf, model = _urdf(path, table, mount, tools), table.text("self_model", "")
     if model and not (path.parent / model).is_file():
-        table.bad("self_model", f"there is no {model} beside this file")
+        table.bad("self_model", f"file not found beside this one: {model}")
     camera, neck = _camera(table)
     keys = _KEYS["joints.*"]
     limits = {name: JointLimits(*joint.numbers(keys)) for name, joint in table.tables("joints", "joints.*").items()}
@@ -305,19 +305,20 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     )
 
 
-def _base(table: _Table, mount: Mount | None) -> BaseDrive:
-    """Return the numbers of the base, no narrower than its mount; one that is fixed needs no speeds."""
+def _base(table: _Table) -> BaseDrive:
+    """Read the parameters of the base; a fixed one needs no speeds."""
     *keys, fixed = _KEYS["base"]
-    stands = table.values.get(fixed, False)
-    if not isinstance(stands, bool):
-        table.bad(fixed, f"true or false is expected, not {stands!r}")
-    base = BaseDrive(*table.numbers(keys)) if stands is False else replace(DEFAULT_BASE, fixed=True)
-    return replace(base, radius=max(table.number("radius", positive=True), 0.0 if mount is None else mount.radius))
+    is_fixed = table.values.get(fixed, False)
+    if not isinstance(is_fixed, bool):
+        table.bad(fixed, f"must be true or false, not {is_fixed!r}")
+    if is_fixed is False:
+        return BaseDrive(*table.numbers(keys))
+    return replace(DEFAULT_BASE, radius=table.number("radius", positive=True), fixed=True)
 
 
-def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> Path:
-    stated = table.values.get("urdf")
-    if isinstance(stated, dict):
+def _urdf(path: Path, table: _Table, tools: Mapping[str, ToolPoint]) -> Path:
+    mount, value = _mount(table), table.values.get("urdf")
+    if isinstance(value, dict):
         source = table.table("urdf", "urdf")
         name, file = source.text("package"), source.text("file")
         try:
@@ -325,13 +326,13 @@ def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, To
         except NotInstalled as problem:
             extra = source.text("extra", "")
             advice = f"pip install 'planlang[{extra}]'" if extra else f"pip install {name}"
-            table.report.found.append(error("B014", f"urdf: {problem}", table.report.span("urdf"), advice))
+            table.report.problems.append(error("B014", f"urdf: {problem}", table.report.span("urdf"), advice))
             return Path()
     else:
         urdf = path.parent / table.text("urdf")
-        if stated is not None and not urdf.is_file():
-            table.bad("urdf", f"there is no {stated} beside this file")
-    return urdf if (mount is None and not tools) or table.report.found else mounted(urdf, mount, tools)
+        if value is not None and not urdf.is_file():
+            table.bad("urdf", f"file not found beside this one: {value}")
+    return urdf if (mount is None and not tools) or table.report.problems else mounted(urdf, mount, tools)
 
 
 def _mount(table: _Table) -> Mount | None:
@@ -340,7 +341,7 @@ def _mount(table: _Table) -> Mount | None:
     inner = table.table("mount", "mount")
     size = inner.values.get("size")
     if not isinstance(size, list) or len(size) not in (2, 3) or not all(_is_number(v) and v > 0 for v in size):
-        inner.bad("size", "x, y and z, or diameter and height, are expected as positive numbers")
+        inner.bad("size", "must be positive numbers: x, y and z, or diameter and height")
         return None
     return Mount(tuple(map(float, size)), inner.vector("at", (0.0, 0.0, size[-1])))
 
@@ -348,21 +349,21 @@ def _mount(table: _Table) -> Mount | None:
 def _arm(name: str, table: _Table) -> ArmNumbers:
     side = table.text("side", "") or None
     if side not in (None, "left", "right"):
-        table.bad("side", f'"left" or "right" is expected, not {side!r}')
+        table.bad("side", f'must be "left" or "right", not {side!r}')
     approach, closing = table.axis("approach", (1.0, 0.0, 0.0)), table.axis("closing", (0.0, 1.0, 0.0))
     if abs(sum(a * c for a, c in zip(approach, closing, strict=True))) > 1e-3:
-        table.bad("closing", "the closing axis must be at a right angle to the approach axis")
-    stated = table.text("tip")
-    tip = tool_link(name) if "tool_offset" in table.values else stated
+        table.bad("closing", "must be perpendicular to approach")
+    tip_link = table.text("tip")
+    tip = tool_link(name) if "tool_offset" in table.values else tip_link
     gripper = _gripper(table.table("gripper", "arms.*.gripper")) if "gripper" in table.values else None
     payload = table.number("payload", positive=True) if "payload" in table.values else math.inf
-    return ArmNumbers(name, tip, table.text("hand", "") or stated, side, approach, closing, gripper, payload)
+    return ArmNumbers(name, tip, table.text("hand", "") or tip_link, side, approach, closing, gripper, payload)
 
 
 def _gripper(table: _Table) -> GripperNumbers:
     opened, closed = table.positions("opened"), table.positions("closed")
     if not opened or set(opened) != set(closed):
-        table.bad("closed", "opened and closed must give positions of the same joints, at least one")
+        table.bad("closed", "opened and closed must have the same joints, at least one")
     return GripperNumbers(opened, closed, table.texts("fingers"), table.number("max_opening", positive=True))
 
 
@@ -373,9 +374,9 @@ def _camera(table: _Table) -> tuple[CameraModel | None, tuple[str, ...]]:
     fov = inner.number("fov", 1.0, positive=True)
     near, far = inner.number("near", 0.3, positive=True), inner.number("far", 4.0, positive=True)
     if not fov < math.pi:
-        inner.bad("fov", f"an angle below pi is expected, not {fov}")
+        inner.bad("fov", f"must be less than pi, not {fov}")
     if near >= far:
-        inner.bad("far", f"must be more than near ({near} m)")
+        inner.bad("far", f"must be greater than near ({near} m)")
     width, height = (int(inner.number(key, size, positive=True)) for key, size in (("width", 160), ("height", 120)))
     forward, up = inner.axis("forward", (0.0, 0.0, 1.0)), inner.axis("up", (0.0, -1.0, 0.0))
     recognises = inner.texts("recognises") if "recognises" in inner.values else None
@@ -388,7 +389,7 @@ def _pairs(table: _Table) -> tuple[tuple[str, str], ...]:
     pairs = []
     for pair in value if isinstance(value, list) else [value]:
         if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
-            table.bad("allowed_contacts", f"a pair of link names is expected, not {pair!r}")
+            table.bad("allowed_contacts", f"must be pairs of link names, not {pair!r}")
             continue
         pairs.append((pair[0], pair[1]))
     return tuple(pairs)

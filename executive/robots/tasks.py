@@ -1,4 +1,4 @@
-"""A whole recipe compared with a robot: every step, every alternative."""
+"""Matching of whole recipes with a robot: all steps, and all alternatives."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A task and a robot. ``tree`` has the reasons."""
+    """Result of matching a task with a robot; ``tree`` has the reasons."""
 
     robot: str
     semantics: Semantics
@@ -33,33 +33,33 @@ class Match:
 
     @property
     def feasible(self) -> bool | None:
-        """False if something is missing, None if something may be."""
+        """True if the robot has all that the task requires, False if something is missing, None if that is unknown."""
         return {Availability.AVAILABLE: True, Availability.MISSING: False}.get(self.tree.state)
 
     def required(self, kind: FindingKind) -> tuple[Finding, ...]:
-        """Return the capabilities, or the components, that the task requires, each once."""
+        """List the capabilities, or the components, that the task requires, each once."""
         return _distinct(finding for finding, _ in self.tree.walk() if finding.kind == kind)
 
     def in_state(self, state: Availability) -> tuple[Finding, ...]:
-        """Return the capabilities, then components, that are missing or unknown and not avoided by an alternative."""
+        """List the capabilities, then the components, that are missing or unknown and cannot be avoided."""
         lacking = [one for one, _ in lacking_in(self.tree) if one.state is state]
         return _distinct(one for kind in NEEDED for one in lacking if one.kind is kind)
 
     def unknown(self) -> tuple[Finding, ...]:
-        """Return the steps of which nothing is known: neither what they require nor who performs them."""
-        found = [one for one, _ in lacking_in(self.tree) if one.kind not in NEEDED and one.reason == UNKNOWN_STEP]
-        return _distinct(found)
+        """List the steps without stated requirements that neither a recipe nor a process module performs."""
+        steps = [one for one, _ in lacking_in(self.tree) if one.kind not in NEEDED and one.reason == UNKNOWN_STEP]
+        return _distinct(steps)
 
     def unknown_steps(self) -> tuple[str, ...]:
-        """Return the names of these steps."""
+        """List the names of these steps."""
         return tuple(local_name(one.iri or one.text) for one in self.unknown())
 
     def lacking(self) -> tuple[Missing, ...]:
-        """Return what the task lacks or may lack, without what only one of several alternatives needs."""
+        """List the requirements that the robot lacks or may lack and that no alternative avoids."""
         return missing_in([self.tree])
 
     def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
-        """Yield the tree and the verdict."""
+        """Draw the tree, line by line, then the verdict."""
         yield from self.tree.lines(all_of_it=all_of_it)
         for state, verb in ((Availability.MISSING, "lacks"), (Availability.UNKNOWN, "may lack")):
             names = [f"{one.kind.value} {one.text}" for one in self.in_state(state)]
@@ -71,7 +71,7 @@ class Match:
             yield f"{self.robot} has all that {self.tree.text} requires"
 
     def as_json(self) -> dict[str, Any]:
-        """Return the match as JSON data; names are local ones."""
+        """Convert the match to JSON data with local names."""
         data: dict[str, Any] = {"robot": self.robot, "semantics": self.semantics.value, "feasible": self.feasible}
         for kind, plural in ((FindingKind.CAPABILITY, "capabilities"), (FindingKind.COMPONENT, "components")):
             required = self.required(kind)
@@ -83,10 +83,10 @@ class Match:
 
 
 def _distinct(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    found: dict[str, Finding] = {}
+    distinct: dict[str, Finding] = {}
     for finding in findings:
-        found.setdefault(finding.iri or finding.text, finding)
-    return tuple(found.values())
+        distinct.setdefault(finding.iri or finding.text, finding)
+    return tuple(distinct.values())
 
 
 UNKNOWN_STEP = "nothing performs it, and nothing says what it requires"
@@ -120,7 +120,7 @@ class _Tree:
         self.performed = performed | read_primitives(matcher.ontology).keys()
 
     def task(self, recipe: Recipe, above: tuple[str, ...]) -> Finding:
-        """Return the finding about a recipe: what its own class requires, and its steps."""
+        """Check a recipe: the requirements of its class, and its steps."""
         own = self.matcher.action(recipe.action_class, span=recipe.span)
         performed = [self.step(step, (*above, recipe.iri)) for step in recipe.steps]
         state = together(one.state for one in (own, *performed))
@@ -128,9 +128,9 @@ class _Tree:
         return Finding(FindingKind.TASK, text, recipe.iri, state, "", recipe.span, (*own.below, *performed))
 
     def step(self, step: Step, above: tuple[str, ...]) -> Finding:
-        """Return the finding about a step: what its class requires, and the best recipe that performs it.
+        """Check a step: the requirements of its class, and the best recipe that performs it.
 
-        Of a step that is nothing but its alternatives one is enough.
+        A choice between alternatives needs only one of them.
         """
         own = self.matcher.action(step.action_class, span=step.span)
         inner = [self.recipes[iri] for iri in step.recipes if iri in self.recipes and iri not in above]
@@ -143,21 +143,21 @@ class _Tree:
             performed = (Finding(FindingKind.ALTERNATIVES, "one of", None, state, "", None, performed),)
         state = together(one.state for one in (own, *performed))
         text = step.name if local_name(step.action) == step.name else f"{step.name} ({local_name(step.action)})"
-        found = Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *performed))
-        return self._judged(found, step.action_class) if step.is_abstract else found
+        finding = Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *performed))
+        return self._or_unknown(finding, step.action_class) if step.is_abstract else finding
 
     def action(self, cls: str) -> Finding:
-        """Return the finding about a class of actions without recipe."""
-        return self._judged(self.matcher.action(cls, span=self.matcher.ontology.span(cls)), cls)
+        """Check a class of actions without a recipe."""
+        return self._or_unknown(self.matcher.action(cls, span=self.matcher.ontology.span(cls)), cls)
 
-    def _judged(self, found: Finding, cls: str) -> Finding:
-        """Return the finding about an action without recipe: unknown if nothing is known of it."""
-        if found.below or self._is_performed(cls):
-            return found
-        return replace(found, state=Availability.UNKNOWN, reason=UNKNOWN_STEP)
+    def _or_unknown(self, finding: Finding, cls: str) -> Finding:
+        """Replace the finding about an action without a recipe by UNKNOWN if nothing states what it requires."""
+        if finding.below or self._is_performed(cls):
+            return finding
+        return replace(finding, state=Availability.UNKNOWN, reason=UNKNOWN_STEP)
 
     def _is_performed(self, cls: str) -> bool:
-        """Return whether a primitive or a process module performs a class of actions or one above it."""
+        """Check whether a primitive or a process module performs a class of actions or a superclass."""
         ontology = self.matcher.ontology
         return any(
             not self.performed.isdisjoint((above, shorten(above), local_name(above)))

@@ -1,4 +1,4 @@
-"""Abilities of robots: entries compared with the self-model that it sends along."""
+"""Compare entries with the self-models of robots: which entries a robot can use, and what it lacks for the others."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from planlang.records import dataclass
 
 T = TypeVar("T")
 OVERHEAD = 200
-"""Bytes that remembering something takes beside it."""
+"""Bytes that a cached result takes in addition to its own size."""
 
 
-class Remembered(Generic[T]):
-    """Results by keys of fixed size; which was not asked for longest is forgotten first. Threads may share it."""
+class Cache(Generic[T]):
+    """Least-recently-used cache with keys of fixed size. Thread-safe."""
 
     def __init__(self, most: int) -> None:
-        """Remember ``most`` bytes."""
+        """Limit the cache to ``most`` bytes."""
         self._most, self._bytes = most, 0
         self._known: dict[bytes, tuple[T, int]] = {}
         self._lock = threading.Lock()
 
     def get(self, key: bytes) -> T | None:
-        """Return a result, None for one that is not known any more."""
+        """Look up a result; None if it is not in the cache."""
         with self._lock:
             if key not in self._known:
                 return None
@@ -46,11 +46,11 @@ class Remembered(Generic[T]):
             return result
 
     def keep(self, key: bytes, result: T, size: int) -> T:
-        """Remember a result of some bytes and return it; what is larger than everything permitted is not kept."""
+        """Cache a result of ``size`` bytes and return it; one that exceeds the whole cache is dropped at once."""
         with self._lock:
-            _, before = self._known.pop(key, (result, 0))
+            _, replaced = self._known.pop(key, (result, 0))
             self._known[key] = result, size + OVERHEAD
-            self._bytes += size + OVERHEAD - before
+            self._bytes += size + OVERHEAD - replaced
             while self._bytes > self._most:
                 _, freed = self._known.pop(next(iter(self._known)))
                 self._bytes -= freed
@@ -58,28 +58,28 @@ class Remembered(Generic[T]):
 
 
 def digest(parts: Iterable[str]) -> bytes:
-    """Return the digest of texts, another one for any other texts."""
+    """SHA-256 of a sequence of texts; their boundaries count, since each is hashed first."""
     each = (hashlib.sha256(part.encode(errors="surrogatepass")).digest() for part in parts)
     return hashlib.sha256(b"".join(each)).digest()
 
 
 _WORDS = {Availability.AVAILABLE: "yes", Availability.MISSING: "no", Availability.UNKNOWN: "unknown"}
 MOST_JUDGED = 32_000_000
-"""Bytes of judgements that are remembered."""
+"""Size of the cache of judgements [bytes]."""
 MOST_ROBOTS = 4_000_000
-"""Bytes of self-models, as text, that a worker remembers."""
-_ROBOTS = Remembered[Possessions](MOST_ROBOTS)
+"""Size of a worker's cache of self-models, counted as text [bytes]."""
+_ROBOTS = Cache[Possessions](MOST_ROBOTS)
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """The answer whether a robot can use an entry, and what it lacks or may lack for that."""
+    """Whether a robot can use an entry, and the requirements that it lacks or may lack."""
 
     state: Availability
     missing: tuple[Missing, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """Return what is added to an entry's record."""
+        """JSON data to add to an entry's record."""
         return {"can": _WORDS[self.state], "missing": [_missing_json(one) for one in self.missing]}
 
 
@@ -95,48 +95,48 @@ def _missing_json(one: Missing) -> dict[str, Any]:
 
 
 class Abilities:
-    """Judgements of entries of one store for robots; the latest are remembered. Threads may share it."""
+    """Judgements of a store's entries for robots, with a cache. Thread-safe."""
 
     def __init__(self, store: Store, workers: Workers) -> None:
         self._store = store
         self._workers = workers
-        self._judgements = Remembered[bytes](MOST_JUDGED)
+        self._judgements = Cache[bytes](MOST_JUDGED)
 
     def of(self, self_model: str, entry: Entry) -> Judgement:
-        """Compare an entry with a self-model (text). Raises BadInput if that is none, and Busy."""
+        """Check an entry's requirements against a self-model (text). Raises BadInput if it is invalid; Busy."""
         key = digest((self_model, entry.uid, entry.kind, entry.about, entry.etag))
         known = self._judgements.get(key)
         if known is None:
-            known = pickle.dumps(self._judged(self_model, entry))
+            known = pickle.dumps(self._judge(self_model, entry))
             self._judgements.keep(key, known, len(known))
         return cast(Judgement, pickle.loads(known))
 
     def check(self, self_model: str) -> None:
-        """Raise BadInput if a text is no self-model, and Busy."""
+        """Check that a text is a self-model. Raises BadInput if it is not; Busy."""
         self._workers.call(check_robot, self_model)
 
-    def _judged(self, self_model: str, entry: Entry) -> Judgement:
+    def _judge(self, self_model: str, entry: Entry) -> Judgement:
         data = self._store.content(entry.uid)
         return self._workers.call(judged, self_model, entry.uid, entry.kind, entry.about, data)
 
 
 def check_robot(self_model: str, vocabulary: Vocabulary) -> None:
-    """Raise BadInput if a text is no self-model."""
+    """Check that a text is a self-model. Raises BadInput if it is not."""
     _possessions(self_model, vocabulary)
 
 
 def judged(self_model: str, uid: str, kind: Kind, about: str, data: bytes, vocabulary: Vocabulary) -> Judgement:
-    """Compare a content with a self-model. Raises BadInput if one of them is none."""
+    """Check an entry's requirements against a robot's self-model. Raises BadInput if either is invalid."""
     possessions = _possessions(self_model, vocabulary)
     ontology = load_upload(uid.partition(".")[2], data, vocabulary)
     if kind is not Kind.RECIPE:
         return _by_classes(ontology, about, possessions)
     reading = read_recipe(Actions(ontology), about)
-    if reading.recipes is None:  # it was taken when more was known, or by another version
+    if reading.recipes is None:  # it was accepted with other ontologies on the server, or by another version
         return Judgement(Availability.UNKNOWN)
-    found = match(ontology, reading.recipes, possessions, performed=_performed())
-    unknown = (Missing(one.iri or one.text, one.kind, one.state, (), one.reason) for one in found.unknown())
-    return Judgement(found.tree.state, (*found.lacking(), *unknown))
+    matched = match(ontology, reading.recipes, possessions, performed=_performed())
+    unknown = (Missing(one.iri or one.text, one.kind, one.state, (), one.reason) for one in matched.unknown())
+    return Judgement(matched.tree.state, (*matched.lacking(), *unknown))
 
 
 def _possessions(self_model: str, vocabulary: Vocabulary) -> Possessions:
@@ -149,7 +149,7 @@ def _possessions(self_model: str, vocabulary: Vocabulary) -> Possessions:
 
 
 def _by_classes(ontology: Ontology, about: str, possessions: Possessions) -> Judgement:
-    """Judge what is no recipe by what its classes require: a map of a robot's laser, a model of its camera."""
+    """Judge an object or a map by what its classes require, such as the camera that a recognition model works with."""
     matcher = Matcher(ontology, possessions)
     classes: Iterable[str] = (about,) if ontology.is_class(about) else ontology.types(about)
     trees = [matcher.action(cls) for cls in classes]
@@ -158,7 +158,7 @@ def _by_classes(ontology: Ontology, about: str, possessions: Possessions) -> Jud
 
 @cache
 def _performed() -> frozenset[str]:
-    """Return the classes of actions that the bundled process modules perform."""
+    """Action classes that the bundled process modules perform."""
     registry = bundled_registry()
     registry.resolve([])
     return registry.actions

@@ -1,4 +1,4 @@
-"""The access log: one line of JSON for each request, whatever strangers have written into it."""
+"""The access log: one line of JSON for each request, safe against control characters in requests."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from executive.serving.serving import now
 
 LONGEST_PATH = 500
-"""Characters of an address that are written."""
+"""Characters of a path that are logged."""
 TO_STDERR = Path("-")
 _LOG = logging.getLogger(__name__)
 
 
-class Logged:
-    """An application of which each request is written down when it has been answered.
+class AccessLog:
+    """Middleware that logs each request after its response.
 
-    Neither bodies, headers nor the words behind ``?`` are written: keys come in some of these, questions in others.
+    Bodies, headers and query strings are not logged, since they contain keys and the users' queries.
     """
 
     def __init__(self, app: ASGIApp, write: Callable[[str], None]) -> None:
         self._app, self._write = app, write
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, and write a line about it."""
+        """Handle a request and log it."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -44,7 +44,7 @@ class Logged:
         try:
             await self._app(scope, receive, counted)
         finally:
-            told = {
+            entry = {
                 "time": now(),
                 "address": (scope.get("client") or ("", 0))[0],
                 "author": scope.get("state", {}).get("author"),
@@ -54,20 +54,20 @@ class Logged:
                 "bytes": size,
                 "seconds": round(time.monotonic() - began, 4),
             }
-            self._write(json.dumps(told))  # escapes all but printable ASCII
+            self._write(json.dumps(entry))  # escapes all but printable ASCII
 
 
 class Lines:
-    """Appends lines to a file, or writes them to the standard error for ``-``. Threads may share it."""
+    """Appends lines to a file, or to the standard error for ``-``. Thread-safe."""
 
     def __init__(self, path: Path) -> None:
-        """Open the file, which is made if there is none. Raises OSError."""
+        """Open the file and create it if necessary. Raises OSError."""
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
         self._handle = os.dup(2) if path == TO_STDERR else os.open(path, flags, 0o640)
         self._is_failing = False
 
     def __call__(self, line: str) -> None:
-        """Write a line; where that cannot be done requests are answered nevertheless."""
+        """Write a line; a failure is logged once and does not fail the request."""
         try:
             os.write(self._handle, f"{line}\n".encode())
             self._is_failing = False

@@ -1,13 +1,13 @@
 """The application: a list of routers, each of one subject in a file of its own.
 
-General layout: ``serving`` is what routes work with. ``vocabulary`` is what the server knows beforehand; ``uploads``
-checks and describes what it is given, with ``places`` of maps; ``catalogue`` finds it again for ``searching``,
-``mirror`` for ``sparql``, and ``abilities`` compares it with robots. ``entries``, ``binaries`` and ``feed`` are routes;
-``problems`` writes refusals, ``bodies`` bounds requests.
-``page``, ``uploading`` and ``watching`` are the web page: ``forms`` reads what it sends, ``details``,
-``floor_plan`` and ``sources`` are what it shows of a content, ``pages`` writes it by ``templates/`` and ``static/``.
-``workers`` are processes in which all that takes long is computed (``worker``); ``rates`` bounds how often one asks,
-``patience`` how long a search takes, ``running`` how long one may hold a connection; ``access`` is the access log.
+General layout: ``serving`` holds the state shared by all routes. ``vocabulary`` reads the ontologies of the server;
+``uploads`` checks and describes uploads; ``catalogue`` indexes them for ``searching``, ``mirror`` for ``sparql``, and
+``abilities`` compares them with robots. ``entries``, ``binaries`` and ``feed`` are routes of the API; ``problems``
+writes error documents, ``bodies`` limits the size of requests.
+``page``, ``uploading`` and ``watching`` are the web page: ``forms`` parses what browsers send, ``details``,
+``floor_plan`` and ``sources`` prepare contents, ``pages`` renders ``templates/`` and ``static/``.
+``workers`` run slow computations in processes of their own (``worker``). ``rates`` limits the requests of a client,
+``patience`` the time of a search, ``running`` the time of a connection; ``access`` is the access log.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from fastapi import APIRouter, FastAPI
 
 from executive.serving import binaries, entries, feed, page, searching, sparql, uploading, watching
 from executive.serving.abilities import Abilities
-from executive.serving.access import Logged
+from executive.serving.access import AccessLog
 from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
 from executive.serving.mirror import Mirror
 from executive.serving.pages import add_pages
 from executive.serving.problems import RESPONSES, add_handlers
-from executive.serving.rates import Paced, Rates
+from executive.serving.rates import RateLimited, Rates
 from executive.serving.serving import Served, Serving
 from executive.serving.workers import Staff
 from planlang.knowledge.entries import Store
 
 MOST_THREADS = 200
-"""Requests that are worked on at a time, those among them that wait for their turn at what takes long."""
+"""Concurrent requests, including those that wait for a worker."""
 
 _LOG = logging.getLogger(__name__)
 
@@ -44,9 +44,9 @@ health = APIRouter(prefix="/v1", tags=["health"])
 
 @health.get("/health")
 def healthy(served: Served) -> dict[str, Any]:
-    """Return that the server works, how many entries it has, and of how many of them it has to read anew what to find.
+    """Report that the server works, its number of entries, and how many of them are still to be indexed again.
 
-    Those are not found by all that is in them yet.
+    A search may miss these (``stale``).
     """
     return {"status": "ok", "entries": len(served.catalogue), "stale": served.catalogue.stale}
 
@@ -55,12 +55,12 @@ ROUTERS = (
     *(health, searching.router, sparql.router, feed.router, binaries.router, entries.router),
     *(page.router, uploading.router, watching.router),
 )
-"""In the order in which addresses are compared: those of entries, which take any first word, last."""
+"""In the order in which paths are matched: the routes of entries come last, since they match any first segment."""
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    """Let requests wait in many threads; describe anew what another version or vocabulary described; end the mirror."""
+    """Start the workers and the mirror, renew outdated descriptions in the background, and shut all of them down."""
     to_thread.current_default_thread_limiter().total_tokens = MOST_THREADS
     ended = threading.Event()
     serving: Serving = app.state.serving
@@ -70,8 +70,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             try:
                 if not serving.catalogue.renew(serving.staff.behind):
                     return
-            except Exception as problem:  # the store cannot be used now: nobody asked, so nobody else is told
-                _LOG.warning("a description is made anew later: %s", problem)
+            except Exception as problem:  # the store is unavailable: there is no request to report it to
+                _LOG.warning("renewing descriptions failed and is tried again: %s", problem)
                 ended.wait(1.0)
 
     serving.staff.start()
@@ -92,10 +92,10 @@ def application(
     rates: Rates | None = None,
     access: Callable[[str], None] | None = None,
 ) -> FastAPI:
-    """Return the application that serves a store.
+    """Create the application that serves a store.
 
-    ``staff``: its workers, in whose folders imports of uploads are looked for; several applications may share them.
-    ``access`` is given the lines of the access log.
+    ``staff`` are its workers, in whose folders imports of uploads are looked up; several applications may share them.
+    ``access`` receives the lines of the access log.
     """
     staff, rates = staff or Staff(), rates or Rates()
     vocabulary = staff.vocabulary
@@ -114,7 +114,7 @@ def application(
     add_handlers(app)
     add_pages(app)
     app.add_middleware(BoundedBodies)
-    app.add_middleware(Paced, rates=rates)
+    app.add_middleware(RateLimited, rates=rates)
     if access is not None:
-        app.add_middleware(Logged, write=access)
+        app.add_middleware(AccessLog, write=access)
     return app

@@ -17,13 +17,13 @@ router = APIRouter(prefix="/v1/binaries", tags=["binaries"])
 
 _MEDIA_TYPE = re.compile(r"[\w.+-]{1,60}/[\w.+-]{1,60}", re.ASCII)
 Name = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")]
-"""The name of a file, which is no path."""
+"""A file name without directories."""
 _FILE: dict[str, Any] = {"requestBody": {"required": True, "content": {"application/octet-stream": {}}}}
 
 
 @router.get("/{uid}/{name}")
 def download(uid: str, name: Name, served: Served, if_none_match: Annotated[str | None, Header()] = None) -> Response:
-    """Return a file of an entry."""
+    """Download a file of an entry."""
     attachment, data = served.store.attachment(uid, name)
     etag = f'"{attachment.sha256[:16]}"'
     if if_none_match == etag:
@@ -34,11 +34,11 @@ def download(uid: str, name: Name, served: Served, if_none_match: Annotated[str 
 
 @router.put("/{uid}/{name}", openapi_extra=_FILE)
 def attach(uid: str, name: Name, author: Author, served: Served, data: Body, request: Request) -> dict[str, Any]:
-    """Keep a file with an entry of the author's, in the place of one of that name."""
+    """Attach a file to an entry of the author, replacing one of the same name."""
     own(served.store.entry(uid), author)
     media_type = request.headers.get("content-type", "application/octet-stream").partition(";")[0].strip()
     if not _MEDIA_TYPE.fullmatch(media_type):
-        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"{media_type[:100]!r} is no media type")
+        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"{media_type[:100]!r} is not a media type")
     with served.writing:
         served.store.attach(uid, File(name, media_type, data), author, now())
         return record(served.store.entry(uid))
@@ -46,7 +46,7 @@ def attach(uid: str, name: Name, author: Author, served: Served, data: Body, req
 
 @router.delete("/{uid}/{name}", status_code=HTTPStatus.NO_CONTENT)
 def detach(uid: str, name: Name, author: Author, served: Served) -> None:
-    """Delete a file of an entry of the author's."""
+    """Delete a file of an entry of the author."""
     own(served.store.entry(uid), author)
     with served.writing:
         served.store.detach(uid, name, author, now())

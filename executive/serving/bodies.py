@@ -1,4 +1,4 @@
-"""Bounds of what is sent to the server: its size, stated or not, and no compression."""
+"""Limits of request bodies: their size, whether stated in a header or not, and no compression."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from executive.serving.problems import problem_response
 
 LARGEST_BODY = 16_000_000
-"""Bytes of a body."""
+"""Largest body [bytes]."""
 
 
 class BoundedBodies:
-    """An application whose requests have bodies of bounded size, none of them compressed."""
+    """Middleware that refuses compressed bodies, which could expand without limit, and bodies that are too large."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request whose headers show too much, and count what others send."""
+        """Refuse a request by its headers, or else count the bytes of its body."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
         stated = headers.get("content-length", "")
         if headers.get("content-encoding", "identity").strip().lower() != "identity":
-            detail = "compressed bodies are not read"
+            detail = "compressed bodies are not supported; send the body without Content-Encoding"
             await problem_response(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, detail)(scope, receive, send)
         elif stated.isdecimal() and int(stated[:20]) > LARGEST_BODY:
             await problem_response(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, _too_large())(scope, receive, send)
@@ -51,4 +51,4 @@ def _counting(receive: Receive) -> Receive:
 
 
 def _too_large() -> str:
-    return f"a body has at most {LARGEST_BODY // 1_000_000} MB"
+    return f"a body may have at most {LARGEST_BODY // 1_000_000} MB"

@@ -1,6 +1,6 @@
-"""The catalogue of a store: what every entry is about, in memory, as its descriptions say.
+"""The catalogue of a store: an index of all entries in memory, built from their descriptions.
 
-It follows the store's news, so that changes by other servers on the same store are seen by the next question.
+It follows the store's news, so that the next query sees changes that other servers made in the same store.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from planlang.ontology.expressions import Expression
 from planlang.records import dataclass
 
 MOST_LINKS = 200
-"""Links of one subject that are listed."""
+"""Links listed for one subject."""
 LONG = 500
-"""Characters from which on a question is read by a worker: a long one takes up to 50 ms."""
+"""Characters above which a worker parses a query: a long one takes up to 50 ms."""
 AT_ONCE = 200
-"""Entries whose words are compared between two moments at which a search may be ended."""
+"""Entries compared between two points at which a search can be cancelled."""
 _LOG = logging.getLogger(__name__)
 _CONTENT = frozenset((Change.CREATED, Change.CHANGED))
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
-    """The words and places that an entry is asked for by, beside its classes; all texts are folded."""
+class Listing:
+    """Words and places by which an entry is found, apart from its classes; all texts are case-folded."""
 
     kind: Kind
     words: str
-    """One a line."""
+    """One per line."""
     place: Mapping[str, tuple[str, ...]]
 
     def fits(self, kind: Kind | None, part: str, place: Mapping[str, str]) -> bool:
-        """Return True for an entry of a kind, with a part of a label or name, of a room, floor, building, ..."""
+        """Check an entry's kind, a part of its label or of a name in it, and its room, floor, building and so on."""
         return (
             kind in (None, self.kind)
             and part in self.words
@@ -58,16 +58,16 @@ class Listed:
 
 
 class Catalogue:
-    """The entries of a store. Threads may share it."""
+    """Index of the entries of a store. Thread-safe."""
 
     def __init__(self, store: Store, vocabulary: Vocabulary) -> None:
         self._store = store
         self._vocabulary = vocabulary
         self._index = Index(vocabulary.axioms)
-        self._listed: dict[str, Listed] = {}
+        self._listed: dict[str, Listing] = {}
         self._uids: dict[Kind | None, list[str]] = {kind: [] for kind in (None, *Kind)}
         self.names = Names(vocabulary.names)
-        """What may be asked for by a local name: of the vocabulary, and of what entries define."""
+        """Local names known in queries: those of the vocabulary, and those that entries define."""
         self._named: set[str] = set()
         self._stale: dict[str, None] = {}
         self._unread: set[str] = set()
@@ -87,35 +87,35 @@ class Catalogue:
             return uid in self._listed
 
     def question(self, text: str, workers: Workers | None = None) -> Expression:
-        """Return the class expression that a text is. A long one is read by ``workers``. Raises BadInput, and Busy."""
+        """Parse a class expression, a long one in ``workers``. Raises BadInput; Busy."""
         with self._lock:
             self._follow()
         is_long = workers is not None and len(text) > LONG
-        parsed = workers.call(parsed_by_worker, text) if workers is not None and is_long else parse_question(text)
+        parsed = workers.call(parse_in_worker, text) if workers is not None and is_long else parse_question(text)
         return with_names(parsed, self.names)
 
-    def asked(self, iri: str) -> str:
-        """Return how something is asked for: by its local name if that means nothing else."""
+    def query_name(self, iri: str) -> str:
+        """Name of a term in queries: its local name if that is unambiguous, else its IRI in angle brackets."""
         name = local_name(iri)
         return name if self.names.of(name) == (iri,) else f"<{iri}>"
 
     @property
     def stale(self) -> int:
-        """The number of entries that :meth:`renew` has still to describe."""
+        """Number of entries that :meth:`renew` has still to describe."""
         return len(self._stale)
 
     @property
     def unread(self) -> frozenset[str]:
-        """The entries that are found by the class of their subject alone: their descriptions are of another layout."""
+        """Entries that are found only by the class of their subject, since their descriptions have another layout."""
         return frozenset(self._unread)
 
     @property
     def is_behind(self) -> bool:
-        """True if :meth:`renew`, which begins with these, has still to describe one of them."""
+        """True if :meth:`renew` has still to describe an unread entry; it begins with these."""
         return not self._unread.isdisjoint(self._stale)
 
     def uids(self, kind: Kind | None = None, after: str = "", limit: int = 100) -> tuple[str, ...]:
-        """Return identifiers behind one, sorted."""
+        """Sorted identifiers greater than ``after``, for paging."""
         with self._lock:
             self._follow()
             known = self._uids[kind]
@@ -123,13 +123,13 @@ class Catalogue:
             return tuple(known[start : start + limit])
 
     def count(self, kind: Kind) -> int:
-        """Return how many entries of a kind there are."""
+        """Number of entries of a kind."""
         with self._lock:
             self._follow()
             return len(self._uids[kind])
 
     def names_like(self, text: str, most: int) -> tuple[str, ...]:
-        """Return names that may be asked for and that begin with a text, or else contain it, the shortest first."""
+        """Complete a name: known names that begin with a text, or else contain it, the shortest first."""
         with self._lock:
             self._follow()
         return self.names.like(text, most)
@@ -142,38 +142,38 @@ class Catalogue:
         place: Mapping[str, str] | None = None,
         between: Callable[[], None] = go_on,
     ) -> tuple[str, ...]:
-        """Return the entries that an expression includes and that fit otherwise, sorted. Raises CannotAnswer.
+        """Find the entries below a class expression that meet all other conditions, sorted. Raises CannotAnswer.
 
-        ``label``: a part of a label or name. ``place``: the room, floor, building, ... by number, label or name.
-        ``between`` is called again and again meanwhile; what it raises ends the search.
+        ``label`` is a part of a label or name, ``place`` the number, label or name of the room, floor, building and so
+        on. ``between`` is called between two steps of the search; an exception from it ends the search.
         """
         part = (label or "").casefold()
-        wanted = {level: text.casefold() for level, text in (place or {}).items()}
+        places = {level: text.casefold() for level, text in (place or {}).items()}
         with self._lock:
             self._follow()
             uids = tuple(self._uids[None])
         if expression is not None:
             uids = self._index.answers(expression, between)
-        if kind is None and not part and not wanted:
+        if kind is None and not part and not places:
             return uids
-        found: list[str] = []
-        for some in batched(uids, AT_ONCE):
+        matches: list[str] = []
+        for batch in batched(uids, AT_ONCE):
             between()
             with self._lock:
-                listed = [(uid, self._listed.get(uid)) for uid in some]  # None: deleted meanwhile
-            found += (uid for uid, one in listed if one is not None and one.fits(kind, part, wanted))
-        return tuple(found)
+                listed = [(uid, self._listed.get(uid)) for uid in batch]  # None: deleted in the meantime
+            matches += (uid for uid, one in listed if one is not None and one.fits(kind, part, places))
+        return tuple(matches)
 
     def ranked(self, uids: Iterable[str]) -> tuple[str, ...]:
-        """Return identifiers in the order of ratings, the best first; those of one rating as they come."""
+        """Sort identifiers by rating, best first; the sort is stable."""
         with self._lock:
             ratings = {uid: self._ratings.get(uid, UNRATED) for uid in uids}
         return tuple(sorted(ratings, key=lambda uid: -ratings[uid]))
 
     def links(self, uid: str) -> Links:
-        """Return the properties and classes that an entry's subject is linked to, also by what its classes require.
+        """Links of an entry's subject (property, class), including those that its classes require.
 
-        Nothing for an entry that is not there.
+        Empty if the entry does not exist.
         """
         with suppress(NoSuchEntry):
             kept, _ = unpacked(self._store.description(uid), self._vocabulary)
@@ -188,7 +188,7 @@ class Catalogue:
             for uid, change in changed.items():
                 self._remove(uid)
                 if change in _CONTENT:
-                    with suppress(NoSuchEntry):  # deleted since: its news follow
+                    with suppress(NoSuchEntry):  # deleted since; the news of that follow
                         entry = self._store.entry(uid)
                         stored = self._store.description(uid)
                         self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
@@ -202,18 +202,18 @@ class Catalogue:
                 self._ratings[uid] = rating
 
     def _add_all(self, entries: Iterable[Described]) -> None:
-        found: dict[str, Facts] = {}
+        facts: dict[str, Facts] = {}
         for one in entries:
             kept, is_stale = unpacked(one.description, self._vocabulary)
             if is_stale:
                 self._stale[one.uid] = None
             if kept is None:
                 self._unread.add(one.uid)
-            found[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
+            facts[one.uid] = Facts([one.about], 1, np.array([[0, LABEL, 0]], np.int32)) if kept is None else kept.facts
             self._list(one, kept)
-            self._add_names(found[one.uid].names)
-        self._index.add_all(found)
-        if not self._unread.isdisjoint(found):
+            self._add_names(facts[one.uid].names)
+        self._index.add_all(facts)
+        if not self._unread.isdisjoint(facts):
             self._stale = {uid: None for uid in self._stale if uid in self._unread} | self._stale
 
     def _list(self, entry: Described, kept: Unpacked | None) -> None:
@@ -222,7 +222,7 @@ class Catalogue:
             words = "\n".join(kept.words).casefold()
             for level, text in kept.place:
                 place[level] = (*place.get(level, ()), text.casefold())
-        self._listed[entry.uid] = Listed(entry.kind, f"{entry.label.casefold()}\n{words}", place)
+        self._listed[entry.uid] = Listing(entry.kind, f"{entry.label.casefold()}\n{words}", place)
         for kind in (None, entry.kind):
             known = self._uids[kind]
             if known and known[-1] > entry.uid:
@@ -230,8 +230,8 @@ class Catalogue:
             else:
                 known.append(entry.uid)
 
-    def _add_names(self, stated: Iterable[str]) -> None:
-        for iri in stated:
+    def _add_names(self, terms: Iterable[str]) -> None:
+        for iri in terms:
             if iri not in self._named:
                 self._named.add(iri)
                 self.names.add(iri.strip("{}"))
@@ -245,9 +245,9 @@ class Catalogue:
                 self._uids[kind].remove(uid)
 
     def renew(self, workers: Workers) -> bool:
-        """Describe one entry anew whose description another version or vocabulary made; False if there is none.
+        """Describe one entry again that another version or vocabulary described; False if there is none.
 
-        Raises what the store and the workers do; the entry is then the last of those still to be described.
+        Exceptions of the store and the workers propagate; the entry is then moved to the end of the queue.
         """
         with self._lock:
             if not self._stale:
@@ -256,10 +256,10 @@ class Catalogue:
             self._stale[uid] = self._stale.pop(uid)
         try:
             self._describe(uid, workers)
-        except (NoSuchEntry, Changed, BadInput):  # it is another entry by now, or keeps what it has
+        except (NoSuchEntry, Changed, BadInput):  # the entry has changed, or keeps its old description
             pass
         except Failed as problem:
-            _LOG.warning("%s keeps the description that it has: %s", uid, problem)
+            _LOG.warning("%s keeps its old description: %s", uid, problem)
         with self._lock:
             self._stale.pop(uid, None)
         return True
@@ -267,26 +267,26 @@ class Catalogue:
     def _describe(self, uid: str, workers: Workers) -> None:
         entry = self._store.entry(uid)
         name, data = uid.partition(".")[2], self._store.content(uid, entry.revision.number)
-        made = workers.call(describe, entry.about, name, data)
+        description = workers.call(describe, entry.about, name, data)
         with self._lock:
-            stored = packed(made, self._vocabulary)
+            stored = packed(description, self._vocabulary)
             self._store.describe(uid, stored, entry.etag)
             self._remove(uid)
             self._add_all([Described(uid, entry.kind, entry.about, entry.label, stored)])
 
 
-def parsed_by_worker(text: str, _: Vocabulary) -> Expression:
-    """Return the expression that a text is, with names as they are written. Raises BadInput."""
+def parse_in_worker(text: str, _: Vocabulary) -> Expression:
+    """Parse a class expression without resolving its names. Raises BadInput."""
     return parse_question(text)
 
 
 def batched(uids: Sequence[str], size: int) -> Iterator[Sequence[str]]:
-    """Yield parts of a sequence, each of ``size`` or, at its end, fewer."""
+    """Split a sequence into batches of ``size``; the last may be shorter."""
     return (uids[start : start + size] for start in range(0, len(uids), size))
 
 
 def _links(description: Description) -> Iterator[tuple[str, str]]:
     root, *_ = description.nodes
-    found = ((prop, one if isinstance(one, str) else description.nodes[one].labels) for prop, one in root.links)
-    each = ((prop, label) for prop, stated in found for label in ((stated,) if isinstance(stated, str) else stated))
-    yield from islice(dict.fromkeys(one for one in each if not one[1].startswith("{")), MOST_LINKS)
+    targets = ((prop, (one,) if isinstance(one, str) else description.nodes[one].labels) for prop, one in root.links)
+    links = ((prop, label) for prop, labels in targets for label in labels)
+    yield from islice(dict.fromkeys(one for one in links if not one[1].startswith("{")), MOST_LINKS)

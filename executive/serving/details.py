@@ -1,4 +1,4 @@
-"""The content of an entry as its page shows it: how a recipe's steps follow each other, and what they require."""
+"""Details on an entry's page: the order of a recipe's steps, its requirements, and queries that find the entry."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from planlang.recipe import RecipeSet
 from planlang.records import dataclass
 
 MOST_STEPS = 200
-"""Steps of a drawing on a page; larger ones are drawn by ``planlang compile --graph``."""
+"""Largest number of steps drawn on a page; ``planlang compile --graph`` draws larger recipes."""
 
 MOST_CLASSES, MOST_PLACES = 6, 20
 
 
 @dataclass(frozen=True, slots=True)
 class Required:
-    """Something that a recipe requires of a robot, and the names of the classes that lead to it."""
+    """A requirement of a recipe, and the chain of classes that it follows from."""
 
     name: str
     iri: str
@@ -39,17 +39,17 @@ class Required:
 
 @dataclass(frozen=True, slots=True)
 class Details:
-    """A recipe as its page shows it. ``drawing`` is an SVG element, empty for a recipe that is too large for one."""
+    """Details of a recipe. ``drawing`` is an SVG element, empty if the recipe is too large to be drawn."""
 
     drawing: str = ""
     capabilities: tuple[Required, ...] = ()
     components: tuple[Required, ...] = ()
     diagnostics: tuple[Diagnostic, ...] = ()
-    """The reason why a recipe cannot be compiled now, though it could be when it was taken."""
+    """Errors if the recipe can no longer be compiled."""
 
 
 def details_of(entry: Entry, data: bytes, workers: Workers) -> Details | None:
-    """Return what a recipe's revision shows; None for other kinds, what is too large, and what cannot be read now."""
+    """Details of a revision; None if it is no recipe, is too large, or the workers are busy or fail."""
     if entry.kind is not Kind.RECIPE or len(data) > LARGEST_SHOWN:
         return None
     try:
@@ -61,7 +61,7 @@ def details_of(entry: Entry, data: bytes, workers: Workers) -> Details | None:
 
 
 def read_details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:
-    """Return what a recipe's content shows. Raises BadInput."""
+    """Compile a recipe and collect its details. Raises BadInput."""
     ontology = load_upload(entry.uid.partition(".")[2], data, vocabulary)
     plan = compile_ontology(ontology, task=entry.about)
     steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
@@ -71,64 +71,64 @@ def read_details(entry: Entry, data: bytes, vocabulary: Vocabulary) -> Details:
 
 
 def _required(ontology: Ontology, recipes: RecipeSet) -> Iterable[tuple[Required, ...]]:
-    """Return the capabilities and the components that all recipes of a set and their steps require."""
+    """Capabilities and components required by all recipes of a set and by their steps."""
     actions = [
         action
         for recipe in recipes.recipes.values()
         for action in (recipe.action_class, *(step.action_class for step in recipe.steps))
     ]
-    return map(_listed, requirements(ontology, actions))
+    return map(_sorted, requirements(ontology, actions))
 
 
-def _listed(found: Mapping[str, tuple[str, ...]]) -> tuple[Required, ...]:
-    listed = (Required(local_name(iri), iri, tuple(map(local_name, path))) for iri, path in found.items())
-    return tuple(sorted(listed, key=lambda one: one.name))
+def _sorted(paths: Mapping[str, tuple[str, ...]]) -> tuple[Required, ...]:
+    required = (Required(local_name(iri), iri, tuple(map(local_name, path))) for iri, path in paths.items())
+    return tuple(sorted(required, key=lambda one: one.name))
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """Ways to find an entry: class expressions that it is in, as shown and as asked, and names of its place."""
+class Queries:
+    """Queries that find an entry: displayed text and query of class expressions, and names of its place."""
 
     classes: Mapping[str, str] = field(default_factory=dict)
     expressions: Mapping[str, str] = field(default_factory=dict)
     place: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     impossible: str = ""
-    """The reason why nothing can be what the entry describes; empty if something can."""
+    """Reason why the description is unsatisfiable; empty if it is satisfiable."""
 
 
-def known_of(stored: bytes, vocabulary: Vocabulary, asked: Callable[[str], str]) -> Known:
-    """Return what a stored description says; nothing for one that an earlier version wrote.
+def queries_for(stored: bytes, vocabulary: Vocabulary, query_name: Callable[[str], str]) -> Queries:
+    """Derive queries from a stored description; none if an earlier version wrote it.
 
-    ``asked`` returns how a class or a property is asked for: by its local name, or by its IRI.
+    ``query_name`` maps an IRI to its name in queries.
     """
     kept, _ = unpacked(stored, vocabulary)
     if kept is None or not kept.facts.nodes:
-        return Known()
+        return Queries()
     description = kept.description()
     root = description.nodes[0]
     impossible = impossible_by(description, vocabulary) if NOTHING in root.labels else ""
-    classes = {local_name(label): asked(label) for label in _classes(root.labels)[:MOST_CLASSES]}
+    classes = {local_name(label): query_name(label) for label in _classes(root.labels)[:MOST_CLASSES]}
     expressions: dict[str, str] = {}
     for prop, target in root.links:
         labels = (target,) if isinstance(target, str) else description.nodes[target].labels
         for cls in _classes(labels)[:1]:
-            expressions[f"{local_name(prop)} some {local_name(cls)}"] = f"{asked(prop)} some {asked(cls)}"
+            expressions[f"{local_name(prop)} some {local_name(cls)}"] = f"{query_name(prop)} some {query_name(cls)}"
     place: dict[str, tuple[str, ...]] = {}
     for level, text in description.place[:MOST_PLACES]:
         place[level] = (*place.get(level, ()), text)
-    return Known(classes, dict(islice(expressions.items(), MOST_CLASSES)), place, impossible)
+    return Queries(classes, dict(islice(expressions.items(), MOST_CLASSES)), place, impossible)
 
 
 def impossible_by(description: Description, vocabulary: Vocabulary) -> str:
-    """Return why nothing can be what a description says, as far as two named classes show it."""
-    found = contradiction(description, vocabulary.axioms)
-    if found is None:
-        return "what it states contradicts itself or this server's ontologies"
+    """Explain why a description is unsatisfiable, by two disjoint classes if there are such."""
+    disjoint = contradiction(description, vocabulary.axioms)
+    if disjoint is None:
+        return "its statements contradict each other or this server's ontologies"
     return "{} and {} exclude each other in this server's ontologies, and it needs something that is both".format(
-        *map(local_name, found)
+        *map(local_name, disjoint)
     )
 
 
 def _classes(labels: Iterable[str]) -> list[str]:
-    """Return the IRIs of classes among labels, without individuals and what everything is."""
+    """Named classes among the labels of a node, without individuals, owl:Thing and owl:Nothing."""
     return [label for label in labels if label not in (THING, NOTHING) and not label.startswith("{")]

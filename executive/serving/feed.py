@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from executive.serving.problems import Problem
-from executive.serving.serving import Asker, Author, Served, now
+from executive.serving.serving import Author, OptionalAuthor, Served, now
 
 router = APIRouter(prefix="/v1", tags=["news"])
 
@@ -17,34 +17,34 @@ MOST_NEWS = 100
 
 @router.get("/subscriptions")
 def subscriptions(author: Author, served: Served) -> dict[str, Any]:
-    """Return the identifiers that an author subscribed to."""
+    """List the identifiers that the author is subscribed to."""
     return {"subscriptions": served.store.subscriptions(author)}
 
 
 @router.put("/subscriptions/{uid}", status_code=HTTPStatus.NO_CONTENT)
 def subscribe(uid: str, author: Author, served: Served) -> None:
-    """Let news of an entry appear in the author's feed."""
+    """Subscribe the author to news of an entry."""
     with served.writing:
         served.store.subscribe(author, uid, now())
 
 
 @router.delete("/subscriptions/{uid}", status_code=HTTPStatus.NO_CONTENT)
 def unsubscribe(uid: str, author: Author, served: Served) -> None:
-    """Take a subscription back."""
+    """End a subscription."""
     with served.writing:
         served.store.unsubscribe(author, uid)
 
 
 @router.get("/news")
 def news(
-    asker: Asker,
+    author: OptionalAuthor,
     served: Served,
     after: Annotated[int, Query(ge=0, lt=2**53)] = 0,
     mine: bool = False,
     limit: Annotated[int, Query(ge=1, le=MOST_NEWS)] = MOST_NEWS,
 ) -> dict[str, Any]:
-    """Return what happened behind a line of the feed; with ``mine`` to what the asker subscribed to."""
-    if mine and asker is None:
-        raise Problem(HTTPStatus.UNAUTHORIZED, "whose news these are, only a key tells: Authorization: Bearer KEY")
-    found = served.store.news(after, author=asker if mine else None, limit=limit)
+    """Read the news after a number; ``mine`` limits them to the subscriptions of the key's author."""
+    if mine and author is None:
+        raise Problem(HTTPStatus.UNAUTHORIZED, "mine needs a key: Authorization: Bearer KEY")
+    found = served.store.news(after, author=author if mine else None, limit=limit)
     return {"news": found, "next": found[-1].number if found else after}

@@ -1,4 +1,4 @@
-"""A map from above, as an SVG element: the outlines of its boxes, with names where there is room for them."""
+"""Floor plan of a map as an SVG element: outlines of its boxes from above, labelled where there is room."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from planlang.knowledge.entries import Entry, Kind
 from planlang.records import dataclass
 
 MOST_THINGS = 2_000
-"""Things of a map that are drawn."""
+"""Largest number of things drawn."""
 WIDTH, HEIGHT, MARGIN = 720, 560, 24
-"""Pixels that a drawing fills at most, and around it."""
+"""Largest size of a drawing, and the margin around it [px]."""
 LINE, LETTER = 12, 6
-"""Pixels of a label's height, and of a letter's width."""
+"""Height of a label, and width of a letter [px]."""
 ROOM = 0.3
-"""Part of the whole from which on a thing is a place that holds others, drawn as an outline below them."""
+"""Share of the map's area from which on a thing counts as a room or floor, drawn below the others as an outline."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Drawn:
+class _Outlined:
     thing: MapObject
     corners: Array
     """Corners of the outline from above, counterclockwise, shape (n, 2) [m]."""
@@ -40,7 +40,7 @@ class _Drawn:
 
 
 def plan_of(entry: Entry, data: bytes, workers: Workers) -> str:
-    """Return the drawing of a map's content; empty for other kinds, and for what cannot be drawn, or not now."""
+    """Draw a map; empty for other kinds of entries, too large or damaged maps, and while the workers are busy."""
     if entry.kind is not Kind.ENVIRONMENT or len(data) > LARGEST_SHOWN:
         return ""
     try:
@@ -50,7 +50,7 @@ def plan_of(entry: Entry, data: bytes, workers: Workers) -> str:
 
 
 def read_plan(uid: str, data: bytes, vocabulary: Vocabulary) -> str:
-    """Return the drawing of a content, and below it if that is not the whole map. Raises BadInput."""
+    """Read and draw a map, with a note if things were left out. Raises BadInput."""
     environment = read_map(load_upload(uid.partition(".")[2], data, vocabulary))
     drawing, number = floor_plan(environment), len(_boxes(environment))
     if number > MOST_THINGS:
@@ -59,7 +59,7 @@ def read_plan(uid: str, data: bytes, vocabulary: Vocabulary) -> str:
 
 
 def floor_plan(environment: SemanticMap) -> str:
-    """Return an SVG element with the things of a map that have a place and a size, x to the right, y upward."""
+    """Draw the things of a map that have a pose and a size as an SVG element, x to the right, y upward."""
     drawn = [_outline(thing) for thing in _boxes(environment)[:MOST_THINGS]]
     if not drawn:
         return ""
@@ -86,20 +86,20 @@ def floor_plan(environment: SemanticMap) -> str:
 
 
 def _boxes(environment: SemanticMap) -> list[MapObject]:
-    """Return the things that have a place and a size."""
+    """Things that have a pose and a size."""
     return [thing for thing in environment.objects if thing.pose is not None and thing.size is not None]
 
 
-def _outline(thing: MapObject) -> _Drawn:
-    """Return what is seen of a thing's box from above."""
+def _outline(thing: MapObject) -> _Outlined:
+    """Project a thing's box onto the floor."""
     assert thing.pose is not None
     assert thing.size is not None
-    placed = corners_of(thing.pose, thing.size)
-    outline = outline_of(placed[:, :2].round(9))
-    return _Drawn(thing, outline, float(placed[:, 2].max()), area(outline))
+    corners = corners_of(thing.pose, thing.size)
+    outline = outline_of(corners[:, :2].round(9))
+    return _Outlined(thing, outline, float(corners[:, 2].max()), area(outline))
 
 
-def _shape(one: _Drawn, points: Array, environment: SemanticMap, *, is_room: bool) -> str:
+def _shape(one: _Outlined, points: Array, environment: SemanticMap, *, is_room: bool) -> str:
     thing = one.thing
     assert thing.size is not None
     size = " x ".join(f"{extent:.2f}" for extent in thing.size)
@@ -114,24 +114,24 @@ def _name(thing: MapObject, environment: SemanticMap) -> str:
 
 
 def _labels(places: Iterable[tuple[str, Array]]) -> Iterable[str]:
-    """Yield labels on outlines, or a line or two beside; those without room are left out."""
-    taken: list[tuple[float, float, float]] = []
+    """Yield labels centred on outlines or up to two lines beside them; labels that would overlap are left out."""
+    placed: list[tuple[float, float, float]] = []
     for name, corners in places:
         half, (x, y) = LETTER * len(name) / 2, (corners.min(axis=0) + corners.max(axis=0)) / 2
         is_small = max(np.ptp(corners, axis=0)) < 2 * LINE  # a label would hide it
         for line in (1, -1, 2, -2) if is_small else (0, 1, -1, 2, -2):
             at = y + line * LINE
-            if all(abs(at - other) >= LINE or abs(x - there) >= half + wide for there, other, wide in taken):
-                taken.append((x, at, half))
+            if all(abs(at - other) >= LINE or abs(x - there) >= half + wide for there, other, wide in placed):
+                placed.append((x, at, half))
                 place = f'x="{x:.1f}" y="{at + LINE / 3:.1f}"'
                 yield f'<text class="name" text-anchor="middle" {place}>{escape(name)}</text>'
                 break
 
 
 def _ruler(scale: float, height: float) -> str:
-    """Return a line of a length that is easily read: 1, 2 or 5 times a power of ten [m]."""
+    """Draw a scale bar whose length is 1, 2 or 5 times a power of ten [m]; ``scale`` is in px/m."""
     most = 120 / scale
-    decade = 10.0 ** np.floor(np.log10(most) - 1e-9)  # below it, though the logarithm may be rounded up
+    decade = 10.0 ** np.floor(np.log10(most) - 1e-9)  # less than most, even if the logarithm was rounded up
     length = max(step * decade for step in (1, 2, 5) if step * decade <= most)
     y, end = height, MARGIN + length * scale
     path = f"M{MARGIN},{y - 4:.1f}v8M{MARGIN},{y:.1f}H{end:.1f}m0,-4v8"

@@ -1,4 +1,4 @@
-"""Forms that browsers send, read from bodies of bounded size; nothing of them is written to a file."""
+"""Forms that browsers send, parsed in memory from bodies of limited size."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ _PLAIN, _WITH_FILES = "application/x-www-form-urlencoded", "multipart/form-data"
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """The fields of a form; ``files`` are contents of chosen files, none for a field in which nothing was chosen."""
+    """Fields of a form; ``files`` are the contents of chosen files, without fields in which no file was chosen."""
 
     fields: dict[str, str] = field(default_factory=dict)
     files: dict[str, bytes] = field(default_factory=dict)
 
     def text(self, name: str) -> str:
-        """Return a field without blanks around it, empty if there is none."""
+        """Text of a field, stripped; empty if there is no such field."""
         return self.fields.get(name, "").strip()
 
 
 def read_form(data: bytes, content_type: str) -> Form:
-    """Return the form that a body is. Raises Problem for a body that is none."""
+    """Parse a request body as a form. Raises Problem if it is malformed or has another content type."""
     kind, options = parse_options_header(content_type)
     try:
         if kind == _PLAIN.encode():
@@ -43,26 +43,26 @@ def read_form(data: bytes, content_type: str) -> Form:
         if kind == _WITH_FILES.encode():
             return _with_files(data, options.get(b"boundary"))
     except (FormParserError, ValueError) as problem:
-        raise Problem(HTTPStatus.BAD_REQUEST, f"this is no form: {problem}") from None
-    raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a form is sent as {_PLAIN} or {_WITH_FILES}")
+        raise Problem(HTTPStatus.BAD_REQUEST, f"malformed form: {problem}") from None
+    raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"send the form as {_PLAIN} or {_WITH_FILES}")
 
 
 def _with_files(data: bytes, boundary: bytes | None) -> Form:
-    """Return a form of several parts. Raises FormParserError."""
+    """Parse a multipart form. Raises FormParserError."""
     form = Form()
 
-    def name_of(found: Any) -> str:
+    def name_of(part: Any) -> str:
         if len(form.fields) + len(form.files) >= MOST_FIELDS:
-            raise FormParserError(f"it has more than {MOST_FIELDS} fields")
-        return str((found.field_name or b"").decode(errors="replace"))
+            raise FormParserError(f"more than {MOST_FIELDS} fields")
+        return str((part.field_name or b"").decode(errors="replace"))
 
-    def on_field(found: Any) -> None:
-        form.fields[name_of(found)] = (found.value or b"").decode(errors="replace")
+    def on_field(part: Any) -> None:
+        form.fields[name_of(part)] = (part.value or b"").decode(errors="replace")
 
-    def on_file(found: Any) -> None:
-        found.file_object.seek(0)
-        if found.file_name:
-            form.files[name_of(found)] = found.file_object.read()
+    def on_file(part: Any) -> None:
+        part.file_object.seek(0)
+        if part.file_name:
+            form.files[name_of(part)] = part.file_object.read()
 
     parser = FormParser(_WITH_FILES, on_field, on_file, boundary=boundary, config=_LIMITS)
     parser.write(data)
@@ -75,4 +75,4 @@ def _form(request: Request, data: Body) -> Form:
 
 
 Filled = Annotated[Form, Depends(_form)]
-"""The form that was sent."""
+"""The form in the request's body."""

@@ -1,4 +1,4 @@
-"""The mirror of a store for SPARQL's engine: the triples of every entry, kept in step with the store."""
+"""Copy of a store in the SPARQL engine: the triples of every entry, kept in step with the store."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from planlang.knowledge.sparql import Endpoint, Exceeded, Limits
 from planlang.ontology.convert import Target, convert_content
 
 MOST_QUESTIONS = 8
-"""Questions that are answered or wait for that at a time."""
+"""Maximum number of queries running or queued."""
 _LOG = logging.getLogger(__name__)
 
 
 class Mirror:
-    """The entries of a store in SPARQL's engine. It follows the store's news; threads may share it."""
+    """The entries of a store in the SPARQL engine. It follows the store's news. Thread-safe."""
 
     def __init__(self, store: Store, workers: Workers, limits: Limits | None = None) -> None:
-        """``workers`` read what the engine does not."""
+        """Prepare the mirror; ``workers`` convert contents that the engine cannot parse itself."""
         self._store, self._workers, self._limits = store, workers, limits or Limits()
         self._endpoint = Endpoint(self._limits)
         self._lock = threading.Lock()
@@ -34,7 +34,7 @@ class Mirror:
         self._seen = self._read = 0
 
     def start(self) -> None:
-        """Begin to read all contents beside, unless that is done or under way."""
+        """Start loading all contents in a thread, unless that is done or under way."""
         with self._lock:
             is_reading = self._reader is not None and self._reader.is_alive()
             if is_reading or self._is_closed or (self._is_read.is_set() and self._endpoint.is_running):
@@ -44,27 +44,27 @@ class Mirror:
             self._reader.start()
 
     def ask(self, question: str) -> dict[str, Any]:
-        """Return the answer to a question. Raises NoAnswer; Exceeded, also while contents are still read; Busy."""
+        """Answer a query. Raises NoAnswer; Exceeded, also while contents are still being loaded; Busy."""
         if not self._places.acquire(blocking=False):
             raise Busy(1, "asked")
         try:
-            return self._asked(question)
+            return self._answer(question)
         finally:
             self._places.release()
 
-    def _asked(self, question: str) -> dict[str, Any]:
+    def _answer(self, question: str) -> dict[str, Any]:
         self.start()
         if not self._is_read.wait(self._limits.seconds):
-            raise Exceeded(f"contents are still read, {self._read:,} entries so far; ask again later")
+            raise Exceeded(f"the server is still loading contents, {self._read:,} entries so far; ask again later")
         try:
             with self._lock:
                 self._follow()
-        except OSError:  # the engine has ended, and that is told by it
+        except OSError:  # the engine has ended; the query below raises the reason
             pass
         return self._endpoint.ask(question)
 
     def end(self) -> None:
-        """End the engine; the next question starts it anew."""
+        """End the engine; the next query starts it again."""
         self._endpoint.close()
 
     def close(self) -> None:
@@ -74,7 +74,7 @@ class Mirror:
         self.end()
         if self._reader is not None:
             self._reader.join()
-        self.end()  # what the reader has started after all
+        self.end()  # the reader may have started the engine in the meantime
 
     def _read_all(self) -> None:
         self._read, self._seen = 0, self._store.last_news()
@@ -85,7 +85,7 @@ class Mirror:
                     return
                 self._put(entry)
                 self._read += 1
-        except OSError:  # the next question begins anew
+        except OSError:  # the engine has ended; the next query starts over
             return
         self._is_read.set()
 
@@ -99,17 +99,17 @@ class Mirror:
             self._seen = news[-1].number
 
     def _put(self, entry: Entry) -> None:
-        """Tell the engine the content of an entry, and nothing of one that no reader takes. Raises OSError."""
+        """Load the content of an entry into the engine, or drop it if no reader can parse it. Raises OSError."""
         try:
             data = self._store.content(entry.uid)
             if not self._endpoint.put(entry.uid, data, entry.syntax.value, entry.about):
                 self._endpoint.put(entry.uid, self._workers.call(triples_of, data, entry.uid))
         except (NoSuchEntry, BadInput, Failed) as problem:
             if isinstance(problem, Failed):
-                _LOG.warning("SPARQL does not know what %s states: %s", entry.uid, problem)
+                _LOG.warning("SPARQL queries miss the content of %s: %s", entry.uid, problem)
             self._endpoint.drop(entry.uid)
 
 
 def triples_of(data: bytes, uid: str, _: Vocabulary) -> bytes:
-    """Return the N-Triples of a content, of which our readers take more than the standards say. Raises BadInput."""
+    """Convert a content to N-Triples; our parsers accept more than the engine's strict ones. Raises BadInput."""
     return convert_content(data, Path(uid), Target.NTRIPLES).text.encode()

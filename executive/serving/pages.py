@@ -1,4 +1,4 @@
-"""Writing of pages: templates that escape what strangers wrote, and headers that let no script of theirs run."""
+"""Render pages from templates that escape uploaded text, with headers that let no foreign script run."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
-"""Of every page: scripts and styles are our own files, nothing is sent elsewhere, no other site shows it in a frame."""
+"""Headers of every page: scripts and styles only from this server, no requests elsewhere, no frames on other sites."""
 
 _MEDIA_TYPES = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 FILES = {
@@ -35,7 +35,7 @@ FILES = {
     for path in sorted((_HERE / "static").iterdir())
     if path.suffix in _MEDIA_TYPES
 }
-"""Names of the files that pages use -> their content and media type."""
+"""Content and media type of the files that pages use, by name."""
 _VERSION = sha256(b"".join(content for content, _ in FILES.values())).hexdigest()[:12]
 
 _SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
@@ -57,15 +57,15 @@ _templates.filters |= {
 
 
 def page(name: str, status: HTTPStatus = HTTPStatus.OK, **shown: Any) -> Response:
-    """Return a template's page."""
+    """Render a template."""
     return HTMLResponse(_templates.get_template(f"{name}.html").render(shown), int(status), HEADERS)
 
 
 class PageRoute(APIRoute):
-    """A route whose refusals are pages, too."""
+    """A route whose errors are rendered as pages, too."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Return the handler, with refusals as pages."""
+        """Wrap the handler, so that errors become pages."""
         handle = super().get_route_handler()
 
         async def handled(request: Request) -> Response:
@@ -80,16 +80,16 @@ class PageRoute(APIRoute):
 
 
 def status_of(problem: Refusal | None) -> HTTPStatus:
-    """Return the status of a form that is shown again: who may not do something is told so by it, too."""
+    """Status of a form that is shown again: 401 and 403 are kept, everything else is 200."""
     status = HTTPStatus.OK if problem is None else refusal(problem)[0]
     return status if status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN) else HTTPStatus.OK
 
 
 def add_pages(app: FastAPI) -> None:
-    """Let an application answer with a page where nothing is, outside of what programs call."""
+    """Let an application answer unknown paths with a page, except for those of the API."""
 
     @app.exception_handler(HTTPStatus.NOT_FOUND)
-    def nowhere(request: Request, problem: Exception) -> Response:
+    def not_found(request: Request, problem: Exception) -> Response:
         if request.url.path.startswith("/v1/"):
             return problem_response(HTTPStatus.NOT_FOUND, getattr(problem, "detail", HTTPStatus.NOT_FOUND.phrase))
         return _refused(HTTPStatus.NOT_FOUND, "there is no page at this address")

@@ -1,6 +1,6 @@
-"""Bounds of a search: what takes long is ended at a limit, or when the asker is gone, and is done a few at a time.
+"""Limits of searches: long ones run a few at a time, and end at a time limit or when the client has gone.
 
-A search of the usual kind takes milliseconds and meets none of this.
+An ordinary search takes milliseconds and meets none of these limits.
 """
 
 from __future__ import annotations
@@ -15,35 +15,35 @@ from executive.serving.problems import Problem
 from executive.serving.workers import Busy
 
 LONGEST = 5.0
-"""Seconds after which a search is ended."""
+"""Time limit of a search [s]."""
 LONG = 0.02
-"""Seconds of CPU from which on a search needs one of the few places."""
+"""CPU time after which a search counts as long and needs a lane [s]."""
 AT_A_TIME = 2
-"""Long searches that go on at a time."""
+"""Number of lanes: long searches that run concurrently."""
 BREATH = 0.001
-"""Seconds that a long search lets others go first between two of its steps."""
+"""Pause between two steps of a long search, in which other threads get the interpreter lock [s]."""
 ASKED_EVERY = 0.1
-"""Seconds between two looks whether the asker is still there."""
+"""Time between two checks whether the client is still connected [s]."""
 
 
 class Lanes:
-    """The places for long searches."""
+    """Semaphore that limits the number of concurrent long searches."""
 
     def __init__(self, number: int = AT_A_TIME) -> None:
         self._free = threading.Semaphore(number)
 
     def take(self, seconds: float) -> None:
-        """Take a place. Raises Busy if none is free within some seconds."""
+        """Acquire a lane. Raises Busy if none becomes free within ``seconds``."""
         if not self._free.acquire(timeout=max(0.0, seconds)):
             raise Busy(1, "asked")
 
     def give_back(self) -> None:
-        """Let somebody else have the place."""
+        """Release the lane."""
         self._free.release()
 
 
 class Patience:
-    """The bounds of one search, which asks them by a call between any two of its steps."""
+    """Limits of one search, which calls this object between any two of its steps."""
 
     def __init__(
         self,
@@ -52,21 +52,21 @@ class Patience:
         clock: Callable[[], float] = time.monotonic,
         spent: Callable[[], float] = time.thread_time,
     ) -> None:
-        """``is_gone`` tells whether nobody waits any more; ``spent`` is the CPU time of this thread [s]."""
+        """Set up the limits; ``is_gone`` is True without a client, ``spent`` is the CPU time of this thread [s]."""
         self._lanes, self._is_gone, self._clock, self._spent = lanes, is_gone, clock, spent
         self._began = self._looked = clock()
         self._spent_before = 0.0
-        self._has_place = False
+        self._has_lane = False
 
     def __call__(self) -> None:
-        """Let others go first if this takes long. Raises Problem at the limit and for nobody, Busy without a place."""
+        """Yield to other threads in a long search. Raises Problem at the limit or without a client; Busy for a lane."""
         if self._spent() - self._spent_before < LONG:
             return
-        if not self._has_place:
+        if not self._has_lane:
             self._lanes.take(self._left())
-            self._has_place = True
+            self._has_lane = True
         if self._left() < 0:
-            detail = f"the search takes more than {LONGEST:g} s: ask for less at once"
+            detail = f"the search takes more than {LONGEST:g} s; use a simpler expression"
             raise Problem(HTTPStatus.SERVICE_UNAVAILABLE, detail)
         self.look()
         time.sleep(BREATH)
@@ -75,19 +75,19 @@ class Patience:
         return self._began + LONGEST - self._clock()
 
     def look(self) -> None:
-        """Raise Problem if nobody waits for the answer any more."""
+        """Check that the client is still connected. Raises Problem if it is not."""
         if self._clock() - self._looked > ASKED_EVERY:
             if self._is_gone():
-                raise Problem(HTTPStatus.REQUEST_TIMEOUT, "nobody waits for the answer")
+                raise Problem(HTTPStatus.REQUEST_TIMEOUT, "the client has closed the connection")
             self._looked = self._clock()
 
     @contextmanager
     def searching(self) -> Iterator[None]:
-        """Begin to count time; give the place back at the end of the block."""
+        """Start the clocks; at the end of the block, release the lane."""
         self._began, self._spent_before = self._clock(), self._spent()
         try:
             yield
         finally:
-            if self._has_place:
+            if self._has_lane:
                 self._lanes.give_back()
-                self._has_place = False
+                self._has_lane = False

@@ -1,4 +1,4 @@
-"""Problem documents (RFC 9457); the compiler's diagnostics are in them as in its other outputs."""
+"""Problem documents (RFC 9457), which include the compiler's diagnostics."""
 
 from __future__ import annotations
 
@@ -67,16 +67,16 @@ _PROBLEM = {
 RESPONSES: dict[int | str, dict[str, Any]] = {
     status: {"description": description, "content": {MEDIA_TYPE: {"schema": _PROBLEM}}}
     for status, description in {
-        "4XX": "The request is refused, for this reason",
-        "422": "What was sent is malformed, or the checks refuse it, with these diagnostics",
-        "503": "The store or a limit does not let this be answered now",
+        "4XX": "The request is refused for this reason",
+        "422": "The request is malformed, or the checks found these errors in its content",
+        "503": "The store is unavailable, or the request exceeds a limit",
     }.items()
 }
-"""Answers that every route may give besides, for the OpenAPI document."""
+"""Error responses common to all routes, for the OpenAPI document."""
 
 
 class Problem(Exception):
-    """A request that is not done, with the status and the reason that the asker is given."""
+    """A request is refused, with this status and reason."""
 
     def __init__(self, status: HTTPStatus, detail: str, diagnostics: Iterable[Diagnostic] = ()) -> None:
         super().__init__(detail)
@@ -84,7 +84,7 @@ class Problem(Exception):
 
 
 def diagnostic_json(diagnostic: Diagnostic) -> dict[str, Any]:
-    """Return a diagnostic as the server gives it: file, line and column beside the message."""
+    """Diagnostic as JSON data, with file, line and column as separate values."""
     span = diagnostic.span or Span("", 0, 0)
     return {
         "severity": diagnostic.severity.value,
@@ -98,7 +98,7 @@ def diagnostic_json(diagnostic: Diagnostic) -> dict[str, Any]:
 
 
 def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diagnostic] = ()) -> Response:
-    """Return the document for a status and a reason."""
+    """Build the problem document for a status and a reason."""
     listed = [diagnostic_json(one) for one in diagnostics]
     body = {"type": "about:blank", "title": status.phrase, "status": int(status), "detail": detail}
     return JSONResponse({**body, "diagnostics": listed}, int(status), _HEADERS.get(status), MEDIA_TYPE)
@@ -106,11 +106,11 @@ def problem_response(status: HTTPStatus, detail: str, diagnostics: Iterable[Diag
 
 Refusal = Problem | Refused | Unreachable | Busy | BadInput
 REFUSALS = (Problem, Refused, Unreachable, Busy, BadInput)
-"""The reason why something is not done."""
+"""Exceptions with which requests are refused."""
 
 
 def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
-    """Return the status, the reason and the diagnostics of what is not done."""
+    """Map an exception to status, reason and diagnostics."""
     if isinstance(problem, Problem):
         return problem.status, problem.detail, problem.diagnostics
     if isinstance(problem, Refused):
@@ -127,7 +127,7 @@ def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
 
 
 def add_handlers(app: FastAPI) -> None:
-    """Let an application answer with problem documents."""
+    """Let an application answer errors with problem documents."""
 
     @app.exception_handler(Problem)
     @app.exception_handler(Refused)
@@ -135,10 +135,10 @@ def add_handlers(app: FastAPI) -> None:
     @app.exception_handler(Busy)
     @app.exception_handler(BadInput)
     def refused(_: Request, problem: Refusal) -> Response:
-        found = problem_response(*refusal(problem))
+        response = problem_response(*refusal(problem))
         if isinstance(problem, Busy):
-            found.headers["Retry-After"] = str(problem.seconds)
-        return found
+            response.headers["Retry-After"] = str(problem.seconds)
+        return response
 
     @app.exception_handler(RequestValidationError)
     def malformed(_: Request, problem: RequestValidationError) -> Response:
@@ -147,18 +147,18 @@ def add_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(HTTPException)
     def other(_: Request, problem: HTTPException) -> Response:
-        found = problem_response(HTTPStatus(problem.status_code), str(problem.detail))
-        found.headers.update(problem.headers or {})
-        return found
+        response = problem_response(HTTPStatus(problem.status_code), str(problem.detail))
+        response.headers.update(problem.headers or {})
+        return response
 
     @app.exception_handler(ClientDisconnect)
     def gone(_: Request, __: ClientDisconnect) -> Response:
-        return problem_response(HTTPStatus.REQUEST_TIMEOUT, "the body did not come to its end")
+        return problem_response(HTTPStatus.REQUEST_TIMEOUT, "the connection was closed before the end of the body")
 
     @app.exception_handler(sqlite3.OperationalError)
     def unable(_: Request, problem: sqlite3.OperationalError) -> Response:
-        return problem_response(HTTPStatus.SERVICE_UNAVAILABLE, f"the store cannot be used now: {problem}")
+        return problem_response(HTTPStatus.SERVICE_UNAVAILABLE, f"the store is unavailable: {problem}")
 
     @app.exception_handler(Exception)
     def failed(_: Request, __: Exception) -> Response:
-        return problem_response(HTTPStatus.INTERNAL_SERVER_ERROR, "this is a mistake of the server's, and in its log")
+        return problem_response(HTTPStatus.INTERNAL_SERVER_ERROR, "internal error; the server's log has the details")

@@ -1,4 +1,4 @@
-"""Limits of how often somebody asks: an author by the key, anybody else by the address."""
+"""Rate limits: requests are counted by the author of their key, else by the client's address."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from executive.serving.problems import problem_response
 
 USUAL = 500.0
-"""Requests of one asker in a second, unless the operator says otherwise."""
+"""Default rate limit of one client [requests/s]."""
 BURST = 10.0
-"""Seconds whose requests may come at once."""
-MOST_ASKERS = 10_000
-"""Askers that are remembered."""
+"""Requests of this many seconds may come at once [s]."""
+MOST_CLIENTS = 10_000
+"""Clients whose requests are counted."""
 NETWORK = 64
-"""Bits of an IPv6 address that tell whose it is."""
+"""Bits of an IPv6 address that identify the client's network."""
 
 
 class Rates:
-    """The requests of each asker, as the time at which all of them would have come at the permitted rate."""
+    """Rate limiter by the generic cell rate algorithm: per client, the time by which the limit allows its requests."""
 
     def __init__(self, each_second: float = USUAL, clock: Callable[[], float] = time.monotonic) -> None:
-        """Permit ``each_second`` requests of one asker, with 0 any number."""
+        """Limit each client to ``each_second`` requests per second; 0 means no limit."""
         self._each_second, self._clock = each_second, clock
         self._until: dict[str, float] = {}
         self._authors: dict[str, str] = {}
 
     def wait(self, address: str, authorization: str = "") -> float:
-        """Count a request, and return 0.0; or after how many seconds it may be sent again."""
+        """Count a request; returns 0.0 if it is allowed, else the time after which to send it again [s]."""
         if not self._each_second:
             return 0.0
-        asker, now = self._authors.get(_digest(authorization)) or network(address), self._clock()
-        until = max(now, self._until.pop(asker, now))
+        client, now = self._authors.get(_digest(authorization)) or network(address), self._clock()
+        until = max(now, self._until.pop(client, now))
         wait = until - now - BURST
-        self._until[asker] = until if wait > 0 else until + 1 / self._each_second
-        if len(self._until) > MOST_ASKERS:
-            del self._until[next(iter(self._until))]  # whoever has not asked for the longest time
+        self._until[client] = until if wait > 0 else until + 1 / self._each_second
+        if len(self._until) > MOST_CLIENTS:
+            del self._until[next(iter(self._until))]  # the client with the oldest request
         return max(0.0, wait)
 
     def know(self, authorization: str, author: str) -> None:
-        """Remember that a header has a valid key of an author, whose requests are counted together."""
+        """Count requests with this header, which has a valid key, for its author."""
         self._authors[_digest(authorization)] = f"author {author}"
 
     def forget(self, authorization: str) -> None:
-        """Count requests with a header by their address again: its key is nobody's, or not any more."""
+        """Count requests with this header by their address: its key is unknown or was revoked."""
         self._authors.pop(_digest(authorization), None)
 
 
@@ -59,27 +59,27 @@ def _digest(authorization: str) -> str:
 
 
 def network(address: str) -> str:
-    """Return whom an address belongs to: itself, or the network of an IPv6 address."""
+    """Map an IPv6 address to its /64 network, which one client owns as a whole; keep any other address."""
     try:
-        found = ipaddress.ip_address(address.partition("%")[0])
+        parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return address
-    return address if found.version == 4 else str(ipaddress.ip_network((int(found) >> 64 << 64, NETWORK)))
+    return address if parsed.version == 4 else str(ipaddress.ip_network((int(parsed) >> 64 << 64, NETWORK)))
 
 
-class Paced:
-    """An application that answers nobody more often than permitted."""
+class RateLimited:
+    """Middleware that enforces rate limits."""
 
     def __init__(self, app: ASGIApp, rates: Rates) -> None:
         self._app, self._rates = app, rates
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or tell when to come back."""
+        """Handle a request, or refuse it with Retry-After."""
         if scope["type"] == "http":
             address, _ = scope.get("client") or ("", 0)
             wait = self._rates.wait(address, Headers(scope=scope).get("authorization", ""))
             if wait > 0:
-                response = problem_response(HTTPStatus.TOO_MANY_REQUESTS, "you ask more often than this server permits")
+                response = problem_response(HTTPStatus.TOO_MANY_REQUESTS, "too many requests; wait for Retry-After")
                 response.headers["Retry-After"] = str(math.ceil(wait))
                 await response(scope, receive, send)
                 return

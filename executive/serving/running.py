@@ -1,8 +1,8 @@
-"""Running the application behind an HTTP server until it is told to end.
+"""Run the application in an HTTP server until a signal ends it.
 
-Whoever opens a connection and says nothing, or little, would take the place of somebody who asks. So a head has to come
-in time, and a body and a reader have to get on; else the connection is closed after a while, or at once if the server
-has no other place. One address has a bounded number of places.
+Connections without progress would take the places of working clients (Slowloris attacks). So a request's header has to
+be complete in time, and bodies and responses have to be sent and read at a minimum rate; other connections are closed,
+idle ones at once if the server needs their place. The number of connections per address is limited.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from executive.serving.rates import network
 from planlang.diagnostics import BadInput, error
 
 PATIENCE = 10
-"""Seconds in which open requests are answered at the end."""
+"""Time for pending requests at shutdown [s]."""
 
 
 def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> str:
-    """Serve until SIGINT, SIGTERM or SIGHUP, answer open requests, and return the address. Raises BadInput with K005.
+    """Serve until SIGINT, SIGTERM or SIGHUP, then answer pending requests; returns the URL.
 
-    An ignored SIGHUP stays ignored.
+    ``on_ready`` is called with the URL. An ignored SIGHUP stays ignored. Raises BadInput (K005) if the port is taken.
     """
     listening = _listening(host, port)
     config = uvicorn.Config(
@@ -43,11 +43,11 @@ def run(app: FastAPI, host: str, port: int, on_ready: Callable[[str], None]) -> 
         ws="none",
         timeout_graceful_shutdown=PATIENCE,
     )
-    # what is small is sent at once: the loop does so only for sockets that name their protocol, which this one does not
+    # send small responses at once: asyncio sets this option only for sockets created with an explicit protocol
     listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     name, number = listening.getsockname()[:2]
     url = f"http://{f'[{name}]' if ':' in name else name}:{number}"
-    handlers = {signal.SIGTERM: _interrupt}  # the server raises it again when it has ended
+    handlers = {signal.SIGTERM: _interrupt}  # uvicorn raises the signal again after its shutdown
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         handlers[signal.SIGHUP] = _terminate
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
@@ -69,8 +69,8 @@ def _listening(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except OSError as problem:
         reason = (problem.strerror or str(problem)).partition(" (while")[0]
-        advice = "--port names another one; 0 takes any that is free" if problem.errno == errno.EADDRINUSE else None
-        message = f"nothing can listen at {host}, port {port}: {reason}"
+        advice = "choose another --port; 0 takes any free one" if problem.errno == errno.EADDRINUSE else None
+        message = f"cannot listen at {host}, port {port}: {reason}"
         raise BadInput([error("K005", message, help=advice)]) from None
 
 
@@ -79,24 +79,24 @@ def _interrupt(_: int, __: FrameType | None) -> None:
 
 
 def _terminate(_: int, __: FrameType | None) -> None:
-    """End as SIGTERM does: the server itself knows SIGINT and SIGTERM only."""
+    """Handle SIGHUP as SIGTERM: uvicorn knows SIGINT and SIGTERM only."""
     signal.raise_signal(signal.SIGTERM)
 
 
 MOST = 500
-"""Connections at a time."""
+"""Concurrent connections."""
 MOST_OF_AN_ADDRESS = 100
-"""Connections of one address (of an IPv6 network) at a time; a proxy, who is trusted, may have all."""
+"""Concurrent connections of one IPv4 address or IPv6 network; trusted proxies are not limited."""
 HEAD_SECONDS = 10.0
-"""Seconds in which the head of a request has to be complete."""
+"""Time for the header of a request [s]."""
 GRACE_SECONDS = 10.0
-"""Seconds without progress that a body, or whoever reads an answer, may have."""
+"""Time that a body, or the reader of a response, may go without progress [s]."""
 LEAST_RATE = 10_000
-"""Bytes a second that a body has to have, and an answer has to be read with, behind these."""
+"""Minimum rate of bodies after this time [bytes/s]; also the bytes of a response to be read in each such period."""
 
 
 class Guarded(H11Protocol):
-    """HTTP/1.1 with limits of time."""
+    """HTTP/1.1 with time limits."""
 
     _began = 0.0
     _received = 0
@@ -106,7 +106,7 @@ class Guarded(H11Protocol):
     _reader: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for a head, unless there is no place for this address."""
+        """Start the timer of the header, or refuse an address with too many connections."""
         super().connection_made(transport)
         self._began = self.loop.time()
         if self._has_too_many():
@@ -126,7 +126,7 @@ class Guarded(H11Protocol):
         return sum(one is not None and network(one[0]) == address for one in others) > MOST_OF_AN_ADDRESS
 
     def _make_room(self) -> None:
-        """Close the connection that has said nothing for the longest time."""
+        """Close the connection that has been idle longest."""
         idle = [one for one in self.connections if isinstance(one, Guarded) and one is not self and one._is_idle()]
         if idle:
             first = min(idle, key=lambda one: one._began)
@@ -137,13 +137,13 @@ class Guarded(H11Protocol):
         return self.cycle is None or self.cycle.response_complete
 
     def data_received(self, data: bytes) -> None:
-        """Take what has come, and wait for what has to come next."""
+        """Pass on received data, and restart the timer if the next part of the request begins."""
         self._received += len(data)
         super().data_received(data)
         self._watch()
 
     def _watch(self) -> None:
-        """Begin to wait where another part of a request, its head or its body, has to come now."""
+        """Restart the timer when the protocol's state changes between header and body."""
         part = self.conn.their_state
         if part is self._part:
             return
@@ -153,10 +153,10 @@ class Guarded(H11Protocol):
             self._timer = self.loop.call_later(HEAD_SECONDS if part is h11.IDLE else GRACE_SECONDS, self._late)
 
     def _late(self) -> None:
-        """Refuse a request whose head has not come in time, or whose body comes too slowly."""
+        """Refuse a request whose header is late, or whose body comes too slowly."""
         if self._part is h11.SEND_BODY:
             left = self._began + GRACE_SECONDS + self._received / LEAST_RATE - self.loop.time()
-            if left > 0 or self.flow.read_paused:  # paused: it is us who do not get on
+            if left > 0 or self.flow.read_paused:  # paused: the server itself is behind, not the client
                 self._timer = self.loop.call_later(max(left, 1.0), self._late)
                 return
         self._refuse(HTTPStatus.REQUEST_TIMEOUT)
@@ -167,28 +167,28 @@ class Guarded(H11Protocol):
         self.transport.close()
 
     def pause_writing(self) -> None:
-        """Begin to look whether the answer is read."""
+        """Start to monitor whether the client reads the response."""
         super().pause_writing()
         self._unsent = self.transport.get_write_buffer_size()
-        self._reader = self.loop.call_later(GRACE_SECONDS, self._reading)
+        self._reader = self.loop.call_later(GRACE_SECONDS, self._check_reader)
 
-    def _reading(self) -> None:
-        """Close the connection of somebody who does not read."""
+    def _check_reader(self) -> None:
+        """Close the connection if the client reads too slowly."""
         unsent = self.transport.get_write_buffer_size()
         if self._unsent - unsent < LEAST_RATE:
             self.transport.abort()
             return
         self._unsent = unsent
-        self._reader = self.loop.call_later(GRACE_SECONDS, self._reading)
+        self._reader = self.loop.call_later(GRACE_SECONDS, self._check_reader)
 
     def resume_writing(self) -> None:
-        """Stop looking: enough was read."""
+        """Stop monitoring the reader."""
         super().resume_writing()
         if self._reader is not None:
             self._reader.cancel()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait for nothing more."""
+        """Stop all timers."""
         self._cancel()
         if self._reader is not None:
             self._reader.cancel()

@@ -1,4 +1,4 @@
-"""Search: class expressions, words, places, and what a robot can do of it."""
+"""Search by class expression, label, kind and place, optionally compared with a robot."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _Text = Annotated[str | None, Field(max_length=LONGEST_TEXT)]
 
 
 class Question(BaseModel):
-    """A search for entries that fit everything that is given."""
+    """A query for entries that meet all given conditions."""
 
     model_config = ConfigDict(extra="forbid")
 
     expression: Annotated[str | None, Field(max_length=LONGEST)] = None
-    """A class expression in Manchester syntax, of which the entry's subject is to be a specialisation or a member."""
+    """Class expression in Manchester syntax; finds its subclasses and instances."""
     label: _Text = None
-    """A part of the label, or of a name or label in the content."""
+    """Part of the entry's label, or of a name or label in its content."""
     kind: Kind | None = None
     room: _Text = None
     floor: _Text = None
@@ -41,62 +41,62 @@ class Question(BaseModel):
     city: _Text = None
     limit: Annotated[int, Field(ge=1, le=MOST_LISTED)] = 20
     after: _Text = None
-    """The identifier behind which to go on."""
+    """Identifier after which to continue."""
     sort: Literal["uid", "rating"] = "uid"
-    """By identifier, or the best rated first."""
+    """Order by identifier, or by rating, best first."""
 
 
 class RobotsQuestion(Question):
-    """A question by a robot, which is told which of the recipes it can do."""
+    """A query whose results are compared with a robot's self-model."""
 
     robot: Annotated[str | None, Field(max_length=2_000_000)] = None
-    """The text of its self-model."""
+    """Text of the self-model."""
 
 
 @router.get("/search")
 def search(question: Annotated[Question, Query()], served: Served, bounds: Bounds) -> dict[str, Any]:
-    """Return the entries that fit a question."""
-    return answered(question, served, record, bounds)
+    """Search for entries."""
+    return results(question, served, record, bounds)
 
 
 @router.post("/search")
 def search_for_a_robot(question: RobotsQuestion, served: Served, bounds: Bounds) -> dict[str, Any]:
-    """Return the entries that fit a question, with what a robot can do of them."""
+    """Search for entries, and compare each with a robot's self-model."""
     robot = question.robot
     if robot is None:
-        return answered(question, served, record, bounds)
+        return results(question, served, record, bounds)
     served.abilities.check(robot)
-    return answered(question, served, lambda entry: record(entry) | served.abilities.of(robot, entry).as_json(), bounds)
+    return results(question, served, lambda entry: record(entry) | served.abilities.of(robot, entry).as_json(), bounds)
 
 
-def answered(
+def results(
     question: Question, served: Serving, shown: Callable[[Entry], dict[str, Any]], bounds: Patience
 ) -> dict[str, Any]:
-    """Return the records that fit a question. Raises BadInput for an expression that is none, Busy, and Problem."""
+    """Answer a query with one page of records. Raises BadInput for an invalid expression; Busy; Problem."""
     catalogue, place = served.catalogue, {level: text for level in LEVELS if (text := getattr(question, level))}
-    asked = question.expression
-    expression = None if asked is None else catalogue.question(asked, served.staff.asking)
+    text = question.expression
+    expression = None if text is None else catalogue.question(text, served.staff.asking)
     try:
         with bounds.searching():
-            found = catalogue.find(expression, question.kind, question.label, place, bounds)
+            uids = catalogue.find(expression, question.kind, question.label, place, bounds)
     except CannotAnswer as problem:
         raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, str(problem)) from None
     if question.sort == "rating":
-        found = _behind(catalogue.ranked(found), question.after)
+        uids = _after(catalogue.ranked(uids), question.after)
     else:
-        found = tuple(uid for uid in found if uid > (question.after or ""))
+        uids = tuple(uid for uid in uids if uid > (question.after or ""))
 
     def linked(entry: Entry) -> dict[str, Any]:
         bounds.look()
         return shown(entry) | {"links": served.catalogue.links(entry.uid)}
 
-    return listing(served, found, question.limit, linked)
+    return listing(served, uids, question.limit, linked)
 
 
-def _behind(uids: tuple[str, ...], after: str | None) -> tuple[str, ...]:
-    """Return identifiers behind one of them. Raises Problem if it is none of them any more."""
+def _after(uids: tuple[str, ...], after: str | None) -> tuple[str, ...]:
+    """Identifiers after one of them in a ranking. Raises Problem if that is no longer among the results."""
     if not after:
         return uids
     if after not in uids:
-        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{after} is no answer any more: begin anew")
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, f"{after} is no longer among the results; search again")
     return uids[uids.index(after) + 1 :]

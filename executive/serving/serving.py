@@ -1,4 +1,4 @@
-"""The state that every route works with: the store, its catalogue, and who is asking."""
+"""State shared by all routes: the store, its catalogue, and the author of a request."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Serving:
-    """A store that is served. ``writing`` is held while something is changed."""
+    """A store and the services around it. The lock ``writing`` is held during changes."""
 
     store: Store
     catalogue: Catalogue
@@ -39,13 +39,13 @@ class Serving:
     lanes: Lanes = field(default_factory=Lanes)
 
     def close(self) -> None:
-        """End the processes that belong to it."""
+        """End its processes."""
         self.mirror.close()
         self.staff.close()
 
 
 def now() -> str:
-    """Return the time, UTC in ISO 8601: the one place in which the clock is read."""
+    """Current time, UTC in ISO 8601; the only place where the server reads the clock for its records."""
     return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
 
@@ -56,26 +56,28 @@ def _serving(request: Request) -> Serving:
 _bearer = HTTPBearer(auto_error=False, description="A key that the operator made by planlang serve --new-key AUTHOR")
 
 
-def _asker(request: Request, given: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)]) -> str | None:
-    """Return the author whose key a request has, None without a key. Raises Problem for a wrong one."""
-    if given is None:
+def _optional_author(
+    request: Request, credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)]
+) -> str | None:
+    """Author of a request's key; None without a key. Raises Problem if the key is not valid."""
+    if credentials is None:
         if "authorization" in request.headers:
             raise Problem(HTTPStatus.UNAUTHORIZED, "write Authorization: Bearer KEY")
         return None
     served = _serving(request)
-    author = served.store.author_of(given.credentials)
+    author = served.store.author_of(credentials.credentials)
     if author is None:
         served.rates.forget(request.headers["authorization"])
-        raise Problem(HTTPStatus.UNAUTHORIZED, "this key is nobody's, or was dropped")
+        raise Problem(HTTPStatus.UNAUTHORIZED, "this key is unknown or was revoked")
     served.rates.know(request.headers["authorization"], author)
     request.state.author = author  # for the access log
     return author
 
 
-def _author(asker: Annotated[str | None, Depends(_asker)]) -> str:
-    if asker is None:
+def _author(author: Annotated[str | None, Depends(_optional_author)]) -> str:
+    if author is None:
         raise Problem(HTTPStatus.UNAUTHORIZED, "this needs a key: Authorization: Bearer KEY")
-    return asker
+    return author
 
 
 def _patience(request: Request) -> Patience:
@@ -87,12 +89,12 @@ async def _body(request: Request) -> bytes:
 
 
 Served = Annotated[Serving, Depends(_serving)]
-"""The store that is served, with all that belongs to it."""
-Asker = Annotated[str | None, Depends(_asker)]
-"""The author who is asking; None for a stranger."""
+"""The shared state."""
+OptionalAuthor = Annotated[str | None, Depends(_optional_author)]
+"""Author of the request; None if it has no key."""
 Author = Annotated[str, Depends(_author)]
-"""The author who is asking, by a key."""
+"""Author of the request, which needs a key."""
 Bounds = Annotated[Patience, Depends(_patience)]
-"""The bounds of a search."""
+"""Limits of a search."""
 Body = Annotated[bytes, Depends(_body)]
-"""The body (its size is bounded by :mod:`executive.serving.bodies`)."""
+"""Body of the request (:mod:`executive.serving.bodies` limits its size)."""

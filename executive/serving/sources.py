@@ -1,4 +1,4 @@
-"""Contents as lines of a page, with the compiler's diagnostics at the lines that they are about."""
+"""Contents as numbered lines of a page, with the compiler's diagnostics at their lines."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from planlang.files import decode
 from planlang.records import dataclass
 
 LARGEST_SHOWN = 1_000_000
-"""Bytes of a content that is shown, drawn and compared with robots unasked; larger ones are downloaded."""
+"""Largest content that is shown, drawn and compared with all robots [bytes]; larger ones can be downloaded."""
 MOST_SHOWN = 100
 """Diagnostics of one page."""
 _LONGEST, _AROUND = 500, 3
@@ -17,7 +17,7 @@ _LONGEST, _AROUND = 500, 3
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of a content, numbered from 1. ``follows_gap``: lines are left out before it."""
+    """A line of a content, numbered from 1. ``follows_gap`` is True if lines before it were left out."""
 
     number: int
     text: str
@@ -26,7 +26,7 @@ class Line:
 
 
 def text_of(data: bytes) -> str | None:
-    """Return a content as text with plain line ends; None if it is none, or too large to be shown."""
+    """Decode a content, with line ends as ``\\n``; None if it is no text, or too large to be shown."""
     if len(data) > LARGEST_SHOWN:
         return None
     try:
@@ -36,26 +36,25 @@ def text_of(data: bytes) -> str | None:
 
 
 def lines_of(text: str) -> tuple[Line, ...]:
-    """Return all lines of a text."""
+    """Split a text into numbered lines, long ones cut off."""
     return tuple(Line(number, line[:_LONGEST]) for number, line in enumerate(text.split("\n"), 1))
 
 
 def is_own(diagnostic: Diagnostic) -> bool:
-    """Return True for what is said of a line of the upload: files of its vocabulary have paths."""
+    """Check whether a diagnostic refers to a line of the upload, not to an imported file (these have directories)."""
     return diagnostic.span is not None and "/" not in diagnostic.span.file
 
 
 def lines_with(text: str, diagnostics: Sequence[Diagnostic]) -> tuple[Line, ...]:
-    """Return the lines that diagnostics are about, with these, and some lines around."""
-    said: dict[int, list[Diagnostic]] = {}
+    """Select the lines with diagnostics, and some lines of context around them."""
+    by_line: dict[int, list[Diagnostic]] = {}
     for one in diagnostics:
         if one.span is not None and is_own(one):
-            said.setdefault(one.span.line, []).append(one)
-    lines = lines_of(text)
-    near = {number + by for number in said for by in range(-_AROUND, _AROUND + 1)}
-    found: list[Line] = []
-    for line in lines:
+            by_line.setdefault(one.span.line, []).append(one)
+    near = {number + offset for number in by_line for offset in range(-_AROUND, _AROUND + 1)}
+    selected: list[Line] = []
+    for line in lines_of(text):
         if line.number in near:
-            gap = line.number > (found[-1].number if found else 0) + 1
-            found.append(Line(line.number, line.text, tuple(said.get(line.number, ())), gap))
-    return tuple(found)
+            gap = line.number > (selected[-1].number if selected else 0) + 1
+            selected.append(Line(line.number, line.text, tuple(by_line.get(line.number, ())), gap))
+    return tuple(selected)

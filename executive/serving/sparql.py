@@ -1,4 +1,4 @@
-"""SPARQL questions over HTTP, as the SPARQL 1.1 protocol asks them: each entry is a graph ``urn:entry:UID``."""
+"""SPARQL queries by the SPARQL 1.1 Protocol; each entry is a named graph ``urn:entry:UID``."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from planlang.knowledge.sparql import Exceeded, NoAnswer
 router = APIRouter(prefix="/v1/sparql", tags=["sparql"])
 
 LONGEST = 100_000
-"""Characters of a question."""
+"""Longest query [characters]."""
 MOST_FIELDS = 10
-"""Fields of a form: the protocol also has those that name graphs, which a question names itself here."""
+"""Most fields of a form; the protocol's fields for default and named graphs are ignored."""
 _RESULTS = "application/sparql-results+json"
 _QUERY = "application/sparql-query"
 _FORM = "application/x-www-form-urlencoded"
@@ -31,22 +31,22 @@ _ASKED: dict[str, Any] = {
 
 @router.get("", response_model=None)
 def ask(served: Served, query: Annotated[str, Query(max_length=LONGEST)]) -> Response:
-    """Answer a question in SPARQL 1.1: SELECT and ASK as SPARQL's JSON results, CONSTRUCT and DESCRIBE as N-Triples."""
+    """Answer a SPARQL 1.1 query: SELECT and ASK in SPARQL's JSON format, CONSTRUCT and DESCRIBE as N-Triples."""
     return _answer(served.mirror, query)
 
 
 @router.post("", response_model=None, openapi_extra=_ASKED)
 def ask_in_body(request: Request, served: Served, body: Body) -> Response:
-    """Answer the question that is the body, of type application/sparql-query, or the query of a form."""
+    """Answer the query in the body, as application/sparql-query or as the field ``query`` of a form."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind not in (_QUERY, _FORM):
-        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"a question is sent as {_QUERY}; updates are not possible")
+        raise Problem(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, f"send the query as {_QUERY}; updates are not possible")
     if len(body) > LONGEST:
-        raise Problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a question has at most {LONGEST:,} characters")
+        raise Problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a query may have at most {LONGEST:,} characters")
     try:
         text = body.decode()
     except UnicodeDecodeError:
-        raise Problem(HTTPStatus.BAD_REQUEST, "a question is UTF-8 text") from None
+        raise Problem(HTTPStatus.BAD_REQUEST, "the query is not UTF-8 text") from None
     return _answer(served.mirror, text if kind == _QUERY else _query_of(text))
 
 
@@ -54,20 +54,20 @@ def _query_of(form: str) -> str:
     try:
         (question,) = parse_qs(form, errors="strict", max_num_fields=MOST_FIELDS).get("query", [])
     except ValueError:
-        raise Problem(HTTPStatus.BAD_REQUEST, "a form has one query=...; updates are not possible") from None
+        raise Problem(HTTPStatus.BAD_REQUEST, "send one field query=...; updates are not possible") from None
     return question
 
 
 def _answer(mirror: Mirror, question: str) -> Response:
     try:
-        found = mirror.ask(question)
+        result = mirror.ask(question)
     except NoAnswer as problem:
         raise Problem(
-            HTTPStatus.BAD_REQUEST, f"no SELECT, ASK, CONSTRUCT or DESCRIBE that can be answered: {problem}"
+            HTTPStatus.BAD_REQUEST, f"this is not a valid SELECT, ASK, CONSTRUCT or DESCRIBE query: {problem}"
         ) from None
     except Exceeded as problem:
         raise Problem(HTTPStatus.SERVICE_UNAVAILABLE, str(problem)) from None
-    if "triples" in found:
-        text = "".join(f"{line}\n" for line in found["triples"])
+    if "triples" in result:
+        text = "".join(f"{line}\n" for line in result["triples"])
         return PlainTextResponse(text, media_type="application/n-triples")
-    return JSONResponse(found, media_type=_RESULTS)
+    return JSONResponse(result, media_type=_RESULTS)

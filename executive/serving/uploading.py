@@ -1,4 +1,4 @@
-"""The page on which entries are uploaded, checked without being kept, and changed."""
+"""The page for uploading, checking and changing entries."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """An upload of the page: for a new entry, or with ``uid`` for a revision of one that had a tag then."""
+    """Content of the upload form: a new entry, or a revision of the entry ``uid``, which had ``etag`` at that time."""
 
     kind: Kind = Kind.RECIPE
     name: str = ""
@@ -36,7 +36,7 @@ class Draft:
 
     @property
     def text(self) -> str:
-        """The content as text to go on with; empty for what a browser would send back otherwise."""
+        """The content as editable text; empty if a browser would send it back changed."""
         text = text_of(self.data) or ""
         is_same = text.encode(errors="replace") == self.data.replace(b"\r\n", b"\n")
         return text if is_same else ""
@@ -44,7 +44,7 @@ class Draft:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of a draft: an entry, or why there is none; and what the checks said."""
+    """Result of an upload: the entry or the reason of a refusal, and the diagnostics of the checks."""
 
     entry: Entry | None = None
     reason: str = ""
@@ -53,7 +53,7 @@ class Outcome:
 
 @router.get("/upload")
 def begin(served: Served, kind: Kind = Kind.RECIPE, uid: Annotated[str, Query(max_length=300)] = "") -> Response:
-    """Return an empty form, or that of the next revision of an entry."""
+    """Show an empty form, or that for the next revision of an entry."""
     draft = Draft(kind)
     if uid:
         entry = served.store.entry(uid)
@@ -63,7 +63,7 @@ def begin(served: Served, kind: Kind = Kind.RECIPE, uid: Annotated[str, Query(ma
 
 @router.post("/upload")
 def upload(form: Filled, served: Served) -> Response:
-    """Check what was handed in and keep it, unless it is only to be checked; say what is wrong with it at its lines."""
+    """Check an upload, store it unless the form asks for a check only, and show diagnostics at their lines."""
     draft = _draft(form)
     try:
         author = author_of(form, served)
@@ -71,28 +71,28 @@ def upload(form: Filled, served: Served) -> Response:
             entry = served.store.entry(draft.uid)
             own(entry, author)
             draft = replace(draft, kind=entry.kind, name=draft.uid.partition(".")[2], about=entry.about)
-        given = (draft.kind, draft.name, draft.data, draft.about or None)
-        checked = served.staff.checking.call(read_upload, *given)
+        arguments = (draft.kind, draft.name, draft.data, draft.about or None)
+        checked = served.staff.checking.call(read_upload, *arguments)
         if form.text("only") == "check":
             return _page(draft, Outcome(diagnostics=checked.diagnostics))
-        kept = _kept(served, draft, checked, author)
+        stored = _store(served, draft, checked, author)
     except REFUSALS as problem:
         _, reason, diagnostics = refusal(problem)
         return _page(draft, Outcome(None, reason, diagnostics), status_of(problem))
-    return _page(draft, Outcome(kept, diagnostics=checked.diagnostics))
+    return _page(draft, Outcome(stored, diagnostics=checked.diagnostics))
 
 
 def _draft(form: Form) -> Draft:
     try:
         kind = Kind(form.text("kind") or Kind.RECIPE)
     except ValueError:
-        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "there is no such kind of entry") from None
+        raise Problem(HTTPStatus.UNPROCESSABLE_ENTITY, "unknown kind of entry") from None
     pasted = form.fields.get("text", "").replace("\r\n", "\n").encode(errors="replace")
     data = form.files.get("file") or pasted
     return Draft(kind, form.text("name")[:100], form.text("about")[:1000], data, form.text("uid"), form.text("etag"))
 
 
-def _kept(served: Serving, draft: Draft, checked: Upload, author: str) -> Entry:
+def _store(served: Serving, draft: Draft, checked: Upload, author: str) -> Entry:
     with served.writing:
         if draft.uid:
             return served.store.change(draft.uid, checked.content, author, draft.etag, now())
@@ -101,8 +101,8 @@ def _kept(served: Serving, draft: Draft, checked: Upload, author: str) -> Entry:
 
 def _page(draft: Draft, outcome: Outcome | None, status: HTTPStatus = HTTPStatus.OK) -> Response:
     text = text_of(draft.data) if outcome else None
-    said = () if outcome is None else sorted(outcome.diagnostics, key=lambda one: not has_errors([one]))
-    shown = said[:MOST_SHOWN]  # errors before notes
+    by_severity = () if outcome is None else sorted(outcome.diagnostics, key=lambda one: not has_errors([one]))
+    shown = by_severity[:MOST_SHOWN]
     return page(
         "upload",
         status,
@@ -111,5 +111,5 @@ def _page(draft: Draft, outcome: Outcome | None, status: HTTPStatus = HTTPStatus
         errors=[one for one in shown if has_errors([one]) and is_own(one)],
         elsewhere=[one for one in shown if text is None or not is_own(one)],
         lines=() if text is None else lines_with(text, shown),
-        left_out=len(said) - len(shown),
+        left_out=len(by_severity) - len(shown),
     )

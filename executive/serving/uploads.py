@@ -1,6 +1,6 @@
-"""Uploads: checked as the compiler and the readers of maps and robots check it, and described for the index.
+"""Check uploads with the compiler and the readers of maps and robots, and describe them for the index.
 
-Uploads come from strangers: imports are found among the bundled ontologies and in the operator's folders only, and
+Uploads are untrusted: imports are looked up only among the bundled ontologies and in the operator's folders, and
 nothing of an upload is ever written to a file or executed.
 """
 
@@ -31,16 +31,16 @@ from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.records import dataclass
 
 MOST_WORDS, LONGEST_WORD = 500, 200
-"""Names and labels that an entry is found by, and characters of one."""
+"""Names and labels indexed for an entry, and characters of one."""
 
 LAYOUT = "2"
-"""Of descriptions in a store; those of another one are made anew from the content."""
+"""Layout of descriptions in a store; those of another layout are computed again from the content."""
 MAPS = ("knowrob:SemanticEnvironmentMap", "srdl2-comp:EnvironmentMap")
 """Classes of maps."""
 OUTWARD = ("objectActedOn", "relativeTo", "providesModelFor", "subClassOf")
-"""Properties from what says something about a thing, or from a part of it, to the thing."""
+"""Properties whose object is not a part of their subject, so that it can still be the subject of an entry."""
 IMPORTS = ("O030", "O031", "O032")
-"""Codes of what is imported and not found."""
+"""Codes of missing imports."""
 
 _SYNTAXES = {
     documents.Syntax.RDFXML: (Syntax.RDFXML, ".owl"),
@@ -51,33 +51,34 @@ _SYNTAXES = {
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """An upload that was taken, and notes and warnings about it."""
+    """An accepted upload, with notes and warnings about it."""
 
     content: Content
     diagnostics: tuple[Diagnostic, ...]
 
 
 def read_upload(kind: Kind, name: str, data: bytes, about: str | None, vocabulary: Vocabulary) -> Upload:
-    """Check and describe an upload. ``about``: local name or IRI of its subject, where it could have several.
+    """Check and describe an upload.
 
-    Raises BadInput with everything that is wrong with it.
+    ``about`` is the local name or IRI of its subject, needed if there are several candidates. Raises BadInput with all
+    errors found.
     """
     _check_name("upload", name, None)
-    ontology, syntax, file = _loaded(name, data, vocabulary)
-    found = [one for one in ontology.diagnostics if _concerns(one, file)]
-    subject = _checked(kind, ontology, about, found)
-    found = list(dict.fromkeys(as_here(one, vocabulary) for one in found if _concerns(one, file)))
+    ontology, syntax, file = _load(name, data, vocabulary)
+    diagnostics = [one for one in ontology.diagnostics if _concerns(one, file)]
+    subject = _check(kind, ontology, about, diagnostics)
+    diagnostics = list(dict.fromkeys(as_here(one, vocabulary) for one in diagnostics if _concerns(one, file)))
     _check_name(subject, name, Span(file))
-    if has_errors(found):
-        raise BadInput(found)
-    description = _described(ontology, subject, vocabulary, file)
+    if has_errors(diagnostics):
+        raise BadInput(diagnostics)
+    description = _describe(ontology, subject, vocabulary, file)
     label = (ontology.label(subject) or local_name(subject))[:LONGEST_WORD]
     content = Content(kind, subject, name, label, syntax, data, packed(description, vocabulary))
-    return Upload(content, tuple(found))
+    return Upload(content, tuple(diagnostics))
 
 
 def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
-    """Return a diagnostic as a stranger is told it: with advice for who hands in, and without paths of this machine."""
+    """Rewrite a diagnostic for a client: with advice on uploads, and without paths of the server's file system."""
 
     def named(text: str) -> str:
         for folder in (str(path) for given in vocabulary.folders for path in (given, given.resolve())):
@@ -86,7 +87,7 @@ def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
 
     advice = diagnostic.help and named(diagnostic.help)
     if diagnostic.code in IMPORTS:
-        advice = "this server knows the bundled ontologies and those of planlang serve --ontologies"
+        advice = "this server has only the bundled ontologies and those of planlang serve --ontologies"
     span = diagnostic.span and diagnostic.span._replace(file=named(diagnostic.span.file))
     return replace(diagnostic, message=named(diagnostic.message), span=span, help=advice)
 
@@ -99,12 +100,12 @@ def _check_name(about: str, name: str, span: Span | None) -> None:
 
 
 def packed(description: Description, vocabulary: Vocabulary) -> bytes:
-    """Return a description as a store keeps it: behind the layout of descriptions and the vocabulary it was made by."""
+    """Encode a description for a store, after a line with its layout and the digest of the vocabulary."""
     return f"{_stamp(vocabulary)}\n".encode() + facts.packed(description)
 
 
 def unpacked(stored: bytes, vocabulary: Vocabulary) -> tuple[facts.Unpacked | None, bool]:
-    """Return a kept description, None if it has another layout, and whether it has to be made anew."""
+    """Decode a stored description (None if it has another layout); the flag is True if it has to be computed again."""
     stamp, _, data = stored.partition(b"\n")
     if stamp.partition(b" ")[0] != LAYOUT.encode():
         return None, True
@@ -119,20 +120,20 @@ def _stamp(vocabulary: Vocabulary) -> str:
 
 
 def load_upload(name: str, data: bytes, vocabulary: Vocabulary) -> Ontology:
-    """Return the ontology that a content is, with its imports and the bundled vocabulary. Raises BadInput."""
-    return _loaded(name, data, vocabulary)[0]
+    """Load a content with its imports and the bundled vocabulary. Raises BadInput."""
+    return _load(name, data, vocabulary)[0]
 
 
-def _loaded(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syntax, str]:
+def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syntax, str]:
     stem = "".join(name.split()) or "upload"
-    read = documents.syntax_of(decode(data, stem), stem)
-    if read not in _SYNTAXES:
+    detected = documents.syntax_of(decode(data, stem), stem)
+    if detected not in _SYNTAXES:
         advice = (
-            "a world: planlang convert writes it as a map in Manchester syntax; a robot: hand in its self-model, "
-            "and attach the URDF to that"
+            "convert a world to a map in Manchester syntax with planlang convert; for a robot, upload its self-model "
+            "and attach the URDF to it"
         )
-        raise BadInput([error("K014", f"{read.value} is not kept here", Span(stem), advice)])
-    syntax, suffix = _SYNTAXES[read]
+        raise BadInput([error("K014", f"{detected.value} cannot be uploaded", Span(stem), advice)])
+    syntax, suffix = _SYNTAXES[detected]
     file = stem.replace("/", "_")[:100] + suffix
     return load(Path(file), folders=vocabulary.folders, content=data), syntax, file
 
@@ -144,14 +145,17 @@ def _concerns(diagnostic: Diagnostic, file: str) -> bool:
 # the subject
 
 
-def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
-    """Return the IRI of an upload's subject; appends what its kind's reader finds. Raises BadInput."""
+def _check(kind: Kind, ontology: Ontology, about: str | None, diagnostics: list[Diagnostic]) -> str:
+    """Check an upload by the reader of its kind, whose diagnostics are appended; returns the IRI of its subject.
+
+    Raises BadInput.
+    """
     if kind is Kind.RECIPE:
         plan = compile_ontology(ontology, task=about)
-        found += plan.diagnostics
+        diagnostics += plan.diagnostics
         return plan.recipes.main.iri
     if kind is Kind.ENVIRONMENT:
-        return _map_of(ontology, about, found)
+        return _map_of(ontology, about, diagnostics)
     if kind is Kind.EXPERIENCE:
         return episode_in(ontology.alone().triples(), str(ontology.documents[0].path))
     if kind is Kind.ROBOT:
@@ -162,14 +166,14 @@ def _checked(kind: Kind, ontology: Ontology, about: str | None, found: list[Diag
     return _only(kind, ontology, _subjects(ontology, kind))
 
 
-def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> str:
+def _map_of(ontology: Ontology, about: str | None, diagnostics: list[Diagnostic]) -> str:
     maps = _maps(ontology)
     try:
-        found += read_map(ontology).diagnostics
+        diagnostics += read_map(ontology).diagnostics
     except BadInput as problem:
         if not maps or {one.code for one in problem.diagnostics if has_errors([one])} != {"M009"}:
             raise
-        found += (one for one in problem.diagnostics if one.code != "M009")  # a map may be a picture beside it
+        diagnostics += (one for one in problem.diagnostics if one.code != "M009")  # the map may be an attached image
     if about is not None:
         return _named(ontology, about)
     rooms = [one for one in ontology.individuals(expand("RoomInAConstruction")) if ontology.main(one)]
@@ -177,26 +181,26 @@ def _map_of(ontology: Ontology, about: str | None, found: list[Diagnostic]) -> s
 
 
 def _maps(ontology: Ontology) -> list[str]:
-    """Return the individuals of the main document that are maps: by their class, their files, or what is in them."""
+    """Individuals of the main document that are maps: by class, by a map file, or by the things described in them."""
     main = ontology.alone()
-    found = [one for name in MAPS for one in ontology.individuals(expand(name)) if ontology.main(one)]
-    found += [str(t.object) for t in main.using("describedInMap") if isinstance(t.object, str)]
-    found += [t.subject for t in main.using("linkToMapFile") if isinstance(t.subject, str)]
-    return list(dict.fromkeys(found))
+    maps = [one for name in MAPS for one in ontology.individuals(expand(name)) if ontology.main(one)]
+    maps += [str(t.object) for t in main.using("describedInMap") if isinstance(t.object, str)]
+    maps += [t.subject for t in main.using("linkToMapFile") if isinstance(t.subject, str)]
+    return list(dict.fromkeys(maps))
 
 
 def _named(ontology: Ontology, about: str) -> str:
-    """Return the IRI of what the main document states under a local name or an IRI. Raises BadInput."""
+    """Resolve a local name or IRI to an IRI of the main document. Raises BadInput."""
     own = dict.fromkeys(term for term in ontology.alone().store.terms if isinstance(term, str) and ontology.main(term))
-    meant = [iri for iri in own if about in (iri, local_name(iri))]
-    if about in meant:
+    matches = [iri for iri in own if about in (iri, local_name(iri))]
+    if about in matches:
         return about
-    if len(meant) == 1:
-        return meant[0]
+    if len(matches) == 1:
+        return matches[0]
     span = Span(str(ontology.documents[0].path))
-    if meant:
-        raise BadInput([error("K010", f"{about} has several meanings", span, f"about is one of {_listed(meant)}")])
-    raise BadInput([error("K011", f"nothing in this file is called {about}", span)])
+    if matches:
+        raise BadInput([error("K010", f"{about} is ambiguous", span, f"set about to one of {_listed(matches)}")])
+    raise BadInput([error("K011", f"this file defines nothing named {about}", span)])
 
 
 def _only(kind: Kind, ontology: Ontology, candidates: list[str]) -> str:
@@ -204,9 +208,9 @@ def _only(kind: Kind, ontology: Ontology, candidates: list[str]) -> str:
     if len(candidates) == 1:
         return candidates[0]
     if candidates:
-        message = f"{len(candidates)} things of this file could be what the {kind.word} is about"
-        raise BadInput([error("K010", message, span, f"name one by about: {_listed(candidates)}")])
-    raise BadInput([error("K011", f"nothing in this file is what a {kind.word} is about", span)])
+        message = f"this file has {len(candidates)} possible subjects of the {kind.word}"
+        raise BadInput([error("K010", message, span, f"set about to one of {_listed(candidates)}")])
+    raise BadInput([error("K011", f"this file has no possible subject of the {kind.word}", span)])
 
 
 def _listed(iris: list[str]) -> str:
@@ -214,20 +218,20 @@ def _listed(iris: list[str]) -> str:
 
 
 def _subjects(ontology: Ontology, kind: Kind) -> list[str]:
-    """Return what a file could be about: classes that it says something about, else individuals; no parts of others."""
+    """Possible subjects of a file: for objects its classes, else its individuals; without parts of others."""
     main = ontology.alone()
-    stated = dict.fromkeys(t.subject for t in main.triples() if isinstance(t.subject, str))
-    things = [iri for iri in stated if not _is_language(main, iri)]
+    subjects = dict.fromkeys(t.subject for t in main.triples() if isinstance(t.subject, str))
+    things = [iri for iri in subjects if not _is_language(main, iri)]
     classes = [iri for iri in things if any(main.triples(iri, RDFS.subClassOf)) and kind is Kind.OBJECT]
-    candidates = classes or [iri for iri in things if main.is_individual(iri) and not _is_sight(ontology, iri, kind)]
+    candidates = classes or [iri for iri in things if main.is_individual(iri) and not _is_event(ontology, iri, kind)]
     outward = set(main.properties_named(*OUTWARD))
     inside = {t.object for t in main.triples() if t.predicate not in (RDF.type, *outward)}
     inside |= {t.subject for t in main.using(*WHOLES)}
     return [iri for iri in candidates if iri not in inside]
 
 
-def _is_sight(ontology: Ontology, iri: str, kind: Kind) -> bool:
-    """Return True for a perception: it says where a thing is, and is what nothing but an experience is about."""
+def _is_event(ontology: Ontology, iri: str, kind: Kind) -> bool:
+    """Check for an event, such as a perception of a thing in a map: only an experience has events as subjects."""
     return kind is not Kind.EXPERIENCE and ontology.is_a(iri, expand("Event"))
 
 
@@ -235,41 +239,42 @@ def _is_language(main: Ontology, iri: str) -> bool:
     return main.is_property(iri) or OWL.Ontology in main.values(iri, RDF.type)
 
 
-# what it is found by
+# the description
 
 
-def _described(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: str) -> Description:
+def _describe(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: str) -> Description:
     own = own_axioms_of(ontology, vocabulary.axioms)
     is_individual = not ontology.is_class(subject)
     try:
-        found = described(subject, vocabulary.axioms, own, is_individual=is_individual, words=_words(ontology, subject))
+        words = _words(ontology, subject)
+        description = described(subject, vocabulary.axioms, own, is_individual=is_individual, words=words)
     except TooLarge as problem:
         raise BadInput([error("K013", str(problem), Span(file))]) from None
-    return replace(found, place=places(ontology))
+    return replace(description, place=places(ontology))
 
 
 def warm_up(vocabulary: Vocabulary) -> None:
-    """Read what all checks need, so that none of them need."""
+    """Check a bundled recipe once, so that lazily loaded data is there before workers are forked."""
     read_upload(Kind.RECIPE, "first", Bundled.RECIPE.find("serve_a_drink").read_bytes(), None, vocabulary)
 
 
 def describe(about: str, name: str, data: bytes, vocabulary: Vocabulary) -> Description:
-    """Return the description of a content that was taken before. Raises BadInput if it cannot be read any more."""
-    ontology, _, file = _loaded(name, data, vocabulary)
-    return _described(ontology, about, vocabulary, file)
+    """Describe a stored content again. Raises BadInput if it can no longer be read."""
+    ontology, _, file = _load(name, data, vocabulary)
+    return _describe(ontology, about, vocabulary, file)
 
 
 def _words(ontology: Ontology, subject: str) -> Iterator[str]:
-    found: dict[str, None] = {}
+    words: dict[str, None] = {}
     for word in _all_words(ontology, subject):
-        found.setdefault(word[:LONGEST_WORD])
-        if len(found) == MOST_WORDS:
+        words.setdefault(word[:LONGEST_WORD])
+        if len(words) == MOST_WORDS:
             break
-    yield from found
+    yield from words
 
 
 def _all_words(ontology: Ontology, subject: str) -> Iterable[str]:
-    """Yield names and labels: those of the subject first, then those that the main document speaks of."""
+    """Yield names and labels: those of the subject, then all others in the main document."""
     main = ontology.alone()
     yield local_name(subject)
     for text in main.values(subject, RDFS.label):

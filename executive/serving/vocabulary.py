@@ -1,4 +1,4 @@
-"""The vocabulary that a server begins with: the bundled ontologies and those of the operator's folders."""
+"""Vocabulary of a server: the bundled ontologies and those in the operator's folders."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from planlang.ontology.classes import twin
 from planlang.records import dataclass
 
 MOST_FILES = 150
-"""Ontologies of the operator's folders that are read."""
+"""Largest number of ontologies read from the operator's folders."""
 _SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
 
 
 @dataclass(frozen=True, slots=True)
 class Vocabulary:
-    """The axioms and names that all entries share. Imports of uploads are looked for in ``folders``."""
+    """Axioms and names that all entries share. Imports of uploads are looked up in ``folders``."""
 
     folders: tuple[Path, ...]
     axioms: Axioms
     names: Mapping[str, Sequence[str]]
-    """Local name -> IRIs."""
+    """IRIs by local name."""
     digest: str
-    """Digest of everything that was read."""
+    """Digest of all files read."""
     diagnostics: tuple[Diagnostic, ...] = ()
-    """Notes on files that could not be read."""
+    """Errors of files that were left out."""
 
 
 def read_vocabulary(folders: Sequence[Path] = ()) -> Vocabulary:
-    """Read the bundled ontologies and every file in some folders; what cannot be read is left out and reported."""
+    """Read the bundled ontologies and those in ``folders``; unreadable files are left out and reported."""
     problems: list[Diagnostic] = []
     files = [path for path in _files(folders) if _is_readable(path, folders, problems)]
-    words = bundled("ontologies") / "experience.omn"  # recipes, maps and robots say nothing of what was done
-    ontology = load(bundled("ontologies") / "knowrob.omn", folders=folders, also=[words, *files])
+    experience = bundled("ontologies") / "experience.omn"  # terms of recorded runs, which knowrob.omn does not import
+    ontology = load(bundled("ontologies") / "knowrob.omn", folders=folders, also=[experience, *files])
     digest = hashlib.sha256("".join(document.sha256 for document in ontology.documents).encode())
     terms = (term for term in ontology.store.terms if isinstance(term, str))
     named = [
@@ -48,7 +48,7 @@ def read_vocabulary(folders: Sequence[Path] = ()) -> Vocabulary:
 
 
 def _has_twin(ontology: Ontology, iri: str) -> bool:
-    """Return True for RoboEarth's name of what KnowRob calls the same: whoever asks for one means both."""
+    """Check for a RoboEarth term that KnowRob has under the same name: one name in a query stands for both."""
     other = twin(iri)
     return other is not None and ontology.defined(other)
 

@@ -1,4 +1,4 @@
-"""The page of news: what happened to the entries that an author watches, and which these are."""
+"""The page of news about the entries that an author watches."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ MOST_NEWS, MOST_WATCHED = 50, 200
 
 @router.get("/news")
 def ask() -> Response:
-    """Return the form that asks for a key."""
-    return _asking()
+    """Show the form for the key."""
+    return _key_form()
 
 
 @router.post("/news")
 def show(form: Filled, served: Served) -> Response:
-    """Watch an entry, or no longer, if the form names one; return what happened to all that the author watches."""
+    """Start or stop watching the entry named in the form, if any, and show the news of all watched entries."""
     try:
         author = author_of(form, served)
         stopped = form.text("stop")
@@ -38,7 +38,7 @@ def show(form: Filled, served: Served) -> Response:
                 else:
                     served.store.subscribe(author, uid, now())
     except REFUSALS as problem:
-        return _asking(problem)
+        return _key_form(problem)
     subscriptions = served.store.subscriptions(author)
     watched = _watched(served, subscriptions[:MOST_WATCHED])
     return page(
@@ -46,23 +46,23 @@ def show(form: Filled, served: Served) -> Response:
     )
 
 
-def _asking(problem: Refusal | None = None) -> Response:
+def _key_form(problem: Refusal | None = None) -> Response:
     reason = "" if problem is None else refusal(problem)[1]
     return page("news", status_of(problem), author="", news=(), watched=(), count=0, reason=reason)
 
 
 def _latest(served: Serving, author: str) -> list[tuple[News, bool]]:
-    """Return the last news of what an author watches, the newest first, each with whether the entry is there."""
-    found = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
-    return [(one, one.uid in served.catalogue) for one in found]
+    """Latest news of watched entries, newest first, each with whether the entry still exists."""
+    news = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
+    return [(one, one.uid in served.catalogue) for one in news]
 
 
 def _watched(served: Serving, uids: Iterable[str]) -> list[tuple[str, Entry | None]]:
-    """Return the entries of identifiers; None for one that was deleted."""
-    found: list[tuple[str, Entry | None]] = []
+    """Look up entries; None stands for a deleted one."""
+    watched: list[tuple[str, Entry | None]] = []
     for uid in uids:
         entry = None
         with suppress(NoSuchEntry):
             entry = served.store.entry(uid)
-        found.append((uid, entry))
-    return found
+        watched.append((uid, entry))
+    return watched

@@ -1,4 +1,4 @@
-"""What a worker of the server does: it reads contents of strangers, which no reader is proof against."""
+"""Worker process of the server. It parses untrusted contents, isolated from the server's own process."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from planlang.diagnostics import BadInput
 
 
 def prepared(*folders: str) -> Performs:
-    """Read the vocabulary, with the ontologies in ``folders``; calls get it behind their arguments."""
+    """Read the vocabulary with the ontologies in ``folders``; calls get it as their last argument."""
     vocabulary = read_vocabulary([Path(folder) for folder in folders])
     warm_up(vocabulary)
-    os.nice(5)  # whoever only reads goes first
+    os.nice(5)  # lets the server's own process, which answers plain reads, go first
 
     def perform(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
         try:

@@ -1,7 +1,7 @@
-"""Work in processes of its own, a bounded number at a time: checks of uploads, conversions, comparisons with robots.
+"""Pools of worker processes for checks of uploads, conversions and comparisons with robots.
 
-Each call has limits of time and memory at which the worker is ended, and a place in a queue: first come, first served.
-Who would wait for long is told at once when to come back.
+Each call has limits of time and memory, at which its worker is killed. Calls wait in a first-in-first-out queue; a call
+that would have to wait for long is refused at once, with the time after which to try again.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ T = TypeVar("T")
 LIMITS = Limits()
 """Limits of one call."""
 AT_A_TIME = 2
-"""Checks, and likewise calls on behalf of readers, that are computed at a time."""
+"""Number of workers that check uploads, and of those that serve readers."""
 LONGEST_WAIT = 2.0
-"""Seconds that a call may be expected to wait for its turn; nobody waits more than twice as long."""
+"""Longest expected wait in the queue [s]; the actual wait is limited to twice this time."""
 USUAL = 0.05
-"""Seconds that a call is expected to take before any has been done."""
+"""Initial estimate of the duration of a call [s]."""
 PREPARE = "executive.serving.worker:prepared"
-"""What the workers of a server are forked from has read the vocabulary."""
+"""Function that reads the vocabulary in the process that workers are forked from."""
 MOST_WAITING = 100
-"""Calls that wait for their turn."""
+"""Longest queue."""
 
 
 class Busy(Exception):
-    """The refusal of a call while so many wait for their turn; ``seconds`` says after how long to come back."""
+    """A call was refused because the queue is too long; try again after ``seconds``."""
 
     def __init__(self, seconds: float, what: str = "checked") -> None:
         super().__init__(f"too much is being {what} at the moment; try again later")
@@ -47,14 +47,14 @@ class Busy(Exception):
 
 
 class Failed(Exception):
-    """The failure of a worker that came upon a mistake in planlang, or ended with it; the text says which."""
+    """A worker raised an unexpected exception or died (an error in planlang); the text has the reason."""
 
 
 class Workers:
-    """Some workers of one source, and the queue of those who need them. Threads may share it."""
+    """Pool of worker processes with a queue. Thread-safe."""
 
     def __init__(self, source: Source, number: int, limits: Limits, longest_wait: float = LONGEST_WAIT) -> None:
-        """Refuse whoever is expected to wait longer than ``longest_wait`` [s]."""
+        """Set up ``number`` workers; calls with an expected wait above ``longest_wait`` [s] are refused."""
         self._number, self._limits, self._longest = number, limits, longest_wait
         self._lock = threading.Lock()
         self._free = [Worker(source, limits) for _ in range(number)]
@@ -63,20 +63,20 @@ class Workers:
 
     @property
     def are_free(self) -> bool:
-        """Whether a call would be done at once."""
+        """Whether a worker is idle."""
         return bool(self._free)
 
     @property
     def waiting(self) -> int:
-        """The number of calls that wait for their turn."""
+        """Number of calls in the queue."""
         return len(self._waiting)
 
     def call(self, function: Callable[..., T], *arguments: object) -> T:
-        """Return what a module's function returns for some arguments with, behind them, the vocabulary.
+        """Run a module-level function in a worker, with the vocabulary as an additional last argument.
 
-        Raises Busy; BadInput as the function does, or with K015 if it takes more than its limits; Failed.
+        Raises Busy; BadInput as the function does, or with K015 if it exceeds its limits; Failed.
         """
-        worker, began = self._turn(), time.monotonic()
+        worker, began = self._acquire(), time.monotonic()
         try:
             reply = worker.call(function, *arguments)
         finally:
@@ -89,10 +89,10 @@ class Workers:
             case Ending.FAILED:
                 raise Failed(str(reply.answer))
             case Ending.LOST:
-                raise Failed(f"{ATTEMPTS} workers ended at {function.__name__}")
+                raise Failed(f"{ATTEMPTS} workers died in {function.__name__}")
         raise BadInput([_beyond(self._limits, is_late=reply.ending is Ending.LATE)])
 
-    def _turn(self) -> Worker:
+    def _acquire(self) -> Worker:
         with self._lock:
             if self._free:
                 return self._free.pop()
@@ -108,7 +108,7 @@ class Workers:
                 if place in self._waiting:
                     self._waiting.remove(place)
                     raise Busy(self._longest) from None
-            return place.result()
+            return place.result()  # a worker was assigned between the timeout and the lock
 
     def _give_back(self, worker: Worker, seconds: float) -> None:
         with self._lock:
@@ -119,29 +119,29 @@ class Workers:
                 self._free.append(worker)
 
     def close(self) -> None:
-        """Let workers end that are not at work."""
+        """End the idle workers."""
         with self._lock:
             for worker in self._free:
                 worker.close()
 
 
 def nothing(_: object) -> None:
-    """Do nothing: a worker that has done it is there."""
+    """Do nothing; the call returns once a worker is ready."""
 
 
 def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
     limit = f"{limits.seconds} s" if is_late else f"{limits.memory / 1e6:g} MB of memory"
-    advice = "hand it in in smaller parts"
+    advice = "split the upload into smaller parts"
     if is_late:
-        advice += ", or ask the operator for more: planlang serve --check-seconds"
-    return error("K015", f"to check this takes more than {limit}", help=advice)
+        advice += ", or ask the operator for a higher limit: planlang serve --check-seconds"
+    return error("K015", f"the check takes more than {limit}", help=advice)
 
 
 class Staff:
-    """The workers of a server: who check, who let somebody read, one for questions, and one for what can wait."""
+    """Worker pools of a server: for uploads, for readers, for parsing queries, and for background work."""
 
     def __init__(self, folders: Sequence[Path] = (), limits: Limits = LIMITS) -> None:
-        """Employ workers who read the vocabulary in ``folders``, beside the bundled one."""
+        """Set up the pools; workers know the bundled vocabulary and the ontologies in ``folders``."""
         self._folders = tuple(folders)
         self._source = Source(PREPARE, *map(str, folders))
         self.checking = Workers(self._source, AT_A_TIME, limits)
@@ -151,15 +151,15 @@ class Staff:
 
     @cached_property
     def vocabulary(self) -> Vocabulary:
-        """The vocabulary that its workers know."""
+        """Vocabulary of the workers, read in this process."""
         return read_vocabulary(self._folders)
 
     def start(self) -> None:
-        """Let the process be started that workers are forked from."""
+        """Start the process that workers are forked from."""
         self._source.start()
 
     def wait(self) -> None:
-        """Wait until a check would begin at once."""
+        """Wait until workers are ready."""
         self.behind.call(nothing)
 
     def close(self) -> None:

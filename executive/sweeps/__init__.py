@@ -1,4 +1,4 @@
-"""One job in many worlds, such as a run by many seeds: supervised processes, files that resume, counts of outcomes."""
+"""Run one job in many worlds, such as a plan with many seeds: processes, resumable files, statistics of outcomes."""
 
 from executive.sweeps.records import Row, World
 from executive.sweeps.running import run

@@ -1,7 +1,7 @@
-"""Files of sweeps: a line that says what is swept, then a line of JSON for each world that has been done.
+"""Files of sweeps (JSON lines): a header that identifies the sweep, then one row for each finished world.
 
-Lines are appended as worlds are done, and sorted by world when all are. What a killed process left of a last line is
-dropped. No line depends on time, on the number of processes or on shards: equal sweeps have equal files.
+Rows are appended as worlds finish, and sorted by world at the end. An incomplete last line, left by a killed process,
+is dropped. No row depends on time, on the number of processes or on shards: equal sweeps have equal files.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from planlang.outputs import MARK, write_text
 from planlang.records import dataclass
 
 LARGEST = 1_000_000_000
-"""Largest file that is read [bytes]."""
+"""Largest file that can be read [bytes]."""
 SYNCED_EVERY = 5.0
-"""Seconds after which lines are forced to the disk: so much is lost if the machine fails; if planlang does, nothing."""
+"""Interval of fsync [s]: a crash of the machine loses at most this much work, a crash of planlang none."""
 _WHOLE = [1, 1]
 Header = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """The content of a file: what is swept, and the rows of worlds that have been done, in the order of the file."""
+    """Content of a file: its header, and the rows of finished worlds in the order of the file."""
 
     file: str
     header: Header
@@ -44,13 +44,13 @@ class Sweep:
 
     @property
     def missing(self) -> tuple[Any, ...]:
-        """The keys of worlds without a row: of all worlds, also those of other shards."""
+        """Keys of worlds without a row, including those of other shards."""
         done = {row["world"] for row in self.rows}
         return tuple(key for key in self.header["worlds"] if key not in done)
 
 
 def header_of(job: str, about: Mapping[str, Any], worlds: Sequence[World], shard: tuple[int, int]) -> Header:
-    """Return the first line of a sweep's file; it is the same for equal sweeps only."""
+    """Build the header of a file; only equal sweeps have equal headers."""
     digest = hashlib.sha256("\n".join(map(_line, worlds)).encode())
     return {
         "sweep": MARK,
@@ -64,7 +64,7 @@ def header_of(job: str, about: Mapping[str, Any], worlds: Sequence[World], shard
 
 
 class SweepFile:
-    """A file that a sweep is written to."""
+    """Output file of a sweep, locked while it is open."""
 
     def __init__(self, path: Path, descriptor: int, sweep: Sweep) -> None:
         self.rows = sweep.rows
@@ -74,9 +74,9 @@ class SweepFile:
     @classmethod
     @contextmanager
     def opened(cls, path: Path, header: Header) -> Iterator[SweepFile]:
-        """Open a file to go on with its sweep, or a new one.
+        """Create a file, or open an existing one to resume its sweep.
 
-        Raises BadInput if it holds something else or another sweep, if another process writes it, or it cannot be
+        Raises BadInput if it is not the file of this sweep, if another process has locked it, or if it cannot be
         written.
         """
         try:
@@ -85,63 +85,63 @@ class SweepFile:
             raise BadInput([error("C004", f"{path} cannot be written: {problem.strerror}")]) from None
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise BadInput([error("C004", f"{path} is no file: a sweep reads it, too")])
+                raise BadInput([error("C004", f"{path} is not a regular file, which a sweep needs to resume")])
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 raise BadInput([error("C032", f"another process is writing {path}")]) from None
-            yield cls(path, descriptor, _gone_on_with(path, descriptor, header))
+            yield cls(path, descriptor, _resume(path, descriptor, header))
         finally:
             os.close(descriptor)
 
     def append(self, row: Row) -> None:
-        """Write a row as the last line."""
+        """Append a row."""
         os.write(self._descriptor, f"{_line(row)}\n".encode())
         if time.monotonic() - self._synced > SYNCED_EVERY:
             os.fsync(self._descriptor)
             self._synced = time.monotonic()
 
     def finish(self, rows: Sequence[Row]) -> None:
-        """Sort the lines, at once or not at all: these are all rows, in their order."""
+        """Rewrite the file atomically with all rows in their final order."""
         write_sweep(self._path, self._header, rows)
 
 
 def write_sweep(path: Path, header: Header, rows: Sequence[Row]) -> None:
-    """Write a whole file, at once or not at all. Raises BadInput."""
+    """Write a whole file atomically. Raises BadInput."""
     write_text(path, "".join(f"{_line(one)}\n" for one in (header, *rows)))
 
 
 def read_sweep(path: Path) -> Sweep:
-    """Read the file of a sweep. Raises BadInput if it is none, or damaged other than by an incomplete last line."""
+    """Read the file of a sweep; an incomplete last line is ignored. Raises BadInput if it is invalid otherwise."""
     content = read_file(path, largest=LARGEST)
     *lines, rest = content.split(b"\n")
     if not lines:
-        raise BadInput([_none(path, 1)])
-    header = _parsed(lines[0], path, 1)
+        raise BadInput([_invalid(path, 1)])
+    header = _parse(lines[0], path, 1)
     if header.get("sweep") != MARK or not _is_header(header):
-        raise BadInput([_none(path, 1)])
+        raise BadInput([_invalid(path, 1)])
     known, rows = set(header["worlds"]), dict[Any, Row]()
     for number, line in enumerate(lines[1:], 2):
-        row = _parsed(line, path, number)
+        row = _parse(line, path, number)
         key = row.get("world")
         if not isinstance(key, int | str) or key not in known or key in rows:
-            message = f"this is no world of the sweep, or a second line of one: {str(key)[:100]}"
+            message = f"world {str(key)[:100]} is not part of the sweep, or has two lines"
             raise BadInput([error("C030", message, Span(str(path), number))])
         rows[key] = row
     return Sweep(str(path), header, tuple(rows.values()), len(rest))
 
 
 def differences(header: Header, other: Header) -> list[str]:
-    """Return what differs between two sweeps, in words; nothing for the same one, or shards of it."""
-    found = [f"{name} is {there!s:.200}, not {here!s:.200}" for name, there, here in _different(header, other)]
+    """Describe how two sweeps differ; empty for shards of one sweep."""
+    texts = [f"{name} is {there!s:.200}, not {here!s:.200}" for name, there, here in _different_values(header, other)]
     if len(header["worlds"]) != len(other["worlds"]):
-        found.append(f"it has {len(header['worlds'])} worlds, not {len(other['worlds'])}")
-    elif not found and header["worlds_sha256"] != other["worlds_sha256"]:
-        found.append("the worlds differ")
-    return found
+        texts.append(f"it has {len(header['worlds'])} worlds, not {len(other['worlds'])}")
+    elif not texts and header["worlds_sha256"] != other["worlds_sha256"]:
+        texts.append("the worlds differ")
+    return texts
 
 
-def _different(header: Header, other: Header) -> Iterator[tuple[str, Any, Any]]:
+def _different_values(header: Header, other: Header) -> Iterator[tuple[str, Any, Any]]:
     for name in ("version", "job"):
         if header[name] != other[name]:
             yield name, header[name], other[name]
@@ -151,11 +151,11 @@ def _different(header: Header, other: Header) -> Iterator[tuple[str, Any, Any]]:
             yield name, there.get(name), here.get(name)
 
 
-def _gone_on_with(path: Path, descriptor: int, header: Header) -> Sweep:
-    """Return what a file has of a sweep, without a torn last line; begin it if it is empty."""
+def _resume(path: Path, descriptor: int, header: Header) -> Sweep:
+    """Read the rows of a file and cut off an incomplete last line; write the header if the file is empty."""
     first = f"{_line(header)}\n".encode()
     if first.startswith(os.pread(descriptor, len(first), 0)) and os.fstat(descriptor).st_size < len(first):
-        os.ftruncate(descriptor, 0)  # empty, or its first line is torn
+        os.ftruncate(descriptor, 0)  # empty, or the header is incomplete
         os.write(descriptor, first)
         return Sweep(str(path), header, ())
     sweep = read_sweep(path)
@@ -163,29 +163,29 @@ def _gone_on_with(path: Path, descriptor: int, header: Header) -> Sweep:
     if not found and sweep.header["shard"] != header["shard"]:
         found = [f"shard is {_shard(sweep.header)}, not {_shard(header)}"]
     if found:
-        advice = "name another file, or delete this one"
-        raise BadInput([error("C031", f"{path} has another sweep: {'; '.join(found)}", Span(str(path), 1), advice)])
+        advice = "choose another file, or delete this one"
+        message = f"{path} belongs to another sweep: {'; '.join(found)}"
+        raise BadInput([error("C031", message, Span(str(path), 1), advice)])
     if sweep.torn:
         os.ftruncate(descriptor, os.fstat(descriptor).st_size - sweep.torn)
     return sweep
 
 
 def merged(sweeps: Sequence[Sweep]) -> Sweep:
-    """Return shards of one sweep together; raises BadInput for different sweeps, and for rows that contradict."""
+    """Merge the shards of a sweep. Raises BadInput if they belong to different sweeps or have contradictory rows."""
     first, problems = sweeps[0], list[Diagnostic]()
     rows: dict[Any, tuple[Row, str]] = {}
     for sweep in sweeps:
         if found := differences(sweep.header, first.header):
-            message = f"{sweep.file} has another sweep than {first.file}: {'; '.join(found)}"
+            message = f"{sweep.file} belongs to another sweep than {first.file}: {'; '.join(found)}"
             problems.append(error("C031", message, Span(sweep.file, 1)))
             continue
         for row in sweep.rows:
-            before, file = rows.setdefault(row["world"], (row, sweep.file))
-            if before != row:
-                message = f"world {row['world']} ended otherwise than in {file}"
-                problems.append(
-                    error("C031", message, Span(sweep.file), "repeat it: one machine was slower, or differs")
-                )
+            earlier, file = rows.setdefault(row["world"], (row, sweep.file))
+            if earlier != row:
+                message = f"world {row['world']} ended differently from {file}"
+                advice = "repeat this world: one machine was slower or has different software"
+                problems.append(error("C031", message, Span(sweep.file), advice))
     if problems:
         raise BadInput(problems)
     ordered = tuple(rows[key][0] for key in first.header["worlds"] if key in rows)
@@ -203,19 +203,19 @@ def _is_header(header: Row) -> bool:
     )
 
 
-def _parsed(line: bytes, path: Path, number: int) -> Row:
+def _parse(line: bytes, path: Path, number: int) -> Row:
     try:
-        found = json.loads(line.decode())
+        row = json.loads(line.decode())
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
-        raise BadInput([_none(path, number)])
-    return found
+        row = None
+    if not isinstance(row, dict):
+        raise BadInput([_invalid(path, number)])
+    return row
 
 
-def _none(path: Path, line: int) -> Diagnostic:
-    message = "this file has no sweep" if line == 1 else "this line of a sweep is damaged"
-    return error("C030", message, Span(str(path), line), "planlang sweep RECIPE --out FILE writes one")
+def _invalid(path: Path, line: int) -> Diagnostic:
+    message = "this is not the file of a sweep" if line == 1 else "this line of a sweep is damaged"
+    return error("C030", message, Span(str(path), line), "write one with planlang sweep RECIPE --out FILE")
 
 
 def _line(value: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Sweeps on this machine: threads that each supervise one warm process at a time."""
+"""Sweeps on this machine: each thread supervises one worker process."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from planlang.diagnostics import BadInput
 
 @contextmanager
 def worlds_done(worlds: Sequence[World], task: Task) -> Iterator[Iterator[Done]]:
-    """Do a task in worlds, ``task.processes`` at a time. A world in which the job raises BadInput ends the sweep."""
-    resolve_name(task.job)  # a mistake in its name is the caller's, not that of each world
+    """Run a task in all worlds, ``task.processes`` at a time. BadInput raised by the job ends the sweep."""
+    resolve_name(task.job)  # a wrong name raises here, instead of failing in each world
     with tempfile.TemporaryDirectory(prefix="planlang-sweep-") as folder:
         path = [os.path.abspath(one) for one in sys.path]
         source = Source("executive.sweeps.local:prepared", task.job, folder, *path)
@@ -36,7 +36,7 @@ def worlds_done(worlds: Sequence[World], task: Task) -> Iterator[Iterator[Done]]
 
 
 class _Supervision:
-    """Threads that take one world after another, and do each in a process."""
+    """Threads that take worlds from a queue and run each in a worker process."""
 
     def __init__(self, worlds: Sequence[World], task: Task, source: Source) -> None:
         self._waiting, self._task, self._source = iter(worlds), task, source
@@ -51,7 +51,7 @@ class _Supervision:
             one.start()
 
     def results(self) -> Iterator[Done]:
-        """Yield worlds as they are done."""
+        """Yield results in the order in which worlds finish."""
         for _ in range(self._number):
             result = self._results.get()
             if isinstance(result, BaseException):
@@ -59,7 +59,7 @@ class _Supervision:
             yield result
 
     def stop(self) -> None:
-        """End the processes; what they have not done is not reported."""
+        """End the processes; unfinished worlds are not reported."""
         self._is_stopped = True
         self._source.close()
         for one in self._threads:
@@ -84,7 +84,7 @@ class _Supervision:
 
 
 def _done(world: World, reply: Reply, limits: Limits) -> Done:
-    """Return the row of a world; raises BadInput if the job did."""
+    """Build the row of a world from a worker's reply. Raises BadInput if the job did."""
     known = {key: world[key] for key in ("world", "repeat") if key in world}
     match reply.ending:
         case Ending.DONE:
@@ -94,27 +94,27 @@ def _done(world: World, reply: Reply, limits: Limits) -> Done:
         case Ending.FAILED:
             kind, message = str(reply.answer).partition(": ")[0], str(reply.answer)
         case Ending.MEMORY:
-            kind, message = "OutOfMemory", f"it needs more than {limits.memory / 1e6:g} MB of memory"
+            kind, message = "OutOfMemory", f"it needed more than {limits.memory / 1e6:g} MB of memory"
         case Ending.LATE:
             kind = "OutOfTime"
-            message = f"it takes more than {limits.seconds} s of CPU or hangs for {limits.wall:g} s"
+            message = f"it took more than {limits.seconds} s of CPU time, or {limits.wall:g} s in all"
         case Ending.LOST:
-            kind, message = "ProcessEnded", f"{ATTEMPTS} processes in a row ended without an answer"
+            kind, message = "ProcessEnded", f"{ATTEMPTS} processes in a row died without a result"
     return Done({**known, "outcome": CRASHED, "failure": [kind], "message": message}, reply.seconds)
 
 
-# in the processes
+# in the worker processes
 
 
 def prepared(job: str, folder: str, *path: str) -> Performs:
-    """Import the job, once for all processes; its temporary files go to ``folder``, which the supervisor removes."""
+    """Import the job before processes are forked. Temporary files go to ``folder``, which the supervisor removes."""
     sys.path += [one for one in path if one not in sys.path]
     tempfile.tempdir = folder
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # if the supervisor was killed
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # in case the supervisor is killed
     resolve_name(job)
     return lambda function, arguments: function(*arguments)
 
 
 def do(job: str, world: dict[str, Any]) -> str:
-    """Return the row of a world, as JSON."""
+    """Run the job in a world and encode its row as JSON."""
     return json.dumps(resolve_name(job)(world))

@@ -1,4 +1,4 @@
-"""Worlds, rows and jobs: what a sweep goes through, and what it leaves."""
+"""Data of a sweep: worlds, rows of results, and the task of a backend."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ from executive.processes.calls import Limits
 from planlang.records import dataclass
 
 World = Mapping[str, Any]
-"""What a job gets, as JSON: ``world``, its key (a number or text of its own), and whatever the job needs besides.
+"""Input of a job (JSON): ``world``, a unique key (number or text), and whatever else the job needs.
 
 ``repeat``, the command line that repeats this world, is copied into its row.
 """
 Row = dict[str, Any]
-"""What a job returns of a world, as JSON, behind ``world`` and ``repeat``. Read here are, if they are there:
+"""Result of a job in a world (JSON), after ``world`` and ``repeat``. Sweeps use these optional keys:
 
-``outcome`` ("done", "failed", ...; "crashed" if the job did not end), ``reached`` (False: "done" is not enough),
-``failure`` (class of the failure, then of its causes), ``message`` and ``duration`` [s of plan time].
+``outcome`` ("done", "failed", ...; "crashed" if the job did not end), ``reached`` (False if the plan ended as "done"
+without reaching its goal), ``failure`` (class of the failure, then of its causes), ``message``, and ``duration`` [s of
+plan time].
 """
 CRASHED = "crashed"
-"""The outcome of a world whose job raised an exception, crashed or did not end within its limits."""
+"""Outcome of a world whose job raised an exception, crashed or exceeded its limits."""
 
 LIMITS = Limits(seconds=120, memory=2_000_000_000, wall=600.0)
 """Limits of one world."""
@@ -29,33 +30,33 @@ LIMITS = Limits(seconds=120, memory=2_000_000_000, wall=600.0)
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """A world that has been done."""
+    """Result of a finished world."""
 
     row: Row
     seconds: float
-    """CPU time that it took [s]; 0 if its process crashed."""
+    """CPU time [s]; 0 if the process crashed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a backend does with each world."""
+    """The job that a backend runs in each world."""
 
     job: str
-    """An importable function, ``module:function``."""
+    """Importable function, ``module:function``."""
     limits: Limits
     processes: int
 
 
 Backend = Callable[[Sequence[World], Task], AbstractContextManager[Iterator[Done]]]
-"""Does a task in worlds, and yields them as they are done, in any order; ends what is still going on when closed."""
+"""Runs a task in all worlds and yields the results in any order; stops unfinished worlds when it is closed."""
 
 
 def is_reached(row: Row) -> bool:
-    """Return True if the world ended as it should."""
+    """Check whether the plan reached its goal in this world."""
     return row.get("outcome") == "done" and bool(row.get("reached", True))
 
 
 def first_sentence(message: str) -> str:
-    """Return the first line of a message up to the end of its first sentence."""
+    """Cut a message after the first sentence of its first line."""
     line = message.strip().partition("\n")[0].strip()
     return line.partition(". ")[0].removesuffix(".")

@@ -1,4 +1,4 @@
-"""A sweep: one job in many worlds, on this machine or elsewhere, with a file that it resumes from."""
+"""Run a sweep: one job in many worlds, on some backend, with a file from which it can be resumed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from executive.sweeps.files import SweepFile, header_of
 from executive.sweeps.records import LIMITS, Backend, Done, Row, Task, World
 
 BACKENDS: Mapping[str, Backend] = {"local": local.worlds_done}
-"""Where a sweep can run, by name: a backend yields what is done, this module keeps it."""
+"""Backends by name: a backend runs worlds and yields results, this module stores them."""
 
 
 def run(
@@ -30,19 +30,19 @@ def run(
     told: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
 ) -> list[Row]:
-    """Do a job in many worlds; return a row for each, in their order.
+    """Run a job in many worlds; returns one row per world, in the order of the worlds.
 
-    ``job`` (``module:function``) maps a world to its row in a process that stays warm for the next world. A process
-    that is killed or crashes is replaced, and its world tried once more; a world that ends two processes, or exceeds
-    its ``limits``, becomes a row that says so.
+    ``job`` (``module:function``) maps a world to its row, in a process that is reused for further worlds. If the
+    process crashes, the world is tried once more; a world that crashes two processes or exceeds its ``limits`` gets a
+    row with the outcome "crashed".
 
-    With ``out`` each row is appended to this file as a line of JSON. If the file is there, only what it lacks is done;
-    in the end it is sorted. ``about`` stands in its first line: all that the rows depend on besides the worlds.
-    ``shard`` (k, n) does every n-th world only, from the k-th on. By default there is a process for each core.
-    ``told`` gets each world as it is done, ``resumed`` first the rows that the file has.
+    With ``out``, each row is appended to this file as a line of JSON. If the file exists, only the missing worlds are
+    run; at the end the file is sorted. ``about`` is written to its header: everything besides the worlds that the rows
+    depend on. ``shard`` (k, n) runs only every n-th world, starting with the k-th. ``processes`` defaults to the number
+    of cores. ``resumed`` is called once with the rows already in the file, ``told`` with each new result.
 
-    Raises BadInput as the job does (one that can go on without this world returns a row instead), or if ``out`` is of
-    another sweep; KeyError if ``on`` is no backend; ValueError if two worlds have one key.
+    Raises BadInput as the job does (a job that can skip a world returns a row instead), or if ``out`` belongs to
+    another sweep; KeyError if the backend ``on`` is unknown; ValueError if two worlds have the same key.
     """
     if len({world["world"] for world in worlds}) < len(worlds):
         raise ValueError("two worlds have the same key")
@@ -63,12 +63,12 @@ def run(
                 if file is not None:
                     file.append(done.row)
                 told(done)
-        found = [rows[world["world"]] for world in own]
+        ordered = [rows[world["world"]] for world in own]
         if file is not None:
-            file.finish(found)
-    return found
+            file.finish(ordered)
+    return ordered
 
 
 def available_cores() -> int:
-    """Return the number of cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

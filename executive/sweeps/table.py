@@ -1,4 +1,4 @@
-"""What the rows of a sweep come to: outcomes with their intervals, causes by how often they occur, plan times."""
+"""Statistics of a sweep: outcomes with confidence intervals, causes of failure by frequency, plan times."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from planlang.records import dataclass
 
 REACHED = "reached"
 _Z = 1.959964
-"""Of the standard normal distribution: 95 % lie within so many deviations."""
+"""Two-sided 95 % quantile of the standard normal distribution."""
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """The number of worlds with an outcome, and the 95 % interval of its probability."""
+    """Number of worlds with an outcome, and the 95 % confidence interval of its probability."""
 
     outcome: str
     count: int
@@ -31,19 +31,19 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """A way to fail, how many worlds did so, and the command that repeats the first of them."""
+    """A cause of failure, its number of worlds, and the command that repeats the first of them."""
 
     name: str
-    """The class of the failure, and of what it came from."""
+    """Class of the failure and of its causes, joined by ``<``."""
     sentence: str
-    """The first sentence of its message, in the first of these worlds."""
+    """First sentence of the message in the first of these worlds."""
     count: int
     world: Any
     repeat: str
 
 
 def wilson(count: int, total: int) -> tuple[float, float]:
-    """Return the 95 % interval of a probability after ``count`` of ``total``, by Wilson's score."""
+    """95 % confidence interval of a probability from ``count`` of ``total`` trials (Wilson score interval)."""
     if total == 0:
         return 0.0, 1.0
     share, square = count / total, _Z * _Z / total
@@ -53,14 +53,14 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 def shares(rows: Sequence[Row]) -> list[Share]:
-    """Return how many worlds ended how: what was reached, what failed and what crashed first."""
+    """Count the worlds by outcome; "reached", "failed" and "crashed" come first."""
     counts = Counter({REACHED: 0, "failed": 0, CRASHED: 0})
     counts.update(map(_outcome, rows))
     return [Share(name, count, *wilson(count, len(rows))) for name, count in counts.items()]
 
 
 def causes(rows: Sequence[Row]) -> list[Cause]:
-    """Return why worlds were not reached, most frequent first; messages that differ in numbers only are one cause."""
+    """Group failed worlds by cause, most frequent first; messages that differ only in numbers are one cause."""
     found: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         if not is_reached(row):
@@ -74,7 +74,7 @@ def causes(rows: Sequence[Row]) -> list[Cause]:
 
 
 def table(rows: Sequence[Row], total: int | None = None) -> str:
-    """Return the table as text; ``total`` is the number of worlds that there should be."""
+    """Format the statistics as text; ``total`` is the number of worlds in the whole sweep."""
     number = len(rows) if total in (None, len(rows)) else f"{len(rows)} of {total}"
     lines = [f"{number} world" + "s" * (number != 1)]
     for one in shares(rows):
@@ -90,7 +90,7 @@ def table(rows: Sequence[Row], total: int | None = None) -> str:
 
 
 def csv_text(rows: Sequence[Row]) -> str:
-    """Return the rows as CSV: what is a list is joined, what is deeper is left out."""
+    """Format the rows as CSV; lists are joined, nested objects left out."""
     flat = [{key: _cell(value) for key, value in row.items() if not isinstance(value, dict)} for row in rows]
     names = dict.fromkeys(name for row in flat for name in row)
     text = io.StringIO()
@@ -120,7 +120,7 @@ def _outcome(row: Row) -> str:
 
 
 def _cause(row: Row) -> tuple[str, str]:
-    """Return the classes of what ended a world, and the first sentence of its message."""
+    """Classes of a world's failure and its causes, and the first sentence of the message."""
     failure = row.get("failure") or [_outcome(row)]
     sentence = first_sentence(str(row.get("message") or row.get("cause") or ""))
     return " < ".join(map(str, failure)), sentence.removeprefix(f"{failure[0]}: ")

@@ -1,7 +1,7 @@
-"""Rigid poses and convex shapes, and the readers of the files that hold them: URDF and meshes.
+"""Rigid poses, convex shapes, and readers for URDF and mesh files.
 
-``matrices.py`` multiplies and places, ``shapes.py`` says what takes room.
-Nothing here knows a robot, a world or a plan.
+``matrices.py`` has poses and matrix products, ``shapes.py`` boxes, outlines and solids.
+Nothing here depends on a robot, a world or a plan.
 
 Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in metres, angles in radians, quaternions as
 (x, y, z, w).

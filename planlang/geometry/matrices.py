@@ -1,9 +1,9 @@
-"""Rigid poses, and products of rotations (3, 3) and rigid motions (4, 4), the same to the last bit with every BLAS.
+"""Rigid poses, and products of rotations (3, 3) and rigid motions (4, 4) that are bit-identical on every processor.
 
-NumPy's ``@`` hands matrices to the BLAS, whose kernels differ between processors in the order of sums and in fused
-multiplications, so that a trace would differ in its last digits (OpenBLAS for Nehalem and for Haswell: by up to
-1.4e-14). ``einsum`` without ``optimize`` adds products one after another in C that is compiled once for all processors
-of an architecture. It takes about twice as long for one pair of matrices, which no run notices.
+NumPy's ``@`` calls the BLAS, whose kernels differ between processors in the order of additions and in fused
+multiplications, so traces would differ in their last digits (OpenBLAS for Nehalem and for Haswell: by up to 1.4e-14).
+``einsum`` without ``optimize`` adds the products one after another in C that is compiled once per architecture. For a
+pair of matrices it takes about twice as long, which is negligible in a run.
 """
 
 from __future__ import annotations
@@ -27,17 +27,19 @@ def product(first: Array, *others: Array) -> Array:
 
 
 STEPS = 20
-"""Newton's iterations: it doubles the digits, and the worst matrix that is not flat needs 9."""
+"""Maximum number of Newton iterations: each doubles the digits, and the worst nonsingular matrix needs 9."""
 
 
 def orthonormal(matrix: Array) -> Array:
-    """Return the nearest orthonormal matrix (3, 3): Newton's iteration (N. J. Higham, 1986), the same everywhere.
+    """Compute the nearest orthonormal matrix (3, 3) by Newton's iteration (N. J. Higham, 1986).
 
-    LAPACK's singular values would differ in their last digits between processors.
+    An SVD by LAPACK would differ in the last digits between processors.
     """
     for _ in range(STEPS):
         a, b, c = before = matrix
-        inverse = np.array([np.cross(b, c), np.cross(c, a), np.cross(a, b)])  # transposed, without its factor
+        inverse = np.array(
+            [np.cross(b, c), np.cross(c, a), np.cross(a, b)]
+        )  # transposed, not yet divided by the determinant
         matrix = (matrix + inverse / np.sum(a * inverse[0])) / 2
         if np.array_equal(matrix, before):
             break
@@ -45,17 +47,17 @@ def orthonormal(matrix: Array) -> Array:
 
 
 def rotated(rotation: Array, vectors: Array) -> Array:
-    """Turn vectors (..., 3) by rotations (..., 3, 3); leading axes broadcast, so that one rotation turns (n, 3)."""
+    """Rotate vectors (..., 3) by rotations (..., 3, 3); leading axes broadcast, so one rotation applies to (n, 3)."""
     return np.asarray(np.einsum("...ij,...j->...i", rotation, vectors))
 
 
 def moved(matrix: Array, points: Array) -> Array:
-    """Move points (..., 3) by rigid motions (..., 4, 4); leading axes broadcast, so that one motion moves (n, 3)."""
+    """Transform points (..., 3) by rigid motions (..., 4, 4); leading axes broadcast, as in :func:`rotated`."""
     return rotated(matrix[..., :3, :3], points) + matrix[..., :3, 3]
 
 
 def inverse(matrix: Array) -> Array:
-    """Return the inverses of rigid motions (..., 4, 4): the transposed rotation, the shift turned back."""
+    """Invert rigid motions (..., 4, 4): transpose the rotation, and rotate the translation back."""
     back = np.swapaxes(matrix[..., :3, :3], -1, -2)
     found = np.zeros_like(matrix)
     found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = back, -rotated(back, matrix[..., :3, 3]), 1.0
@@ -63,19 +65,19 @@ def inverse(matrix: Array) -> Array:
 
 
 def rigid(rotation: Array, position: Array) -> Array:
-    """Return the rigid motion (..., 4, 4) of rotations (..., 3, 3) and positions (..., 3)."""
+    """Combine rotations (..., 3, 3) and positions (..., 3) to rigid motions (..., 4, 4)."""
     found = np.zeros((*rotation.shape[:-2], 4, 4))
     found[..., :3, :3], found[..., :3, 3], found[..., 3, 3] = rotation, position, 1.0
     return found
 
 
-# Entry k of a rotation matrix, by rows, is made of two products of parts i and j of a quaternion, number 4 i + j.
+# Entry k of a rotation matrix, by rows, is a sum of two products of quaternion components i and j, index 4 i + j.
 _FIRST, _SECOND = np.array([5, 1, 2, 1, 0, 6, 2, 6, 0]), np.array([10, 11, 7, 11, 10, 3, 7, 3, 5])
 _SIGN = np.array([[1.0], [-1.0], [1.0], [1.0], [1.0], [-1.0], [-1.0], [1.0], [1.0]])
 
 
 def rotations(quaternions: Array) -> Array:
-    """Return the rotations (n, 3, 3) of unit quaternions (n, 4)."""
+    """Convert unit quaternions (n, 4) to rotations (n, 3, 3)."""
     parts = quaternions.T
     products = (2 * (parts[:, None] * parts)).reshape(16, -1)
     entries = products[_FIRST] + _SIGN * products[_SECOND]
@@ -84,7 +86,7 @@ def rotations(quaternions: Array) -> Array:
 
 
 def rotation_of(roll: float, pitch: float, yaw: float) -> Array:
-    """Return the rotation (3, 3) of URDF's angles: about the fixed axes x, then y, then z."""
+    """Convert URDF's roll, pitch and yaw to a rotation (3, 3): about the fixed axes x, then y, then z."""
     cr, sr, cp, sp, cy, sy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.cos, math.sin))
     return np.array(
         [
@@ -96,7 +98,7 @@ def rotation_of(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def angles_of(rotation: Array) -> tuple[float, float, float]:
-    """Return URDF's roll, pitch and yaw of a rotation (3, 3); roll is 0 where only its sum with yaw is known."""
+    """Convert a rotation (3, 3) to URDF's roll, pitch and yaw; in gimbal lock roll is 0."""
     pitch = float(np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0])))
     if abs(abs(pitch) - np.pi / 2) < 1e-9:
         return 0.0, pitch, float(np.arctan2(-rotation[0, 1], rotation[1, 1]))
@@ -105,7 +107,7 @@ def angles_of(rotation: Array) -> tuple[float, float, float]:
 
 
 def cross_matrix(axis: Array) -> Array:
-    """Return the matrix (3, 3) that takes the cross product with a vector (3,) from the left."""
+    """Return the skew-symmetric matrix (3, 3) whose product with v is ``axis`` x v."""
     x, y, z = axis.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -119,24 +121,26 @@ class Pose:
 
     @staticmethod
     def planar(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Pose:
-        """Return a pose turned about z only."""
+        """Make a pose that is rotated about z only."""
         return Pose((x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
 
     @staticmethod
     def from_matrix(matrix: Array) -> Pose:
-        """Return the pose of a homogeneous (4, 4) matrix whose rotation part is orthonormal with determinant 1."""
+        """Convert a homogeneous matrix (4, 4), whose rotation part is orthonormal with determinant 1, to a pose."""
         (xx, xy, xz, px), (yx, yy, yz, py), (zx, zy, zz, pz), _ = matrix.tolist()
         a, b, c = zy - yz, xz - zx, yx - xy
         d, e, f = xy + yx, xz + zx, yz + zy
         squares = (xx - yy - zz + 1.0, yy - xx - zz + 1.0, zz - (xx + yy) + 1.0, xx + yy + zz + 1.0)
         rows = ((squares[0], d, e, a), (d, squares[1], f, b), (e, f, squares[2], c), (a, b, c, squares[3]))
-        row = rows[squares.index(max(squares))]  # 4 times the quaternion's outer product has four such rows
+        row = rows[
+            squares.index(max(squares))
+        ]  # a row of 4 times the quaternion's outer product, the numerically best one
         length = math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2] + row[3] * row[3])
         norm = length if row[3] >= 0 else -length
         return Pose((float(px), float(py), float(pz)), (row[0] / norm, row[1] / norm, row[2] / norm, row[3] / norm))
 
     def matrix(self) -> Array:
-        """Return the homogeneous (4, 4) matrix of the pose."""
+        """Convert to a homogeneous matrix (4, 4)."""
         x, y, z, w = self.orientation
         return np.array(
             [
@@ -149,7 +153,7 @@ class Pose:
 
     @staticmethod
     def matrices(poses: Iterable[Pose]) -> Array:
-        """Return the matrices (n, 4, 4) of poses, to the last bit those that :meth:`matrix` gives one by one."""
+        """Convert poses to matrices (n, 4, 4), bit-identical to those of :meth:`matrix`."""
         numbers = np.array([(*pose.position, *pose.orientation) for pose in poses], float).reshape(-1, 7)
         x, y, z, w = numbers[:, 3:].T
         found = np.zeros((len(numbers), 4, 4))
@@ -166,13 +170,13 @@ class Pose:
         return Pose.from_matrix(product(self.matrix(), other.matrix()))
 
     def inverse(self) -> Pose:
-        """Return the pose that undoes this one."""
+        """The inverse transform."""
         return Pose.from_matrix(inverse(self.matrix()))
 
     def seen_from(self, frame: Pose) -> Pose:
-        """Return the pose in a frame that both are given beside: ``frame.inverse() @ self``, ten times as fast."""
+        """Express the pose in another frame: ``frame.inverse() @ self``, but ten times as fast."""
         (x, y, z), (a, b, c, w) = (p - f for p, f in zip(self.position, frame.position, strict=True)), frame.orientation
-        # a vector is turned back by twice the product of the negated axis with what it is turned by once
+        # rotation of a vector by the conjugate quaternion, as two nested cross products
         u, v, t = w * x - (b * z - c * y), w * y - (c * x - a * z), w * z - (a * y - b * x)
         position = (x - 2 * (b * t - c * v), y - 2 * (c * u - a * t), z - 2 * (a * v - b * u))
         d, e, f, g = self.orientation
@@ -196,20 +200,22 @@ class Pose:
         return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     def turn(self, other: Pose) -> float:
-        """Return the angle between two orientations [rad]."""
+        """Angle between the two orientations [rad]."""
         dot = abs(sum(a * b for a, b in zip(self.orientation, other.orientation, strict=True)))
         return 2 * math.acos(min(1.0, dot))
 
     def distance(self, other: Pose) -> float:
-        """Return the Euclidean distance of the positions [m]."""
+        """Euclidean distance between the positions [m]."""
         return math.dist(self.position, other.position)
 
 
 def facing(origin: Sequence[float], forward: Array, up: Array) -> Pose:
-    """Return the pose at ``origin`` whose x axis points along ``forward``, its z axis as near to ``up`` as can be."""
+    """Make the pose at ``origin`` with its x axis along ``forward`` and its z axis as close to ``up`` as possible."""
     x = forward / np.linalg.norm(forward)
     y = np.cross(up, x)
-    if float(np.linalg.norm(y)) < 1e-9:  # up is along forward: any direction across will do, but always the same
+    if (
+        float(np.linalg.norm(y)) < 1e-9
+    ):  # up is parallel to forward: any perpendicular direction will do, but always the same
         y = np.cross(np.array([1.0, 0.0, 0.0]) if abs(x[0]) < 0.9 else np.array([0.0, 1.0, 0.0]), x)
     y = y / np.linalg.norm(y)
     matrix = np.eye(4)

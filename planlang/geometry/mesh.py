@@ -1,8 +1,7 @@
-"""Reads meshes from strangers: OBJ, STL and COLLADA files, bounded and checked, and writes them again plainly.
+"""Reader for untrusted meshes in OBJ, STL and COLLADA, with limits and checks, and a writer of plain copies.
 
-PyBullet dies of a broken mesh (SIGSEGV at a face without its vertex, at numbers that are none, at an empty COLLADA
-document), so that it is handed only what :func:`read_mesh` has read. What shapes do not need is left out: normals,
-colours, textures.
+A broken mesh crashes PyBullet (SIGSEGV at a missing vertex, at a malformed number, at an empty COLLADA document), so it
+only gets copies of what :func:`mesh_of` has read. Normals, colours and textures are dropped.
 
 Formats: Wavefront OBJ (1995 specification, ``v``, ``f``, ``g``, ``o``), STL (binary and text), COLLADA 1.4.1 (polygons,
 the nodes of the scene, unit and upward axis).
@@ -25,13 +24,13 @@ from planlang.records import dataclass
 
 SUFFIXES = (".obj", ".stl", ".dae")
 LARGEST = 100_000_000
-"""Bytes of a mesh that is read; the largest of the 776 meshes of example-robot-data has 15 MB."""
+"""Limit in bytes; the largest of the 776 meshes of example-robot-data has 15 MB."""
 MOST_VERTICES = 2_000_000
-"""Vertices, and triangles, of a mesh that is read: PyBullet needs about 100 bytes for each."""
+"""Limit for vertices and for triangles: PyBullet needs about 100 bytes for each."""
 FARTHEST = 1e6
-"""Greatest coordinate: whole numbers of millimetres, in which some meshes are drawn, stay well below."""
+"""Largest coordinate; meshes drawn in millimetres stay well below."""
 DEEPEST_NODES = 100
-"""Nodes of a COLLADA scene inside each other."""
+"""Maximum nesting of nodes in a COLLADA scene."""
 
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
 """A triangle of a binary STL file; its normal may be zero."""
@@ -39,24 +38,24 @@ Faces = NDArray[np.int64]
 
 
 class BadMesh(Exception):
-    """A mesh that is not read, and the reason."""
+    """A mesh was refused; the message has the reason."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles of points: ``vertices`` (n, 3), and per part the numbers of its triangles' corners (m, 3).
+    """A triangle mesh: ``vertices`` (n, 3), and for each part the vertex indices of its triangles (m, 3).
 
-    Parts are what an OBJ file keeps apart as objects or groups: each stands for a convex shape of its own.
+    Parts are the objects or groups of an OBJ file: each becomes a convex shape of its own.
     """
 
     vertices: Array
     parts: tuple[Faces, ...]
 
     def written(self) -> tuple[str, bytes]:
-        """Return a suffix and the content of a file with this mesh, in the single precision in which PyBullet computes.
+        """Return the suffix and content of a file with this mesh, in PyBullet's single precision.
 
-        One part becomes an STL file, of which PyBullet makes one convex shape; several become an OBJ file, of which it
-        makes a compound of convex shapes. (A compound of one would do as well, but its boxes are 1 mm wider.)
+        One part becomes an STL file, which PyBullet loads as one convex shape; several become an OBJ file, loaded as a
+        compound. (A compound of one part would have bounding boxes that are 1 mm wider.)
         """
         if len(self.parts) == 1:
             rows = np.zeros(len(self.parts[0]), _STL)
@@ -70,10 +69,10 @@ class Mesh:
 
 
 def mesh_places(urdf: Path, name: str) -> list[Path]:
-    """Return where the mesh that a URDF names may be, whether something is there or not.
+    """List the paths at which a mesh named in a URDF may be, whether they exist or not.
 
-    ``package://p/rest`` is looked for as p/rest in the URDF's folder and those above it, and as rest in one of these
-    that is called p; any other name is relative to the URDF.
+    ``package://p/rest`` may be p/rest in the URDF's folder or one above it, or rest in one of these folders if its name
+    is p. Other names are relative to the URDF.
     """
     scheme = re.match(r"(package|model|file)://", name)
     rest = name[scheme.end() :] if scheme else name
@@ -89,7 +88,7 @@ def mesh_places(urdf: Path, name: str) -> list[Path]:
 
 
 def mesh_content(path: Path) -> bytes:
-    """Return the content of a mesh file; raises OSError if it cannot be read, :class:`BadMesh` if it is too large."""
+    """Read a mesh file; raises OSError if that is impossible, :class:`BadMesh` if it is too large."""
     with open_regular(path) as file:
         content = read_at_most(file, LARGEST + 1)
     if len(content) > LARGEST:
@@ -98,19 +97,19 @@ def mesh_content(path: Path) -> bytes:
 
 
 def mesh_of(content: bytes, suffix: str) -> Mesh:
-    """Return the mesh that stands in a file with a suffix; raises :class:`BadMesh`."""
+    """Parse the content of a mesh file with this suffix; raises :class:`BadMesh`."""
     readers = {".obj": _read_obj, ".stl": _read_stl, ".dae": _read_collada}
     if suffix.lower() not in readers:
         raise BadMesh(f"its format is not one of {', '.join(SUFFIXES)}")
     try:
         mesh = readers[suffix.lower()](content)
     except (ValueError, OverflowError):
-        raise BadMesh("it has a number that is none") from None
+        raise BadMesh("it has a malformed number") from None
     return _checked(mesh)
 
 
 def _checked(mesh: Mesh) -> Mesh:
-    """Raise BadMesh for what no shape can be made from."""
+    """Check limits and indices; raises BadMesh."""
     triangles = sum(map(len, mesh.parts))
     if max(len(mesh.vertices), triangles) > MOST_VERTICES:
         raise BadMesh(f"it has more than {MOST_VERTICES:,} vertices or triangles")
@@ -126,7 +125,7 @@ def _checked(mesh: Mesh) -> Mesh:
 
 
 def _fans(counts: Sequence[int], corners: Faces) -> Faces:
-    """Return the triangles (m, 3) of polygons of so many corners each, from the first corner of each."""
+    """Split polygons with the given ``counts`` of corners into fans of triangles (m, 3)."""
     if len(counts) and min(counts) == max(counts) == 3:
         return corners[: 3 * len(counts)].reshape(-1, 3)
     found, first = [np.zeros((0, 3), np.int64)], 0
@@ -168,7 +167,7 @@ def _read_stl(content: bytes) -> Mesh:
     else:
         found = re.findall(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE | re.IGNORECASE)
         if not content.lstrip().startswith(b"solid") or len(found) % 3:
-            raise BadMesh("it is no STL, or cut off")
+            raise BadMesh("it is not STL, or truncated")
         corners = np.array(found).astype(float)
     vertices = corners.reshape(-1, 3)
     return Mesh(vertices, (np.arange(len(vertices)).reshape(-1, 3),) if len(vertices) else ())
@@ -182,7 +181,7 @@ def _read_collada(content: bytes) -> Mesh:
     for element in root.iter():
         element.tag = element.tag.rpartition(":")[2]
     if root.tag != "COLLADA":
-        raise BadMesh(f"it is no COLLADA: its root element is <{root.tag}>")
+        raise BadMesh(f"it is not COLLADA: its root element is <{root.tag}>")
     shapes = {geometry.get("id", ""): _collada_shape(geometry) for geometry in root.iter("geometry")}
     unit = root.find("asset/unit")
     upright = np.diag([*[float(unit.get("meter", "1")) if unit is not None else 1.0] * 3, 1.0])
@@ -192,7 +191,7 @@ def _read_collada(content: bytes) -> Mesh:
         for name, matrix in _instances(scene, upright, 0)
         if name in shapes
     ]
-    if not placed:  # some files describe shapes only
+    if not placed:  # some files have no scene, only geometries
         placed = [(moved(upright, vertices), faces) for vertices, faces in shapes.values()]
     first = np.cumsum([0, *(len(vertices) for vertices, _ in placed)]).tolist()
     faces = [part + start for (_, part), start in zip(placed, first, strict=False) if len(part)]
@@ -201,7 +200,7 @@ def _read_collada(content: bytes) -> Mesh:
 
 
 def _collada_shape(geometry: ElementTree.Element) -> tuple[Array, Faces]:
-    """Return the vertices (n, 3) and triangles (m, 3) of one geometry."""
+    """Read the vertices (n, 3) and triangles (m, 3) of one geometry."""
     mesh = geometry.find("mesh")
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
@@ -260,9 +259,9 @@ def _whole_numbers(text: str | None) -> Faces:
 
 
 def _instances(node: ElementTree.Element, above: Array, depth: int) -> Iterator[tuple[str, Array]]:
-    """Yield the names of the geometries of a scene's nodes and their transforms (4, 4)."""
+    """Yield the geometries of a node and its children, by name, with their transforms (4, 4)."""
     if depth > DEEPEST_NODES:
-        raise BadMesh("the nodes of its scene are too deep inside each other")
+        raise BadMesh("the nodes of its scene are nested too deeply")
     here = above
     for child in node:
         match child.tag:

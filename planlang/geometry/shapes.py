@@ -1,8 +1,8 @@
 """Boxes, convex outlines in the plane, and convex solids.
 
-Boxes are oriented ones by pose and extents, or along the map's axes by their lower and upper corners. Outlines are
-polygons (n, 2), counter-clockwise. Solids are points that span them: boxes, cylinders, spheres, capsules and the hulls
-of meshes.
+Boxes are oriented, given by pose and extents, or axis-aligned in the map, given by lower and upper corner. Outlines are
+counter-clockwise polygons (n, 2). Solids are the convex hulls of points: boxes, cylinders, spheres, capsules and
+meshes.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _SIGNS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
 
 
 def corners(pose: Pose, size: Sequence[float] | Array) -> Array:
-    """Return the corners (8, 3) of the box of that size whose centre is at the pose."""
+    """Corners (8, 3) of a box with its centre at the pose."""
     return moved(pose.matrix(), _SIGNS * (np.asarray(size, dtype=float) / 2))
 
 
 def half_extents(pose: Pose, size: Sequence[float] | Array) -> Array:
-    """Return half the extents (3,) along the map's axes of the box of that size at the pose."""
+    """Half extents (3,) of the axis-aligned bounding box of a box at the pose."""
     return rotated(np.abs(pose.rotation), np.asarray(size, dtype=float) / 2)
 
 
 def overlaps(lower: Array, upper: Array, other_lower: Array, other_upper: Array) -> NDArray[np.bool_]:
-    """Return which of n boxes along the map's axes, given by corners (n, 3), overlap which of m others, (n, m)."""
+    """Test which of n axis-aligned boxes, given by corners (n, 3), overlap which of m others; returns (n, m)."""
     found = lower[:, 0, None] <= other_upper[:, 0]
     found &= upper[:, 0, None] >= other_lower[:, 0]
     for axis in (1, 2):
@@ -43,11 +43,11 @@ def overlaps(lower: Array, upper: Array, other_lower: Array, other_upper: Array)
 
 
 AROUND = 16
-"""Points on a circle that stands for a round shape: within 2 % of its radius; a multiple of four, to hit the axes."""
+"""Corners of the polygon that approximates a circle, within 2 % of its radius; divisible by 4, to hit the axes."""
 
 
 def outline_of(points: Array) -> Array:
-    """Return the convex hull (m, 2) of points (n, 2), counter-clockwise: Andrew's monotone chain (1979)."""
+    """Convex hull (m, 2) of points (n, 2), counter-clockwise; Andrew's monotone chain (1979)."""
     ordered = sorted({(float(x), float(y)) for x, y in points})
     if len(ordered) < 3:
         return np.array(ordered, dtype=float).reshape(-1, 2)
@@ -68,7 +68,7 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
 
 
 def area(polygon: Array) -> float:
-    """Return the area of a polygon (n, 2) [m^2]."""
+    """Area of a polygon (n, 2) [m^2]."""
     if len(polygon) < 3:
         return 0.0
     following = np.roll(polygon, -1, axis=0)
@@ -76,7 +76,7 @@ def area(polygon: Array) -> float:
 
 
 def inside(polygon: Array, point: Sequence[float] | Array, margin: float = 0.0) -> bool:
-    """Return whether a point is in a convex polygon (n, 2), by ``margin`` [m] from every edge."""
+    """Test whether a point is inside a convex polygon (n, 2), at least ``margin`` [m] from every edge."""
     if len(polygon) < 3:
         return False
     edges = np.roll(polygon, -1, axis=0) - polygon
@@ -86,7 +86,7 @@ def inside(polygon: Array, point: Sequence[float] | Array, margin: float = 0.0) 
 
 
 def footprint(pose: Pose, size: Sequence[float], *, cylinder: bool = False) -> Array:
-    """Return the outline (n, 2) of a body seen from above; of a standing cylinder 16 points of a circle."""
+    """Outline (n, 2) of a body seen from above; an upright cylinder becomes a 16-gon."""
     if cylinder and abs(pose.rotation[2, 2]) > 0.99:
         angles = np.arange(AROUND) * (2 * np.pi / AROUND)
         circle = np.stack([np.cos(angles), np.sin(angles)], axis=1) * max(size[0], size[1]) / 2
@@ -95,7 +95,7 @@ def footprint(pose: Pose, size: Sequence[float], *, cylinder: bool = False) -> A
 
 
 class SolidKind(StrEnum):
-    """Kind of a convex solid; the axis of round ones is z."""
+    """Kinds of convex solids; round ones have their axis along z."""
 
     BOX = "box"
     CYLINDER = "cylinder"
@@ -106,10 +106,10 @@ class SolidKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConvexSolid:
-    """A convex solid: its kind, its extents (those of a mesh are zero) and its pose.
+    """A convex solid: its kind, its extents (zero for a mesh) and its pose.
 
-    ``points`` (n, 3) [m] span it in its own frame; of a sphere it is the middle. ``beyond`` [m]: how far it goes beyond
-    what they span.
+    It is the convex hull of ``points`` (n, 3) [m] in its own frame, inflated by ``radius`` for a sphere. A round shape
+    extends past the hull by up to ``beyond`` [m].
     """
 
     kind: SolidKind
@@ -121,7 +121,7 @@ class ConvexSolid:
 
 
 def convex_solid(kind: SolidKind, size: Size, pose: Pose) -> ConvexSolid:
-    """Return a primitive of some extents at a pose; the height of a capsule is without its caps."""
+    """Make a primitive at a pose; the height of a capsule excludes its caps."""
     x, y, z = size
     if kind == SolidKind.BOX:
         points = np.array([np.where(side, size, np.negative(size)) / 2 for side in np.ndindex(2, 2, 2)])
@@ -138,7 +138,7 @@ def convex_solid(kind: SolidKind, size: Size, pose: Pose) -> ConvexSolid:
 
 
 def _round(radius: float, height: float, *, capped: bool) -> Array:
-    """Return points on the rims of a cylinder along z, and on half balls at its ends."""
+    """Points on the rims of a cylinder along z and, if ``capped``, on the hemispheres at its ends."""
     turns = np.arange(AROUND) * 2 * np.pi / AROUND
     ring = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilts = np.arange(AROUND // 4 + 1 if capped else 1) * 2 * np.pi / AROUND

@@ -1,7 +1,7 @@
-"""The one reader of robot descriptions: the tree of links and joints of a URDF, checked. No shape or mesh is loaded.
+"""The URDF reader: parses and checks the tree of links and joints, without loading shapes or meshes.
 
-Format: https://wiki.ros.org/urdf/XML. A description comes from a stranger: its XML is read with no entities, nothing
-external, bounded in size and depth, and each element knows its line.
+Format: https://wiki.ros.org/urdf/XML. URDFs are untrusted: the XML parser refuses entities and external references,
+limits size and depth, and records the line of each element.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rota
 from planlang.records import dataclass
 
 LARGEST = 16_000_000
-"""Bytes; robot descriptions have up to 0.3 MB."""
+"""Limit in bytes; robot descriptions have up to 0.3 MB."""
 DEEPEST = 100
-"""Elements inside each other."""
+"""Maximum nesting of elements."""
 MOST = 200_000
-"""Elements."""
+"""Maximum number of elements."""
 
 
 XACRO = "this is an expression of xacro; write it out first: xacro {0}.urdf.xacro > {0}.urdf"
@@ -36,7 +36,7 @@ _OPTIONAL = re.compile(r"\$\(optenv +\w+ ?([^()]*)\)")
 
 
 class BadXml(Exception):
-    """A file that is not read: what is wrong, and the line."""
+    """A file was refused; with the problem and the line."""
 
     def __init__(self, problem: str, line: int = 1) -> None:
         self.problem, self.line = problem, line
@@ -44,12 +44,12 @@ class BadXml(Exception):
 
 
 class Element(ElementTree.Element):
-    """An element that knows in which line of its file it begins; prefixes are a part of its name."""
+    """An element with its line in the file; namespace prefixes are part of its tag."""
 
     line = 1
 
     def __deepcopy__(self, memo: object) -> Element:
-        """Return a copy that knows its line, too."""
+        """Copy the element with its line."""
         copied = Element(self.tag, dict(self.attrib))
         copied.line, copied.text = self.line, self.text
         copied.extend(deepcopy(child) for child in self)
@@ -57,12 +57,12 @@ class Element(ElementTree.Element):
 
 
 def read_tree(path: Path) -> Element:
-    """Return the root element of a file; raises :class:`BadXml`."""
+    """Parse a file and return its root element; raises :class:`BadXml`."""
     return tree_of(read_content(path))
 
 
 def tree_of(content: bytes, *, texts: bool = False) -> Element:
-    """Return the root element of what stands in a file, with what stands between its tags if ``texts`` is asked for.
+    """Parse XML and return its root element, with the text between the tags if ``texts`` is True.
 
     Raises :class:`BadXml`.
     """
@@ -70,7 +70,7 @@ def tree_of(content: bytes, *, texts: bool = False) -> Element:
 
 
 def read_content(path: Path) -> bytes:
-    """Return the content of a regular file. Raises BadXml."""
+    """Read a regular file. Raises BadXml."""
     try:
         with open_regular(path) as file:
             content = read_at_most(file, LARGEST + 1)
@@ -113,7 +113,7 @@ class _Reader:
 
     def _end(self, name: str) -> None:
         element = self._open.pop()
-        if self._texts and not len(element):  # what stands between children means nothing in the formats read here
+        if self._texts and not len(element):  # text between children has no meaning in these formats
             element.text = "".join(self._texts)
         self._texts.clear()
 
@@ -137,7 +137,7 @@ class _Reader:
 
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
-"""Joint types that a chain may contain; "floating" and "planar" are read and refused there."""
+"""Joint types of kinematic chains; "floating" and "planar" joints are read, but no chain may contain them."""
 
 _NUMBERS = {
     ("origin", "xyz"): 3,
@@ -160,9 +160,9 @@ _NUMBERS = {
     ("mimic", "offset"): 1,
     **{("inertia", f"i{axes}"): 1 for axes in ("xx", "xy", "xz", "yy", "yz", "zz")},
 }
-"""(element, attribute) -> how many numbers it holds."""
+"""(element, attribute) -> number of values."""
 _SHOWN = 4
-"""Names of a list that a message shows."""
+"""Names shown in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,9 +176,9 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """One joint: ``origin`` (4, 4) of the child in the parent at zero, unit ``axis`` (3,) in the child's frame.
+    """A joint: ``origin`` (4, 4) of the child in the parent at position 0, unit ``axis`` (3,) in the child's frame.
 
-    Limits are in rad or m, ``velocity`` in rad/s or m/s; those of continuous joints are (-pi, pi), their range.
+    Limits are in rad or m, ``velocity`` is in rad/s or m/s; continuous joints have the limits -pi and pi.
     """
 
     name: str
@@ -194,28 +194,28 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """True if it moves along or about one axis, by itself or after another joint."""
+        """True if it moves along or about an axis, itself or as the mimic of another joint."""
         return self.kind in KINDS[:3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Urdf:
-    """A checked description."""
+    """A URDF that passed all checks."""
 
     path: Path
     """The file that was read."""
     content: bytes
-    """Its bytes."""
+    """Content of the file."""
     tree: Element
-    """Its root element; whoever changes it works on a copy."""
+    """Root element; copy it before changing it."""
     root: str
-    """The link that hangs from no joint."""
+    """The link that is no joint's child."""
     joints: tuple[Joint, ...]
     """The joints, in the order of the file."""
 
 
 class NoSuchChain(Exception):
-    """Two links do not hang together as base and tip of one chain."""
+    """No chain of joints leads from the base link to the tip link."""
 
     def __init__(self, base_link: str, tip_link: str, problem: str, links: Iterable[str]) -> None:
         self.base_link = base_link
@@ -226,12 +226,12 @@ class NoSuchChain(Exception):
 
 
 MOST_KEPT = 8
-"""Descriptions that are kept; a run reads that of one robot several times, and looks at the bundled ones."""
+"""Number of cached descriptions; a run reads its robot several times, and looks at the bundled ones."""
 _kept: dict[tuple[Path, bytes], Urdf] = {}
 
 
 def read_urdf(path: Path) -> Urdf:
-    """Read and check a URDF; raises BadInput with all that makes it unusable (B009)."""
+    """Read and check a URDF; raises BadInput with all problems found (B009)."""
     try:
         content = read_content(path)
         if (path, content) in _kept:
@@ -251,7 +251,7 @@ def read_urdf(path: Path) -> Urdf:
 
 
 def displacement(joint: Joint, value: float) -> Array:
-    """Return the motion (4, 4) of a joint's child at a position, in the child's frame at zero (Rodrigues)."""
+    """Motion (4, 4) of a joint's child from position 0 to ``value``, in the child's frame (Rodrigues' formula)."""
     moved = np.eye(4)
     if joint.kind == "prismatic":
         moved[:3, 3] = joint.axis * value
@@ -262,7 +262,7 @@ def displacement(joint: Joint, value: float) -> Array:
 
 
 def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tuple[Joint, ...]:
-    """Return the joints from ``base_link`` out to ``tip_link``, base first; raises :class:`NoSuchChain`."""
+    """List the joints from ``base_link`` to ``tip_link``; raises :class:`NoSuchChain`."""
     to_child: dict[str, Joint] = {}
     links: dict[str, None] = {}
     for joint in joints:
@@ -283,7 +283,7 @@ def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tu
 
 
 def _joint(element: ElementTree.Element) -> Joint:
-    """Return a joint of a description that was checked."""
+    """Convert the element of a checked joint."""
 
     def stated(tag: str, attribute: str, default: str) -> tuple[float, ...]:
         child = element.find(tag)
@@ -308,14 +308,14 @@ def _joint(element: ElementTree.Element) -> Joint:
 
 
 class _Checker:
-    """Looks for everything that makes a URDF unusable."""
+    """Collects everything that makes a URDF unusable."""
 
     def __init__(self, path: Path, robot: Element) -> None:
         self.path, self.robot = path, robot
         self.found: list[Diagnostic] = []
 
     def check(self) -> str:
-        """Return the root link; raises BadInput."""
+        """Run all checks and return the root link; raises BadInput."""
         links, joints = self._named("link"), self._named("joint")
         if not links:
             self._bad("the robot has no links", self.robot)
@@ -340,9 +340,9 @@ class _Checker:
         return roots[0]
 
     def _check_roots(self, links: Mapping[str, Element], above: Mapping[str, str], roots: Sequence[str]) -> None:
-        """Look for exactly one root, from which everything hangs."""
+        """Check that all links form one tree."""
         if len(roots) > 1:
-            message = f"the robot falls into {len(roots)} pieces, which begin at {', '.join(roots[:_SHOWN])}"
+            message = f"the robot has {len(roots)} separate parts, with the root links {', '.join(roots[:_SHOWN])}"
             self._bad(message, links[roots[1]])
             return
         below: dict[str, list[str]] = {}
@@ -354,7 +354,7 @@ class _Checker:
         held = set(hanging)
         circling = [name for name in links if name not in held]
         if circling:
-            self._bad(f"links hang from each other in a circle: {', '.join(circling[:_SHOWN])}", links[circling[0]])
+            self._bad(f"the joints form a loop through the links {', '.join(circling[:_SHOWN])}", links[circling[0]])
 
     def _named(self, tag: str) -> dict[str, Element]:
         named: dict[str, Element] = {}
@@ -381,10 +381,10 @@ class _Checker:
                 needed = extents_of(shape)
                 values = [value for attribute in needed for value in numbers(shape.get(attribute, ""))]
                 if needed and not (values and min(values) >= 0):
-                    self._bad(f"<{shape.tag}> needs {' and '.join(needed)}, not below zero", shape)
+                    self._bad(f"<{shape.tag}> needs a nonnegative {' and '.join(needed)}", shape)
 
     def _range(self, name: str, joint: Element) -> None:
-        """Report a moving joint that has no axis, or limits the wrong way round."""
+        """Report moving joints with a zero axis or with reversed limits."""
         kind, axis, limit = joint.get("type", ""), joint.find("axis"), joint.find("limit")
         if kind in KINDS[:3] and axis is not None and not any(numbers(axis.get("xyz", "1 0 0"))):
             self._bad(f"joint {name!r} has an axis of length zero", joint)
@@ -404,12 +404,12 @@ def _linked(joint: ElementTree.Element, end: str) -> str:
 
 
 def extents_of(shape: ElementTree.Element) -> list[str]:
-    """Return the names of the attributes that say how large a primitive is."""
+    """Names of the attributes that hold the extents of a primitive."""
     return [attribute for tag, attribute in _NUMBERS if tag == shape.tag and tag != "mesh"]
 
 
 def numbers(text: str) -> tuple[float, ...]:
-    """Return the finite numbers in an attribute; none if any of them is not finite."""
+    """Parse the numbers of an attribute; empty unless all are finite."""
     try:
         values = tuple(float(word) for word in text.split())
     except ValueError:

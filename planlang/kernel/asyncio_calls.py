@@ -1,4 +1,4 @@
-"""asyncio in plans: its async functions run in an event loop of a thread of their own, and nowhere else."""
+"""asyncio in plans: asyncio code runs only through ``in_thread``, in an asyncio event loop of a separate thread."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ ADVICE = (
     "await asyncio.sleep(1)    or await fetch()",
     "await sleep(1)    or, for an async function of asyncio, await in_thread(fetch)",
 )
-"""The wrong and the right code."""
+"""The wrong and the right code, for error messages."""
 
 
 class AsyncioCall:
-    """An async function of asyncio as a plain one, which runs it in an event loop of the thread that calls it."""
+    """Blocking call of an asyncio function: runs it in a new event loop of the calling thread."""
 
     def __init__(self, function: Callable[[], Coroutine[Any, Any, Any]]) -> None:
         self._function = function
         self._lock = threading.Lock()
         self._is_cancelled = False
         self._cancel: Callable[[], object] | None = None
-        """Cancels the function, while it runs."""
+        """Cancels the running function; None when it is not running."""
 
     def __call__(self) -> Any:
-        """Run the function to its end; returns its result."""
+        """Run the function and return its result."""
         import asyncio  # few plans need it, and it takes as long to import as the plan language
 
         async def main() -> Any:
@@ -47,22 +47,25 @@ class AsyncioCall:
         return asyncio.run(main())
 
     def cancel(self) -> None:
-        """Cancel the function, from another thread; nothing once it has ended."""
+        """Cancel the function from another thread; no effect after it has ended."""
         with self._lock:
             self._is_cancelled = True
             if self._cancel is not None:
                 self._cancel()
 
 
-def explained(error: Exception) -> PlanStructureError | None:
-    """Return the error of asyncio code that found no event loop, as it stands in a plan; None for any other error."""
+def missing_loop_error(error: Exception) -> PlanStructureError | None:
+    """Explain the error that asyncio code raised because a plan has no asyncio event loop; None for other errors."""
     modules = []
     link = error.__traceback__
     while link is not None:
         modules.append(str(link.tb_frame.f_globals.get("__name__")))
         link = link.tb_next
-    inside = modules[-1].partition(".")[0] == "asyncio" and "asyncio.runners" not in modules
-    if str(error) != "no running event loop" and not (inside and isinstance(error, (RuntimeError, AttributeError))):
+    # Queues and locks of asyncio that are awaited in a plan fail in many ways, but always in a frame of asyncio.
+    raised_in_asyncio = modules[-1].partition(".")[0] == "asyncio" and "asyncio.runners" not in modules
+    if str(error) != "no running event loop" and not (
+        raised_in_asyncio and isinstance(error, (RuntimeError, AttributeError))
+    ):
         return None
-    message = f"asyncio code needs an event loop of asyncio, which a plan has not ({type(error).__name__}: {error})"
+    message = f"asyncio code needs an asyncio event loop; plans do not run in one ({type(error).__name__}: {error})"
     return PlanStructureError(contrast(message, *ADVICE)).with_traceback(error.__traceback__)

@@ -1,12 +1,12 @@
-"""Core of the kernel: tasks, the state of a run with its queue, and the wait of a task.
+"""Core of the kernel: tasks, the run queue and the other state of a run, and how a task waits.
 
 A world step consists of rounds. In a round tasks run until none can. Then the most deeply nested constructs with newly
-dead branches decide, in order of creation, and what this sets free runs in a round of its own before less deeply
-nested ones decide; so what dies in one step is simultaneous at whatever depth. Deadlines fire when nothing else can
-happen in the step, the most deeply nested first.
+dead branches decide, in order of creation, and the tasks that this wakes run in a round of their own before less deeply
+nested constructs decide; so all branches that die in one step die simultaneously, whatever their depth. Deadlines fire
+when nothing else can happen in the step, the most deeply nested first.
 
-This file knows how a task gets into the queue and how it waits. ``event_loop`` takes tasks out of the queue and runs
-them; ``scope`` decides about constructs; ``cancel`` evaporates and suspends; ``runner`` begins and ends a run.
+This file puts tasks into the queue. ``event_loop`` takes them out and runs them; ``scope`` makes the decisions of
+constructs; ``cancel`` evaporates and suspends; ``runner`` starts and ends a run.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from planlang.misuse import Usage, amount, contrast
 S = TypeVar("S")
 SLEEP = Usage("await sleep", {"seconds": "2"})
 PARKED = object()
-"""Yielded by a task that waits. Anything else that reaches the event loop is a foreign awaitable's."""
+"""Yielded by a task that waits. Anything else that reaches the event loop comes from a foreign awaitable."""
 ROUNDING = 1e-6
-"""Parts of a step that a duration may be longer than the steps that it is given: 0.1 s at 240 Hz are 24 steps, although
-``0.1 * 240`` is a little more in floating point."""
+"""Tolerance [steps] when a duration is rounded up to steps: 1.1 s at 100 Hz are 110 steps, although ``1.1 * 100`` is a
+little more in floating point."""
 
 
 class Task(Node):
@@ -50,9 +50,9 @@ class Task(Node):
     """The construct whose branch it is; None for the top-level task."""
     branch: Callable[[], Any]
     index: int
-    """Its place among the branches of the construct, in textual order."""
+    """Index among the branches of the construct, in textual order."""
     context: contextvars.Context
-    """Copied from the owner's when the task begins; until then the owner waits, so that it is as at creation."""
+    """Copy of the owner's context, made when the task begins. The owner waits, so it has not changed since creation."""
     begun: bool
     dead: bool
     outcome: Status | None
@@ -69,41 +69,41 @@ class Task(Node):
     node: Node
     """The innermost open node of this task."""
     wait: object
-    """Awaited object; its text is shown in listings."""
+    """Awaited object; its ``str`` is shown in listings."""
     woken: bool
     in_queue: bool
     value: Any
     error: BaseException | None
-    """Result of the wait, returned or raised at the next resumption."""
+    """Result of the wait, or error to raise, at the next resumption."""
 
     cancelled: bool
     doomed: bool
     thrown: bool
-    """Evaporation was delivered: the task ends evaporated, whatever it returns or raises."""
+    """Evaporated was raised in the task: it ends evaporated, whatever it returns or raises."""
     deliveries: int
     shields: int
     overrun: BaseException | None
-    """Error that breaks the task off (expired bound of a shield, injected fault), raised at its next checkpoint."""
+    """Error to raise at the next checkpoint: the expired time limit of a shield, or an injected fault."""
 
     count: int
-    """Suspensions of the task itself that are not undone."""
+    """Suspensions of the task itself, not of its ancestors, that are in force."""
     holds: int
     timers: list[Timer] | None
     hooks: list[Callable[[], object]] | None
     """Called on suspension, last first."""
     generators: list[Any] | None
-    """Async generators that it has iterated, to be closed before it counts as dead."""
+    """Async generators that the task iterates; those left open are closed before it counts as dead."""
     stream: Random | None
     watched: list[BaseFluent[Status]] | None
-    """Fluents that show the status, once someone has asked for one."""
+    """Fluents that show the status; None until one is requested."""
 
-    # Slots that are all filled: in Python 3.11 a default on the class is read ten times slower than a slot.
+    # All slots are set in the constructor: in Python 3.11 a class-level default is read ten times slower than a slot.
     __slots__ = tuple(__annotations__)
 
     def __init__(
         self, group: BaseScope | None, parent: Node | None, name: str, branch: Callable[[], Any], index: int
     ) -> None:
-        # as Node.__init__, without the call
+        # Node.__init__ written out, as a call costs time in wide constructs
         self.parent = parent
         self.kind = "branch"
         self.base_name = name
@@ -135,7 +135,7 @@ class Task(Node):
 
     @property
     def status(self) -> Status:
-        """The state of a live task as its handles show it."""
+        """State of a live task as shown by its handles."""
         if self.cancelled:
             return Status.EVAPORATING
         if self.holds:
@@ -149,35 +149,35 @@ class Task(Node):
 
 
 class BaseScope(Node):
-    """The state of a construct at work, see :class:`planlang.kernel.scope.Scope`.
+    """State of a running construct, see :class:`planlang.kernel.scope.Scope`.
 
     Invariants: ``live`` holds the branches that are not dead; ``fresh`` those that died since the last decision;
-    ``over`` means that the outcome is fixed and what is live is being evaporated.
+    ``over`` means that the outcome is fixed and the live branches are being evaporated.
     """
 
     scheduler: Scheduler
     owner: Task
     """The task that waits for the construct."""
     depth: int
-    """Number of constructs around its branches, itself included."""
+    """Number of constructs around its branches, including itself."""
     birth: int
     live: dict[Task, None]
     fresh: list[Task]
     dirty: bool
-    """It is among those that decide after this round."""
+    """It is scheduled to decide after this round."""
     over: bool
     complete: bool
     """All branches are dead, and the owner was woken."""
     crash: BaseException | None
 
     def stir(self) -> None:
-        """Let it decide after this round."""
+        """Schedule a decision after this round."""
         if not self.dirty:
             self.dirty = True
             heappush(self.scheduler.dirty, (-self.depth, self.birth, self))
 
     def close(self) -> None:
-        """Fix the outcome and evaporate what is live."""
+        """Fix the outcome and evaporate the live branches."""
         raise NotImplementedError
 
     def settle(self) -> None:
@@ -186,14 +186,14 @@ class BaseScope(Node):
 
 
 class ChoiceSource(Protocol):
-    """Picks among tasks that can run; its text is what the trace's header says of it."""
+    """Chooses the next task to run; its ``str`` is written into the header of the trace."""
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Return the place in ``ready``, two or more tasks in order of coming, of the one that runs next."""
+        """Choose the index in ``ready``, two or more tasks in order of arrival, of the task to run next."""
 
 
 class Scheduler:
-    """The state of one run. Everything that happens is a function of plan, host, seed and choices."""
+    """State of one run. Everything that happens is a function of plan, host, seed and choices."""
 
     def __init__(
         self,
@@ -208,54 +208,55 @@ class Scheduler:
         self.rate = host.rate
         self.seed = seed
         self.observer = observer
-        """Told what happens."""
+        """Receives the events of the run."""
         self.recorded: Recorded | None = None
-        """Asked for what comes from outside, if that is recorded or was recorded before."""
+        """Supplies inputs from outside the run, if they are recorded or repeated."""
         self.on_start: Callable[[Node], object] | None = None
-        """Called in its task when a node of the tree begins; what it raises is what the node fails with."""
+        """Called in the task when a node of the tree begins; if it raises, the node fails with that error."""
         self.revision: Callable[[], int] | None = None
-        """Source of the belief's revision in failures."""
+        """Revision number of the belief state, stored in failures."""
         self.max_steps = max_steps
 
         self.current: Task | None = None
         self.choice = choice
-        """Picks among tasks that can run; None is first come, first served."""
+        """Chooses the next task to run; None is first come, first served."""
         self.queue: deque[Task] | list[Task] = deque() if choice is None else []
-        """Tasks that can run, in order of coming. A choice takes them from anywhere, which a list does faster."""
+        """Run queue in order of arrival. A choice removes tasks from the middle, which is faster in a list."""
         self.dirty: list[tuple[int, int, BaseScope]] = []
         """Constructs with newly dead branches, as a heap: the most deeply nested first, then in order of creation."""
         self.births = 0
-        """Constructs so far."""
+        """Number of constructs created so far."""
         self.resumptions = 0
-        """Turns and decisions in this world step."""
+        """Number of resumptions and decisions in this world step."""
         self.timers = TimerQueue()
         self.world_waits: dict[BaseFluent[Any], int] = {}
-        """World fluents that someone waits for, with the number of waits."""
+        """Number of waits for each world fluent; only fluents with waits are sampled in each step."""
         self.vital_waits = 0
-        """Number of these waits that keep the run going; the others are only checked when it goes on anyway."""
+        """Number of these waits that prevent a deadlock; the others do not keep a run going by themselves."""
         self._services: dict[type, Any] = {}
 
         self.live = host if isinstance(host, LiveHost) else None
-        """The host, if things happen to it that no task has done."""
+        """The host, if other threads may act on the run through it."""
         self.inbox = Inbox() if self.live is None else self.live.inbox
         self.awaits_threads = False
-        """Some task waits for a call in a thread; on any host the inbox is then looked into."""
+        """A task waits for a call in a thread; the inbox is then read on any host."""
         self.idle = False
-        """True while the host lets time pass, threads are waited for, or something takes long that may."""
+        """True while the watchdog must not count: during steps of the host, waits for threads, and :func:`unwatched`
+        code."""
 
         self.draining = False
         self.over = False
         self.beats = 0
-        """Number of times that code that computes long has said that it goes on."""
+        """Number of signs of life of long computations."""
         self.interrupts = 0
         self.heeded = 0
         """Number of interrupts that were handled."""
         self.spoilt: BaseException | None = None
-        """Error outside of all tasks, as in writing the trace; raised when no task of the step can run any more."""
+        """Error outside all tasks, such as a trace that cannot be written; ends the run at the end of the step."""
         self.fatal: BaseException | None = None
-        """Error that ends the run, once the task in which it arose is dead."""
+        """Error of a task that ends the whole run."""
         self.overdue: Task | None = None
-        """The task that the watchdog has interrupted."""
+        """The task that the watchdog interrupted."""
 
     # -- time
 
@@ -265,18 +266,18 @@ class Scheduler:
         return self.timers.now
 
     def steps(self, seconds: float, given_to: Usage = SLEEP, parameter: str = "seconds") -> int:
-        """Return the number of steps that last at least ``seconds``; WrongValue if negative, infinite or NaN."""
+        """Convert a duration to steps, rounded up; WrongValue if negative, infinite or NaN."""
         number = seconds if seconds.__class__ is float else amount(seconds)
         if number is not None and 0 <= number * self.rate < math.inf:
             return math.ceil(number * self.rate - ROUNDING)
         raise given_to.not_seconds(parameter, seconds)
 
     def alarm(self, task: Task, steps: int, fire: Callable[[], object]) -> Timer:
-        """Call ``fire`` at the start of the step that is ``steps`` from now."""
+        """Call ``fire`` after ``steps``, at the start of that step."""
         return Timer(self.timers, task, steps, fire, False)
 
     def deadline(self, task: Task, steps: int, fire: Callable[[], object]) -> Timer:
-        """Call ``fire`` ``steps`` from now, when the tasks of that step have come to rest."""
+        """Call ``fire`` after ``steps``, when no task of that step can run any more."""
         return Timer(self.timers, task, steps, fire, True)
 
     # -- tasks
@@ -289,19 +290,19 @@ class Scheduler:
             self.queue.append(task)
 
     def wake(self, task: Task, value: Any = None) -> None:
-        """Let a task's wait return ``value``; ignored when it has been woken already."""
+        """Make a task's wait return ``value``; ignored if the task has been woken already."""
         if not task.woken:
             task.value = value
             self.enqueue(task)
 
     def throw(self, task: Task, error: BaseException) -> None:
-        """Let a task's wait raise ``error``. It has not been woken yet: what came first counts."""
+        """Make a task's wait raise ``error``. The task must not have been woken already."""
         assert not task.woken
         task.error = error
         self.enqueue(task)
 
     def finish(self, task: Task, outcome: Status) -> None:
-        """Take note that the task is dead; its construct will decide."""
+        """Mark a task as dead and let its construct decide."""
         task.outcome = outcome
         task.dead = True
         task.coroutine = None
@@ -313,7 +314,7 @@ class Scheduler:
                 error = task.cleanup_failures[0]
             self.observer.ended(self.timers.now, task, outcome, task.result, error)
         if group is not None:
-            task.node = group  # no longer itself: only the collector frees what refers to itself
+            task.node = group  # breaks the cycle of a task that refers to itself, so that it is freed at once
             del group.live[task]
             group.fresh.append(task)
             if not group.dirty:
@@ -322,26 +323,26 @@ class Scheduler:
             task.show(outcome)
 
     def service(self, kind: type[S]) -> S:
-        """Return the one object of a class that belongs to this run."""
-        found = self._services.get(kind)
-        if found is None:
-            found = self._services[kind] = kind()
-        return found
+        """Look up the run's only object of a class, created at the first request."""
+        service = self._services.get(kind)
+        if service is None:
+            service = self._services[kind] = kind()
+        return service
 
     # -- Ctrl-C and the watchdog
 
     @property
     def interrupted(self) -> bool:
-        """True from a Ctrl-C until the event loop has seen it."""
+        """True from a Ctrl-C until the event loop has handled it."""
         return self.interrupts != self.heeded
 
     def progress(self) -> tuple[int, ...]:
-        """Return another value whenever the run has moved; read by the watchdog."""
+        """Counters that change whenever the run makes progress, for the watchdog."""
         return self.timers.now, self.resumptions, self.births, self.beats
 
 
 class Home:
-    """The run that goes on in a thread, to be looked up from other threads."""
+    """Run of a thread, as seen from other threads; None between runs."""
 
     scheduler: Scheduler | None = None
 
@@ -350,10 +351,10 @@ class _Running(threading.local):
     scheduler: Scheduler | None = None
 
     def __init__(self) -> None:
-        self.home = Home()  # another one in each thread
+        self.home = Home()  # one per thread, since this is called once in each
 
     def begin(self, scheduler: Scheduler | None) -> None:
-        """Note the run of this thread; None: it has ended."""
+        """Set the run of this thread; None when it has ended."""
         self.scheduler = self.home.scheduler = scheduler
 
 
@@ -362,7 +363,7 @@ running = _Running()
 
 
 def here() -> tuple[Scheduler, Task]:
-    """Return the scheduler of this thread and the task that runs."""
+    """Find the scheduler of this thread and its running task; PlanStructureError outside a plan."""
     scheduler = running.scheduler
     if scheduler is None or scheduler.current is None:
         raise PlanStructureError(
@@ -376,13 +377,13 @@ def here() -> tuple[Scheduler, Task]:
 
 
 def serving() -> Scheduler:
-    """Return the scheduler of this thread, also where no task runs: in what a thread handed into the inbox."""
+    """Find the scheduler of this thread, even between tasks, as in calls from the inbox."""
     return running.scheduler or here()[0]
 
 
 @types.coroutine
 def park(wait: object) -> Generator[object, Any, Any]:
-    """Wait until the event loop resumes this task; returns or raises what it was woken with."""
+    """Wait until the event loop resumes this task; return the value, or raise the error, that it was woken with."""
     task = here()[1]
     task.wait = wait
     value = yield PARKED

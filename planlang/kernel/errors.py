@@ -1,4 +1,4 @@
-"""Ends of a run or a task that are no plan failures: evaporation, and errors that name tasks and lines."""
+"""Exceptions that end a run or a task without being plan failures."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from planlang.misuse import PlanStructureError as PlanStructureError
 
 
 class Evaporated(BaseException):
-    """Thrown into a task that is being evaporated, at every unshielded checkpoint until the task ends."""
+    """Raised in an evaporating task at every unshielded checkpoint until the task ends."""
 
 
 class Overdue(BaseException):
-    """Raised by the watchdog in code that reaches no checkpoint."""
+    """Raised by the watchdog in code that does not reach a checkpoint."""
 
 
 class CleanupOverrun(Exception):
-    """A shielded cleanup took longer than its bound."""
+    """A shielded block took longer than its time limit."""
 
 
 class RunError(Exception):
@@ -26,15 +26,15 @@ class DeadlockError(RunError):
 
 
 class StepLimit(RunError):
-    """The run took more world steps than it was given."""
+    """The run exceeded its limit of world steps."""
 
 
 class NoProgress(RunError):
-    """Tasks kept running within one world step without end."""
+    """The plan loops within one world step, or does not reach a checkpoint."""
 
 
 class StuckTask(RunError):
-    """A task swallowed its evaporation over and over."""
+    """A task swallowed Evaporated again and again."""
 
 
 class CutShort(UserWarning):

@@ -1,4 +1,4 @@
-"""The event loop: steps tasks, lets constructs decide between rounds, and lets time pass when all is at rest."""
+"""The event loop: runs tasks, then the decisions of constructs, and advances time when nothing is left to run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from types import CoroutineType, FunctionType
 from typing import Any
 
 from planlang.failures import PlanFailure
-from planlang.kernel.asyncio_calls import ADVICE, explained
+from planlang.kernel.asyncio_calls import ADVICE, missing_loop_error
 from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, heed_interrupts
 from planlang.kernel.core import PARKED, BaseScope, Scheduler, Task
 from planlang.kernel.errors import (
@@ -33,10 +33,10 @@ from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Status
 from planlang.misuse import WrongType, contrast
 
 MAX_RESUMPTIONS = 100_000
-"""Resumptions of tasks and decisions in one world step after which the run is considered to make no progress: more
-than 10,000 tasks need that end in one step, and less than a second of computing."""
+"""Resumptions and decisions in one world step that count as an endless loop: more than 10,000 tasks need that end in
+one step, and reached in less than a second."""
 ORIGINS = 2
-"""Frames of its making that a coroutine remembers: the call of a ``@plan`` function passes through one of ours."""
+"""Stack frames that a coroutine keeps of its creation: a call of a ``@plan`` function adds one of planlang's own."""
 THREADS_HINT = 'if another thread sets it, use a RealTimeHost, and in the thread: with host.source("door"): ...'
 
 
@@ -62,8 +62,8 @@ def rest(scheduler: Scheduler, root: Task) -> None:
             _round(scheduler, root)
         if dirty:
             _decide(dirty)
-        # The order is the contract: a deadline fires only when tasks, decisions and calls in threads have nothing left,
-        # so what ends in the very step of its deadline is in time. While a run is drained no time is left to anybody.
+        # This order is part of the language: a deadline fires only after tasks, decisions and calls in threads, so that
+        # a body that ends in the same step as its deadline is in time. Deadlines do not fire during a drain.
         elif scheduler.awaits_threads and scheduler.service(Calls).collect(scheduler):
             heed_interrupts(scheduler, root)
         elif scheduler.draining or not scheduler.timers.expire():
@@ -71,15 +71,15 @@ def rest(scheduler: Scheduler, root: Task) -> None:
 
 
 def _round(scheduler: Scheduler, root: Task) -> None:
-    """Run tasks until none can; those that others wake meanwhile belong to this round, too."""
+    """Run tasks until none can run; tasks woken meanwhile belong to the same round."""
     queue, choice = scheduler.queue, scheduler.choice
     while queue:
         if scheduler.interrupts != scheduler.heeded:
             heed_interrupts(scheduler, root)
         if scheduler.resumptions > MAX_RESUMPTIONS and not scheduler.draining:
             title = (
-                f"no progress: tasks had more than {MAX_RESUMPTIONS} turns within world step {scheduler.now}; a loop "
-                "has to wait for what takes time, such as sleep(0.1), or for what is not true yet; still running"
+                f"no progress: tasks were resumed more than {MAX_RESUMPTIONS} times in world step {scheduler.now}; put "
+                "a wait into the loop, such as sleep(0.1) or wait_for a fluent that is still false; still running"
             )
             raise NoProgress(listing(title, queue))
         if isinstance(queue, deque):
@@ -87,9 +87,9 @@ def _round(scheduler: Scheduler, root: Task) -> None:
         else:
             task = queue.pop(choice.choose(queue) if choice is not None and len(queue) > 1 else 0)
         task.in_queue = False
-        if task.holds or task.dead:  # suspended, or evaporated before it began, since it was queued
+        if task.holds or task.dead:  # suspended, or evaporated before it began, after it was queued
             continue
-        scheduler.resumptions += task.begun  # a beginning is no resumption: wide constructs are no loops
+        scheduler.resumptions += task.begun  # starts are not counted, as a wide construct is not a loop
         step_task(scheduler, task)
         if scheduler.fatal is not None:
             fatal, scheduler.fatal = scheduler.fatal, None
@@ -99,8 +99,8 @@ def _round(scheduler: Scheduler, root: Task) -> None:
 def _decide(dirty: list[tuple[int, int, BaseScope]]) -> None:
     """Let the most deeply nested scopes with newly dead branches decide, in order of creation.
 
-    Only one depth at a time: what a decision wakes runs first, and may end a branch of a scope that is less deep in
-    the same step. That scope then sees both ends at once.
+    Only one depth at a time: the tasks that a decision wakes run first, and may end a branch of a less deeply nested
+    scope in the same step. That scope then sees both ends at once.
     """
     depth = dirty[0][0]
     while dirty and dirty[0][0] == depth:
@@ -111,11 +111,11 @@ def _decide(dirty: list[tuple[int, int, BaseScope]]) -> None:
 
 
 def _advance(scheduler: Scheduler, root: Task) -> None:
-    """Let the world go on by one step, or jump to the next due one."""
+    """Advance the world by one step, or jump to the next step in which a timer is due."""
     timers = scheduler.timers
     repeats = scheduler.recorded is not None and scheduler.recorded.step_ends(timers.now)
     if not repeats and scheduler.live is not None and _attend(scheduler):
-        return  # what came in may have woken a task in this very step
+        return  # the calls may have woken a task in this step
     target = _target(scheduler, root, repeats)
     if not repeats:
         scheduler.idle = True
@@ -125,7 +125,7 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
             error.add_note(f"raised by {type(scheduler.host).__name__} after {timers.now} world steps")
             raise
         scheduler.idle = False
-        if passed == 0:  # a live host came back early: something has happened in this step
+        if passed == 0:  # a live host came back early: an item has arrived in this step
             return
         if passed is not None:
             target = timers.now + passed
@@ -133,26 +133,25 @@ def _advance(scheduler: Scheduler, root: Task) -> None:
     scheduler.resumptions = 0
     if scheduler.world_waits:
         fluents = tuple(scheduler.world_waits)
-        changed = [fluent for fluent in fluents if fluent.sample(target)]  # all are read before anybody looks
+        changed = [fluent for fluent in fluents if fluent.sample(target)]  # all are sampled before any wait is checked
         for fluent in changed:
             fluent.notify()
     timers.ring()
 
 
 def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
-    """Return the step to go on to; raises DeadlockError where nothing would ever happen, and StepLimit."""
+    """Choose the step to advance to; DeadlockError if nothing can ever happen, StepLimit beyond the limit."""
     timers, live = scheduler.timers, scheduler.live
     due = timers.next_due()
-    # Something outside may still wake a task: an open source of a live host, or a call in a thread.
-    outside = live is not None and (live.sources or scheduler.awaits_threads)
-    if due is None and not scheduler.vital_waits and not outside:
+    may_be_woken_from_outside = live is not None and (live.sources or scheduler.awaits_threads)
+    if due is None and not scheduler.vital_waits and not may_be_woken_from_outside:
         raise DeadlockError(_deadlock(root))
     following = timers.now + 1
     if repeats and due is not None:
-        target = max(due, following)  # nothing is sampled in what a resumed run takes over
+        target = max(due, following)  # nothing is sampled while a resumed run repeats the recorded one
     elif live is not None:
-        # The host comes back earlier if something happens; what is read from the world is looked at in each step, and
-        # without a timer a second is as good as any time to look whether all sources are closed.
+        # World fluents are sampled in each step. Without any, the host comes back when an item arrives, and once a
+        # second to check whether all sources are closed.
         target = timers.now + (1 if scheduler.world_waits else scheduler.rate)
         if due is not None:
             target = max(min(due, target), following)
@@ -161,39 +160,40 @@ def _target(scheduler: Scheduler, root: Task, repeats: bool) -> int:
     elif due is None or not scheduler.host.jumps or scheduler.vital_waits:
         target = following
     elif scheduler.world_waits and scheduler.resumptions:
-        target = following  # without a world only tasks change what is read: one look after they have run is enough
+        target = following  # without a world only tasks change what is read: one sample after they ran is enough
     else:
         target = max(due, following)
     if scheduler.max_steps is not None and target > scheduler.max_steps:
         plan_time = f"{scheduler.max_steps / scheduler.rate:g} s of plan time"
-        raise StepLimit(listing(f"more than {scheduler.max_steps} world steps, {plan_time}", blocked(root)))
+        title = f"the plan ran for more than {scheduler.max_steps} world steps ({plan_time}); still waiting"
+        raise StepLimit(listing(title, blocked(root)))
     return target
 
 
 def _deadlock(root: Task) -> str:
-    message = listing("nothing can go on", blocked(root))
+    message = listing("deadlock: no task can run", blocked(root))
     if any(isinstance(task.wait, FluentWait) for task in blocked(root)):
         message += f"\n{THREADS_HINT}"
     return message
 
 
 def _attend(scheduler: Scheduler) -> bool:
-    """Call what came into the inbox; False if there was nothing."""
+    """Make the calls in the inbox; False if there were none."""
     items = scheduler.inbox.take()
     for item in items:
         item()
     return bool(items)
 
 
-# -- one step of a task, from where it waits to its next wait, or to its end
+# -- one step of a task, from its wait to the next wait or to its end
 
 
 def _call(task: Task) -> object:
-    """Call the branch, in its task, and run to the first wait."""
+    """Call the branch in its task and run it to its first wait."""
     branch = task.branch
     try:
-        # What the loop itself makes is started below: nobody forgets it, so that it need not remember its origin,
-        # which would cost each of 10,000 branches 0.4 us. Other callables may make coroutines of their own.
+        # A coroutine created here is awaited below, so its origin need not be recorded, which saves 0.4 us for each of
+        # 10,000 branches. Other callables may create further coroutines and forget them.
         if branch.__class__ is FunctionType and branch.__code__.co_flags & CO_COROUTINE:
             set_origins(0)
             try:
@@ -218,7 +218,7 @@ async def _awaiting(awaitable: Awaitable[Any]) -> Any:
 
 
 def step_task(scheduler: Scheduler, task: Task) -> None:
-    """Run the task from where it waits to its next wait, or to its end."""
+    """Run the task from its wait to the next wait, or to its end."""
     task.woken = False
     scheduler.current = task
     try:
@@ -239,12 +239,12 @@ def step_task(scheduler: Scheduler, task: Task) -> None:
             signal = task.context.run(coroutine.send, value)
         else:
             error, task.error = task.error, None
-            if error.__class__ is Evaporated:  # thrown into a wait; at a checkpoint the task raises it by deliver()
+            if error.__class__ is Evaporated:  # raised in a wait; at a checkpoint deliver() raises and counts it
                 task.thrown = True
                 task.deliveries += 1
             signal = task.context.run(coroutine.throw, error)
     except StopIteration as stop:
-        # The usual end of a branch is written out here: _returned() would cost each of 10,000 branches a call.
+        # The usual end of a branch is written out, which saves a call of _returned() for each of 10,000 branches.
         if task.thrown or task.generators or stop.value.__class__ is CoroutineType:
             _returned(scheduler, task, stop.value)
         else:
@@ -273,10 +273,10 @@ def _returned(scheduler: Scheduler, task: Task, value: Any) -> None:
 
 
 def _returned_coroutine(task: Task, coroutine: CoroutineType[Any, Any, Any]) -> PlanStructureError:
-    """Return the error of a branch that returned a coroutine instead of its result."""
+    """Error for a branch that returned a coroutine instead of its result."""
     name = coroutine.__name__
     coroutine.close()
-    message = f"branch {task.path} returned a call of {name}() that was not awaited, so nothing was done"
+    message = f"branch {task.path} returned {name}() without await, so nothing was done"
     return PlanStructureError(contrast(message, f"return {name}(...)", f"return await {name}(...)"))
 
 
@@ -285,11 +285,11 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
         _close_first(scheduler, task, left, None, error)
         return
     if isinstance(error, Evaporated) and task.thrown:
-        pass  # it went where it was sent: no failure of the branch
+        pass  # evaporation as intended: the branch has not failed
     elif isinstance(error, PlanFailure):
         if error.where is None:
             locate(error, task.node, scheduler.revision)
-        if task.thrown:  # raised by a cleanup, which evaporation is not to hide
+        if task.thrown:  # a failed cleanup, which must not get lost
             task.cleanup_failures = [*(task.cleanup_failures or ()), error]
         else:
             task.failure = error
@@ -302,10 +302,10 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
         task.crash = error
         if isinstance(error, RecursionError):
             explain_recursion(error, task.path)
-        elif not isinstance(error, Exception):  # such as SystemExit, which no construct may hold up
+        elif not isinstance(error, Exception):  # such as SystemExit: no construct may delay it
             scheduler.fatal = error
         elif isinstance(error, (RuntimeError, AttributeError)):
-            task.crash = explained(error) or error
+            task.crash = missing_loop_error(error) or error
     scheduler.finish(task, EVAPORATED if task.thrown else FAILED)
 
 
@@ -314,8 +314,8 @@ def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
         _never_close(task.coroutine)
         task.crash = StuckTask(
             contrast(
-                f"{task.path} does not end although it was evaporated {MAX_DELIVERIES} times{place_of(task)}; "
-                "evaporation is a BaseException, which a plan has to let through",
+                f"{task.path} does not end although Evaporated was raised in it {MAX_DELIVERIES} times{place_of(task)}"
+                "; Evaporated is a BaseException that a plan must not catch",
                 "except BaseException:    or a bare except:",
                 "except PlanFailure:      or except Exception:",
             )
@@ -329,7 +329,7 @@ def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
         WrongType(
             contrast(
                 f"{task.path} awaits {type(signal).__module__}.{type(signal).__qualname__}{place_of(task)}, which "
-                "belongs to another event loop; plans await planlang's own sleep, wait_for and constructs",
+                "belongs to another event loop; a plan can await only planlang's own sleep, wait_for and constructs",
                 *ADVICE,
             )
         ),
@@ -337,17 +337,17 @@ def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
 
 
 def _never_close(coroutine: object) -> None:
-    """Keep a coroutine that refuses to end from being closed, which it would refuse too, even by the interpreter."""
+    """Leak a coroutine that does not end, as closing it would not end either, not even at the interpreter's exit."""
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(coroutine))
 
 
-# -- closing what a task left open: async generators that it iterated and did not exhaust
+# -- closing async generators that a task iterated and did not exhaust
 
 
 async def _close(
     task: Task, generators: list[AsyncGenerator[Any, Any]], value: Any, error: BaseException | None
 ) -> Any:
-    """Close them in order of first iteration, then end as the task would have ended."""
+    """Close generators in order of first iteration, then return or raise what the task would have."""
     try:
         for generator in generators:
             try:
@@ -355,7 +355,7 @@ async def _close(
             except (Evaporated, PlanFailure) as raised:
                 error = error or raised
             except Exception as raised:
-                if error is None or isinstance(error, (Evaporated, PlanFailure)):  # programming errors beat them
+                if error is None or isinstance(error, (Evaporated, PlanFailure)):  # programming errors take precedence
                     error = raised
     finally:
         task.shields -= 1
@@ -365,16 +365,16 @@ async def _close(
 
 
 def _unfinished(generators: list[AsyncGenerator[Any, Any]]) -> list[AsyncGenerator[Any, Any]]:
-    """Return those that still have something to run."""
+    """Select the generators that have not finished."""
     return [generator for generator in generators if getattr(generator, "ag_frame", None) is not None]
 
 
 def keep(generator: AsyncGenerator[Any, Any]) -> None:
-    """Do nothing with a generator that is freed: the task that iterated it closes it, not the collector."""
+    """Do nothing when a generator is garbage-collected, as the task that iterates it closes it."""
 
 
 def adopt(scheduler: Scheduler, generator: AsyncGenerator[Any, Any]) -> None:
-    """Take note that the running task iterates a generator for the first time."""
+    """Register a generator with the running task at its first iteration."""
     task = scheduler.current
     if task is not None:
         task.generators = [*_unfinished(task.generators or []), generator]
@@ -387,9 +387,9 @@ def _close_first(
     value: Any,
     error: BaseException | None,
 ) -> None:
-    """Close the async generators that the task left open, shielded, before it counts as dead."""
+    """Close the async generators that the task left open, in a shield, before it counts as dead."""
     task.generators = None
-    task.node = task  # whatever node it was in: the generators are the task's
+    task.node = task  # leave any inner node, as the generators belong to the task
     task.coroutine = _close(task, generators, value, error)
     task.shields += 1
     if not scheduler.draining:

@@ -1,4 +1,4 @@
-"""Fluents: values that tasks wait for. Waiting is latched: the first true value set while a task waits ends it."""
+"""Fluents: values that tasks wait for. Waits are latched: the first true value set while a task waits ends its wait."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Tracked(threading.local):
 
 
 tracked = _Tracked()
-"""Notes which fluents are read, while ``reads`` is not None."""
+"""Collects the fluents that are read in this thread, while ``reads`` is not None."""
 
 
 class Fluent(BaseFluent[T]):
@@ -34,7 +34,7 @@ class Fluent(BaseFluent[T]):
     """
 
     def __new__(cls, value: Any = None, name: str | None = None, *, read: Callable[[], Any] | None = None) -> Any:
-        """Return a world fluent if ``read`` is given."""
+        """Make a :class:`WorldFluent` if ``read`` is given."""
         return object.__new__(WorldFluent if read is not None and cls is Fluent else cls)
 
     def __init__(self, value: T = None, name: str | None = None, *, read: Callable[[], T] | None = None) -> None:  # type: ignore[assignment]
@@ -46,13 +46,13 @@ class Fluent(BaseFluent[T]):
         self.changes = 0
         """Number of changes of the value so far."""
         self.born: Node | None = None
-        """The node of the tree in which it was made, if the run is observed."""
+        """The node of the tree in which it was created, if the run is observed."""
         self._home = running.home
         scheduler = self._run = running.scheduler
         if scheduler is not None and scheduler.observer is not None and scheduler.current is not None:
             self.born = scheduler.current.node
         if name is not None:
-            _named[name] = self
+            _by_name[name] = self
 
     @property
     def value(self) -> T:
@@ -64,10 +64,10 @@ class Fluent(BaseFluent[T]):
     def set(self, value: T) -> None:
         """Change the value; an equal one changes nothing.
 
-        From another thread than that of the run, the value is handed over to the run, which sets it between two steps
-        of its tasks: in real time at once, in simulation while a call in a thread is waited for. Otherwise nothing in
-        a simulated run may depend on a thread: PlanStructureError, here and in the run. Where no run goes on, before
-        and after runs, any thread may set it.
+        When another thread sets the fluent during a run, the run sets it between two steps of its tasks: in real time
+        at once, in simulation only while the run waits for a call in a thread. Any other use from a thread would make a
+        simulated run depend on timing, and raises PlanStructureError here and in the run. Before and after runs any
+        thread may set the fluent.
         """
         if self._handed_over(self.set, value):
             return
@@ -81,21 +81,21 @@ class Fluent(BaseFluent[T]):
             self.notify()
 
     def pulse(self) -> None:
-        """Let those who wait for pulses go on, without a change; from another thread as :meth:`set`."""
+        """Wake the tasks that wait for pulses, without a change of the value; threads as in :meth:`set`."""
         if not self._handed_over(self.pulse):
             self.pulses += 1
             self.notify()
 
     def watch(self, wait: Wait) -> None:
-        """Tell ``wait`` about changes."""
+        """Notify ``wait`` of changes."""
         self._run = running.scheduler
         super().watch(wait)
 
     def _handed_over(self, change: Callable[..., None], *values: Any) -> bool:
-        """Return True if the fluent belongs to a run in another thread, which will make the change.
+        """Queue the change for a run in another thread; False if no such run uses the fluent.
 
-        A fluent belongs to the run in which it was made, or was waited for last; without such a run, or after it, to
-        the one that goes on in the thread in which it was made, whether that has come to the fluent or not.
+        A fluent belongs to the run that created it or waited for it last. Without such a run, or after its end, it
+        belongs to any run in the thread that created it.
         """
         scheduler = self._run
         if scheduler is None or scheduler.over:
@@ -105,8 +105,8 @@ class Fluent(BaseFluent[T]):
         if scheduler.live is None and not scheduler.awaits_threads:
             error = PlanStructureError(
                 contrast(
-                    f"{self} is set from thread {threading.current_thread().name} during a simulated run; what threads "
-                    "do has no place in simulated time, unless it is a call in_thread",
+                    f"{self} is set from thread {threading.current_thread().name} during a simulated run; simulated "
+                    "time does not wait for threads other than those of in_thread",
                     f"on_door(lambda: {self}.set(True))    with a VirtualHost or SimulationHost",
                     f"{self}.set(await in_thread(wait_for_door))    or a RealTimeHost with host.source({str(self)!r})",
                 )
@@ -117,23 +117,23 @@ class Fluent(BaseFluent[T]):
         return True
 
 
-_named: WeakValueDictionary[str, Fluent[Any]] = WeakValueDictionary()
+_by_name: WeakValueDictionary[str, Fluent[Any]] = WeakValueDictionary()
 
 
 def find(name: str) -> Fluent[Any] | None:
-    """Return the fluent of a name that was made last, if it is still there."""
-    return _named.get(name)
+    """Find the newest fluent with a name, if it still exists."""
+    return _by_name.get(name)
 
 
 class WorldFluent(Fluent[T]):
-    """A value read from the world, once per world step: at its start while someone waits, else when first read."""
+    """A value sampled from the world once per step: at its start while a task waits for it, else at the first read."""
 
     def __init__(self, value: T = None, name: str | None = None, *, read: Callable[[], T]) -> None:  # type: ignore[assignment]
         super().__init__(value, name)
-        _FLUENT.plain("read", read, "a function that reads the world when it is called")
+        _FLUENT.plain("read", read, "a function that reads the world")
         self._read = read
         self.vital = True
-        """True if a wait for it keeps the run going, step by step."""
+        """True if a wait for it is no deadlock, since the world may change the value in any step."""
         self._error: Exception | None = None
         self._at: tuple[Scheduler, int] | None = None
 
@@ -152,7 +152,7 @@ class WorldFluent(Fluent[T]):
         return self._value
 
     def read(self) -> T:
-        """Return the value in the world now."""
+        """Read the present value from the world."""
         scheduler = running.scheduler
         if scheduler is not None and scheduler.recorded is not None:
             value: T = scheduler.recorded.answer(f"{self} now", self._read)
@@ -160,12 +160,12 @@ class WorldFluent(Fluent[T]):
         return self._read()
 
     def set(self, value: T) -> None:
-        """Refused: the world sets it."""
+        """Raise WrongType: only the world sets the value."""
         message = f"{self} is read from the world and cannot be set"
-        raise WrongType(contrast(message, f"{self}.set({written(value)})", "Fluent(False) is one that plans set"))
+        raise WrongType(contrast(message, f"{self}.set({written(value)})", "Fluent(False) makes one that plans set"))
 
     def sample(self, step: int) -> bool:
-        """Read the world; True if those who wait should look."""
+        """Read the world; True if the waits for this fluent have to be checked."""
         scheduler = running.scheduler
         self._at = (scheduler, step) if scheduler is not None else None
         before = self._value
@@ -185,14 +185,14 @@ class WorldFluent(Fluent[T]):
         return True
 
     def watch(self, wait: Wait) -> None:
-        """Tell ``wait`` about changes, and have the world sampled in each step."""
+        """Notify ``wait`` of changes, and sample the world in each step."""
         super().watch(wait)
         scheduler = serving()
         scheduler.world_waits[self] = scheduler.world_waits.get(self, 0) + 1
         scheduler.vital_waits += self.vital
 
     def unwatch(self, wait: Wait) -> None:
-        """Tell ``wait`` no longer."""
+        """Stop notifying ``wait``."""
         super().unwatch(wait)
         scheduler = serving()
         waits = scheduler.world_waits
@@ -203,10 +203,11 @@ class WorldFluent(Fluent[T]):
 
 
 _FROZEN = (bool, int, float, str, type(None))
+"""Immutable types: the same object of another type may have changed inside."""
 
 
 class FluentWait(Wait):
-    """One task's wait for a signal to become true."""
+    """Wait of a task for a signal to become true."""
 
     __slots__ = ("scheduler", "signal", "task")
 
@@ -216,7 +217,7 @@ class FluentWait(Wait):
         self.signal = signal
 
     def recheck(self) -> None:
-        """Wake the task if the signal is true; what reading it raises is raised in the task."""
+        """Wake the task if the signal is true; an error while reading it is raised in the task."""
         task = self.task
         if task.holds or task.woken:
             return
@@ -233,10 +234,10 @@ class FluentWait(Wait):
         return str(self.signal)
 
 
-_LATE = object()
+_TIMED_OUT = object()
 _WAIT_FOR = Usage("await wait_for", {"signal": "door_open"}, {"timeout": "5"})
-SIGNAL = "a fluent or an expression over fluents (the fluent itself: its .value is one value that does not change)"
-"""Expected argument in the message."""
+SIGNAL = "a fluent or an expression over fluents (pass the fluent itself: its .value is a plain value)"
+"""Description of the expected argument, for messages."""
 
 
 @overload
@@ -244,10 +245,10 @@ async def wait_for(signal: Signal[T], timeout: None = None) -> T: ...
 @overload
 async def wait_for(signal: Signal[T], timeout: float | None) -> T | None: ...
 async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
-    """Wait until a fluent or expression is true; returns the first true value.
+    """Wait until a fluent or expression is true; return the first true value.
 
-    When ``timeout`` [s] is over it returns None, which is no true value: a wait that may end without one is no failure.
-    Where it is one, ``timeout(seconds, partial(wait_for, signal))`` raises Timeout.
+    Returns None if it is not true within ``timeout`` [s]. If a late value is a failure of the plan, use
+    ``timeout(seconds, partial(wait_for, signal))`` instead, which raises Timeout.
     """
     scheduler, task = here()
     if not isinstance(signal, Signal):
@@ -265,10 +266,10 @@ async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
     sources = signal.sources()
     for source in sources:
         source.watch(wait)
-    timer = None if steps is None else scheduler.deadline(task, steps, lambda: scheduler.wake(task, _LATE))
+    timer = None if steps is None else scheduler.deadline(task, steps, lambda: scheduler.wake(task, _TIMED_OUT))
     try:
         if scheduler.live is not None or scheduler.awaits_threads:
-            # From here on a thread that sets a source hands it over; one that did so since we looked has to be seen.
+            # A thread may have set a source between reading the value and watch(): check once more.
             wait.recheck()
         value = await park(wait)
     finally:
@@ -276,7 +277,7 @@ async def wait_for(signal: Signal[T], timeout: float | None = None) -> T | None:
             source.unwatch(wait)
         if timer is not None:
             timer.drop()
-    if value is _LATE:
+    if value is _TIMED_OUT:
         return None
     signal.consume()
     return value  # type: ignore[no-any-return]

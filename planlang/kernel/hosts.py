@@ -1,7 +1,7 @@
-"""Plan time: hosts say what a step of it is, timers wake tasks at steps.
+"""Plan time: hosts advance it in steps, timers fire at steps.
 
-In real time a host follows a clock, and an inbox takes what threads hand over. Timers are due at integer steps, frozen
-while their task is held. Deadlines are timers that fire when a step is at rest.
+A real-time host follows a clock and has an inbox for calls from other threads. Timers are due at integer steps and
+frozen while their task is held. Deadlines are timers that fire when no task of the step can run any more.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class TimerOwner(Protocol):
 
 
 class Timer:
-    """Fires once ``left`` steps from now, unless dropped; stands still while its task is held.
+    """One-shot timer of a task: fires ``left`` steps from now unless dropped; frozen while the task is held.
 
-    The task makes it itself: it runs then, and is not held. It drops it itself too, once.
+    Only the running task creates and drops its timers, so that the task is not held then.
     """
 
     __slots__ = ("deadline", "due", "fire", "left", "queue", "task", "ticket")
@@ -53,14 +53,14 @@ class Timer:
         self.thaw()
 
     def freeze(self) -> None:
-        """Stand still."""
+        """Stop the countdown."""
         if self.due is not None:
             self.left = self.due - self.queue.now
             self.due = None
             self.queue.forget()
 
     def thaw(self) -> None:
-        """Go on."""
+        """Continue the countdown."""
         queue = self.queue
         self.due = queue.now + max(0, self.left)
         queue.ticket += 1
@@ -68,7 +68,7 @@ class Timer:
         heapq.heappush(queue.deadlines if self.deadline else queue.alarms, (self.due, self.ticket, self))
 
     def drop(self) -> None:
-        """Stop for good: it never fires."""
+        """Cancel the timer."""
         assert self.task.timers is not None
         self.task.timers.remove(self)
         if self.due is not None:
@@ -76,16 +76,16 @@ class Timer:
             self.queue.forget()
 
     @property
-    def passed(self) -> bool:
+    def fired(self) -> bool:
         """True once it has fired."""
         return self.left < 0
 
     def __str__(self) -> str:
-        return f"step {self.due}" if self.due is not None else f"a timer that stands still, {self.left} steps left"
+        return f"step {self.due}" if self.due is not None else f"a stopped timer with {self.left} steps left"
 
 
 class TimerQueue:
-    """All live timers, by due step, then in order of starting. Frozen and dropped ones are skipped lazily."""
+    """The timers of a run, by due step, then by start. Entries of frozen and dropped timers are removed lazily."""
 
     def __init__(self) -> None:
         self.now = 0
@@ -95,7 +95,7 @@ class TimerQueue:
         self._stale = 0
 
     def forget(self) -> None:
-        """Note a stale entry; rebuild the heaps when most are, so that they stay as large as what is live."""
+        """Count a stale entry; rebuild the heaps when most entries are stale, so that they do not grow."""
         self._stale += 1
         if self._stale > 1000 and self._stale * 2 > len(self.alarms) + len(self.deadlines):
             self._stale = 0
@@ -104,7 +104,7 @@ class TimerQueue:
                 heapq.heapify(heap)
 
     def next_due(self) -> int | None:
-        """Return the earliest step at which something fires."""
+        """Earliest step at which a timer fires; None without timers."""
         first: int | None = None
         for heap in (self.alarms, self.deadlines):
             while heap and (heap[0][2].due is None or heap[0][2].ticket != heap[0][1]):
@@ -149,13 +149,13 @@ def _fire(timer: Timer) -> None:
 
 
 WATCHDOG = 10.0
-"""Seconds that code may compute, or be blocked, without reaching a checkpoint before it is interrupted."""
+"""Time [s] that code may compute or block without reaching a checkpoint before it is interrupted."""
 VIRTUAL_HOST = Usage("VirtualHost", {"rate": "240"}, {"watchdog": "10.0"})
 SIMULATION_HOST = Usage("SimulationHost", {"world": "world"}, {"rate": "240", "watchdog": "10.0"})
 
 
 class Steps(Protocol):
-    """The part of a world that a host needs: its time."""
+    """A world that is advanced in steps, ``rate`` per second."""
 
     rate: int
 
@@ -164,23 +164,22 @@ class Steps(Protocol):
 
 
 class Host(Protocol):
-    """Gives plan time its rate and its steps."""
+    """Source of plan time. An attribute ``watchdog`` limits how long code may run without a checkpoint [s]."""
 
     rate: int
     """Steps per second."""
     jumps: bool
-    """True if steps in which nothing is due may be taken at once."""
+    """True if the host can skip steps in which nothing is due."""
 
     def advance(self, steps: int) -> int | None:
         """Let this many steps pass; called only when no task can run.
 
-        A host that came back early returns the number of steps that have passed; None means all of them. Its attribute
-        ``watchdog``, if there is one, is the longest time [s] that code may run without reaching a checkpoint.
+        Returns the number of steps passed if the host comes back early; None means all of them.
         """
 
 
 class VirtualHost:
-    """Time without a world: it jumps to the next step in which something is due."""
+    """Plan time without a world: jumps to the next step in which something is due."""
 
     jumps = True
 
@@ -189,17 +188,17 @@ class VirtualHost:
         self.watchdog = watchdog
 
     def advance(self, steps: int) -> None:
-        """Do nothing: no world has to be stepped."""
+        """Do nothing: there is no world to step."""
 
 
 class SimulationHost:
-    """Steps a world, once per step of plan time."""
+    """Plan time of a simulated world, which is stepped once per step."""
 
     jumps = False
 
     def __init__(self, world: Steps, *, watchdog: float | None = WATCHDOG) -> None:
         if isinstance(world, type) or not hasattr(world, "rate") or not hasattr(world, "step"):
-            raise SIMULATION_HOST.wrong("world", world, "a world, which has a rate and a step()")
+            raise SIMULATION_HOST.wrong("world", world, "a world with a rate and a step()")
         self.world = world
         self.rate = checked(SIMULATION_HOST, world.rate, watchdog)
         self.watchdog = watchdog
@@ -212,11 +211,10 @@ class SimulationHost:
 
 
 def checked(function: Usage, rate: int, watchdog: float | None) -> int:
-    """Return the rate, if it and the watchdog's time are what they should be."""
+    """Check the arguments of a host and return the rate."""
     rate = function.whole("rate", rate, 1, "steps per second")
     if watchdog is not None and not amount(watchdog):
-        meant = "None, or a time > 0 [s] for code that does not wait"
-        raise function.wrong("watchdog", watchdog, meant, WrongValue)
+        raise function.wrong("watchdog", watchdog, "a time > 0 [s], or None to switch it off", WrongValue)
     return rate
 
 
@@ -225,57 +223,56 @@ def checked(function: Usage, rate: int, watchdog: float | None) -> int:
 
 Item = Callable[[], object]
 PATIENCE = 0.1
-"""Longest uninterrupted wait [s]; where locks cannot be interrupted by signals, Ctrl-C is noticed this often."""
+"""Longest uninterrupted wait [s]: the delay of Ctrl-C on systems where signals do not interrupt a lock."""
 
 
 class Inbox:
-    """Queue from threads, signal handlers and tests to the thread that runs the plan, first in, first out.
+    """FIFO queue of calls from threads, signal handlers and tests to the thread that runs the plan.
 
-    Any thread may :meth:`put`, only the run's own thread waits and takes.
-
-    A ``SimpleQueue``, because its ``put`` may interrupt its ``get`` in the same thread, as a signal handler does.
+    Any thread may :meth:`put`; only the run's own thread waits and takes. It is a ``SimpleQueue`` because a signal
+    handler may ``put`` while the same thread is inside ``get``.
     """
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[Item | None] = SimpleQueue()
-        self._seen: deque[Item | None] = deque()  # taken out of the queue by waiting for it
+        self._received: deque[Item | None] = deque()  # items that wait() has removed from the queue
 
     def put(self, item: Item | None) -> None:
-        """Hand over what is to be called in the run's thread; None only wakes it."""
+        """Queue a call for the run's thread; None only wakes it."""
         self._queue.put(item)
 
     @property
     def filled(self) -> bool:
-        """True if something is there."""
-        return bool(self._seen) or not self._queue.empty()
+        """True if the inbox is not empty."""
+        return bool(self._received) or not self._queue.empty()
 
     def wait(self, seconds: float = PATIENCE) -> None:
-        """Wait until something is there, but not longer than ``seconds`` and :data:`PATIENCE`."""
+        """Wait for an item, at most ``seconds`` and at most :data:`PATIENCE`."""
         try:
-            self._seen.append(self._queue.get(timeout=min(seconds, PATIENCE)))
+            self._received.append(self._queue.get(timeout=min(seconds, PATIENCE)))
         except Empty:
             return
 
     def take(self) -> list[Item]:
-        """Return what is there now; what comes meanwhile stays for the next time."""
-        seen = self._seen
+        """Remove and return the present items; those that arrive meanwhile are left for the next call."""
+        received = self._received
         for _ in range(self._queue.qsize()):
-            seen.append(self._queue.get())
-        items = [item for item in seen if item is not None]
-        seen.clear()
+            received.append(self._queue.get())
+        items = [item for item in received if item is not None]
+        received.clear()
         return items
 
 
 @runtime_checkable
 class LiveHost(Host, Protocol):
-    """A host whose time passes by itself, and to which things happen that no task has done."""
+    """A host whose time passes by itself, and through which other threads act on the run."""
 
     inbox: Inbox
     sources: dict[Source, None]
-    """Sources that are open: as long as there is one, something may still wake a waiting plan."""
+    """Open sources; while there is one, a plan that waits is not a deadlock."""
 
     def begin(self) -> None:
-        """Begin a run: step 0 is now."""
+        """Start a run: step 0 is now."""
 
 
 _REAL_TIME = Usage(
@@ -286,14 +283,14 @@ _REAL_TIME = Usage(
 class RealTimeHost:
     """Plan time at the pace of a clock, ``rate`` steps per second.
 
-    Between steps the plan reacts at once to what threads hand in with :meth:`post`: functions that are called in the
-    plan's thread, such as ``fluent.set``. A plan that is late catches up: each step comes, in order, without waiting.
-    Wait fluents that threads set keep the run alive only while a :meth:`source` is open; without one, a plan in which
-    nothing can go on is a deadlock as on every other host.
+    Threads act on the plan with :meth:`post`: the function, such as ``fluent.set``, is called at once in the plan's
+    thread, between two steps of its tasks. A plan that is late catches up: no step is skipped. A plan that waits for
+    fluents set by threads is kept alive only while a :meth:`source` is open; otherwise it is a deadlock, as on any
+    other host.
 
-    ``clock`` gives seconds and never goes back; ``sleep`` waits at most the seconds it is given. Without ``sleep`` the
-    host waits for the inbox itself. ``watchdog`` is the longest time [s] in which code may run without reaching a
-    checkpoint; None switches the watchdog off.
+    ``clock`` returns seconds and never goes back. ``sleep`` waits at most the given seconds; without it the host waits
+    for the inbox. ``watchdog`` is the longest time [s] that code may run without reaching a checkpoint; None switches
+    the watchdog off.
     """
 
     jumps = True
@@ -307,9 +304,9 @@ class RealTimeHost:
         watchdog: float | None = WATCHDOG,
     ) -> None:
         self.rate = checked(_REAL_TIME, rate, watchdog)
-        _REAL_TIME.plain("clock", clock, "a function that gives seconds and never goes back")
+        _REAL_TIME.plain("clock", clock, "a function that returns seconds and never goes back")
         if sleep is not None:
-            _REAL_TIME.plain("sleep", sleep, "a function that waits at most the seconds it is given")
+            _REAL_TIME.plain("sleep", sleep, "a function that waits at most the given seconds")
         self.watchdog = watchdog
         self.inbox = Inbox()
         self.sources: dict[Source, None] = {}
@@ -319,23 +316,23 @@ class RealTimeHost:
         self._passed = 0
 
     def begin(self) -> None:
-        """Begin a run: step 0 is now."""
+        """Start a run: step 0 is now."""
         self._start = self._clock()
         self._passed = 0
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Let ``function(*arguments)`` be called in the plan's thread, between two steps of its tasks.
+        """Call ``function(*arguments)`` in the plan's thread, between two steps of its tasks.
 
-        May be called from any thread. What the function raises ends the run.
+        May be called from any thread. If the function raises, the run ends with that error.
         """
         self.inbox.put(functools.partial(function, *arguments))
 
     def source(self, name: str) -> Source:
-        """Announce a thread or driver that posts; the run waits for it until it is closed."""
+        """Announce a thread or driver that posts; the run waits until the source is closed."""
         return Source(self, name)
 
     def advance(self, steps: int) -> int:
-        """Let ``steps`` pass, fewer when something comes into the inbox; returns how many have passed."""
+        """Let ``steps`` pass, fewer if an item arrives in the inbox; return the number of steps passed."""
         inbox = self.inbox
         due = (self._passed + steps) / self.rate
         while True:
@@ -355,7 +352,7 @@ class RealTimeHost:
 
 
 class Source:
-    """Something outside the plan that may still happen. Open from its creation to :meth:`close`; a context manager."""
+    """A thread or driver that may still post calls. Open from its creation to :meth:`close`; a context manager."""
 
     def __init__(self, host: RealTimeHost, name: str) -> None:
         self.name = name
@@ -363,11 +360,11 @@ class Source:
         host.sources[self] = None
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Hand a call over, as :meth:`RealTimeHost.post` does."""
+        """Call a function in the plan's thread, see :meth:`RealTimeHost.post`."""
         self._host.post(function, *arguments)
 
     def close(self) -> None:
-        """State that nothing will come any more. From any thread, after what it posted; closing twice is allowed."""
+        """Close the source after all calls that it posted; from any thread, more than once if need be."""
         self._host.post(self._host.sources.pop, self, None)
 
     def __enter__(self) -> Self:

@@ -15,21 +15,21 @@ from planlang.plan_failure import PlanFailure, Where
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))
 SHOWN = 20
-"""Tasks, or functions, that an error lists at most: about a screen."""
+"""Maximum number of tasks or functions listed in an error: about a screen."""
 
 
 def is_own(filename: str) -> bool:
-    """Return whether a source file is part of the plan language itself."""
+    """Check whether a source file is part of the plan language itself."""
     return filename.startswith(_OWN)
 
 
 def place_in(frame: FrameType) -> str:
-    """Return the file and line that a frame is at."""
+    """Format the file and line of a frame."""
     return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
 
 
 def user_frame() -> FrameType:
-    """Return the innermost frame that runs and is not ours; there is one, of who called ``run`` at least."""
+    """Find the innermost running frame outside the plan language; the caller of ``run`` always has one."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None and is_own(frame.f_code.co_filename):
         frame = frame.f_back
@@ -38,22 +38,22 @@ def user_frame() -> FrameType:
 
 
 def innermost_frame(coroutine: object) -> FrameType | None:
-    """Return the innermost frame of waiting code that is the plan's, not ours."""
-    found: FrameType | None = None
+    """Find the innermost frame of a waiting coroutine that is outside the plan language."""
+    innermost: FrameType | None = None
     link = coroutine
     while link is not None:
         frame = getattr(link, "cr_frame", None) or getattr(link, "gi_frame", None) or getattr(link, "ag_frame", None)
         if isinstance(frame, FrameType) and not is_own(frame.f_code.co_filename):
-            found = frame
+            innermost = frame
         link = getattr(link, "cr_await", None) or getattr(link, "gi_yieldfrom", None) or getattr(link, "ag_await", None)
-    return found
+    return innermost
 
 
 def place_of(task: Task) -> str:
-    """Return a text to append: `` at file.py:12``, where a task waits or where its branch is defined.
+    """Format the source line of a task, to be appended to a message.
 
-    When only our own code runs in it, ``, started at file.py:12``, the line of the plan around it that waits for it;
-    nothing when there is none of the plan's.
+    `` at file.py:12`` is where the task waits or where its branch is defined; ``, started at file.py:12`` is the line
+    of the surrounding plan, if the task runs only planlang's own code; empty if neither is known.
     """
     frame = innermost_frame(task.coroutine)
     if frame is not None:
@@ -64,17 +64,17 @@ def place_of(task: Task) -> str:
     code = getattr(function, "__code__", None)
     if isinstance(code, CodeType) and not is_own(code.co_filename):
         return f" at {os.path.basename(code.co_filename)}:{code.co_firstlineno}"
-    around = task.group
-    while around is not None:
-        frame = innermost_frame(around.owner.coroutine)
+    scope = task.group
+    while scope is not None:
+        frame = innermost_frame(scope.owner.coroutine)
         if frame is not None:
             return f", started at {place_in(frame)}"
-        around = around.owner.group
+        scope = scope.owner.group
     return ""
 
 
 def blocked(root: Task) -> Iterable[Task]:
-    """Return the live tasks that do not merely wait for their branches."""
+    """List the live tasks, without those that only wait for their branches."""
     stack = [root]
     while stack:
         task = stack.pop()
@@ -85,7 +85,7 @@ def blocked(root: Task) -> Iterable[Task]:
 
 
 def listing(title: str, tasks: Iterable[Task]) -> str:
-    """Return the title and one line per task: its path, what it waits for, and where."""
+    """Format a title and one line per task: its path, what it waits for, and where."""
     lines = [f"{title}:"]
     more = 0
     for task in tasks:
@@ -102,7 +102,7 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
 
 
 def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None) -> None:
-    """Fill in where a failure arose: the node, and the innermost line of its traceback that is not ours."""
+    """Store in a failure where it arose: the node, and the innermost line outside the plan language."""
     file, line = "", 0
     traceback = failure.__traceback__
     while traceback is not None:
@@ -114,16 +114,16 @@ def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None)
 
 
 def explain_recursion(error: RecursionError, path: str) -> None:
-    """Add a note that names the plan's functions that call each other without end, unless there is one."""
+    """Add a note that names the plan's functions in an endless recursion, unless the error has one already."""
     if any("recursion without end" in note for note in getattr(error, "__notes__", ())):
         return
-    names: dict[str, int] = {}
+    counts: dict[str, int] = {}
     traceback = error.__traceback__
     while traceback is not None:
         code = traceback.tb_frame.f_code
         if not is_own(code.co_filename):
             where = f"{code.co_qualname} at {os.path.basename(code.co_filename)}:{traceback.tb_lineno}"
-            names[where] = names.get(where, 0) + 1
+            counts[where] = counts.get(where, 0) + 1
         traceback = traceback.tb_next
-    often = [where for where, times in names.items() if times > 10]
-    error.add_note(f"in {path}: recursion without end: {', then '.join(often[:SHOWN]) or 'of unknown functions'}")
+    recursive = [where for where, count in counts.items() if count > 10]
+    error.add_note(f"in {path}: recursion without end: {', then '.join(recursive[:SHOWN]) or 'unknown functions'}")

@@ -1,4 +1,4 @@
-"""Two interfaces record a run: an :class:`Observer` hears what happened, a :class:`Recorded` is asked before it does.
+"""The two interfaces for recording: an :class:`Observer` gets events, a :class:`Recorded` supplies a run's inputs.
 
 The kernel imports nothing that implements them: traces, journals and replays are in :mod:`planlang.runs`.
 """
@@ -15,55 +15,55 @@ Body = Callable[[], Awaitable[Any]]
 
 
 class Observer(Protocol):
-    """Told what happens in a run, in order. ``step`` is plan time in world steps."""
+    """Receiver of the events of a run, in order. ``step`` is plan time in world steps."""
 
     def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
-        """Hear that the run begins, with its top-level task; ``fail(error)`` ends it if it cannot be observed."""
+        """The run begins with its top-level task; call ``fail(error)`` to end it if it cannot be observed."""
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
-        """Hear that a node of the tree begins, in its task; what this raises, the node fails with."""
+        """A node of the tree begins; called in its task, and an exception becomes the failure of the node."""
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
-        """Hear that a node of the tree has ended."""
+        """A node of the tree has ended."""
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
-        """Hear of anything else, in a node of the tree or about the run as a whole."""
+        """Any other event, of a node of the tree or of the run as a whole."""
 
     def changed(self, fluent: BaseFluent[Any]) -> None:
-        """Hear that a fluent was set."""
+        """A fluent was set."""
 
     def charged(self, kind: str, part: str, number: int) -> None:
-        """Hear what is charged to the budgets around the running task: world steps "spent", or attempts "used"."""
+        """Charge to the budgets around the running task: world steps "spent", or attempts "used"."""
 
     def end(self) -> None:
-        """Hear that the run is over."""
+        """The run is over."""
 
 
 class Recorded(Protocol):
-    """Asked for what a run depends on besides plan, seed and schedule, before it happens.
+    """Source of all inputs of a run besides plan, seed and schedule.
 
-    So it can be recorded, and given again when a run is resumed or replayed.
+    An implementation records them, and supplies the recorded ones when a run is resumed or replayed.
     """
 
     def body(self, node: Node, body: Body) -> Body:
-        """Return what to await for a node that is about to begin: its body, or what gives its result."""
+        """Choose what to await for a node that is about to begin: its body, or a function with the recorded result."""
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """Return the answer to a question; the same one counts until another is given."""
+        """Answer a question whose answer holds until a different one is recorded."""
 
     def next_answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """Return the next answer to a question to which each answer may be another one; a failure is an answer too."""
+        """Answer a question whose answer may differ each time; a failure is an answer too."""
 
     def sample(self, fluent: BaseFluent[Any], read: Callable[[], Any]) -> Any:
-        """Return the value of a world fluent in this step."""
+        """Sample a world fluent in this step."""
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """Return the number of a call in a thread, and what is called in place of the function."""
+        """Number a call in a thread, and choose the function that is called."""
 
     def step_ends(self, step: int) -> bool:
-        """Return True if the host is not asked to let time pass, since the run is still in what it takes over.
+        """Check at the end of a step whether the run still repeats recorded steps, for which the host does not advance.
 
-        Asked when nothing more can happen in a step. Raises if the run does not repeat the recorded one.
+        Raises if the run deviates from the recorded one.
         """

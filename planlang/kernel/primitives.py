@@ -1,4 +1,4 @@
-"""Primitives for a task: time, random numbers, waiting, a node of its own in the tree, calls of functions."""
+"""Primitives of a task: time, random numbers, waiting, nodes of the tree, calls of functions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ async def sleep(seconds: float) -> None:
         return
     if task.doomed:
         await deliver(task)
-    timer = scheduler.alarm(task, steps, lambda: scheduler.wake(task))  # as pause(), without another coroutine
+    timer = scheduler.alarm(task, steps, lambda: scheduler.wake(task))  # pause() written out, to save a coroutine
     try:
         await park(timer)
     finally:
@@ -34,7 +34,7 @@ async def sleep(seconds: float) -> None:
 
 
 async def pause(steps: int, reason: object = None) -> None:
-    """Wait ``steps`` world steps, at least one; listings show the reason, or else the step."""
+    """Wait ``steps`` world steps, at least one; listings of tasks show ``reason``, by default the step."""
     scheduler, task = here()
     if task.doomed:
         await deliver(task)
@@ -46,13 +46,13 @@ async def pause(steps: int, reason: object = None) -> None:
 
 
 def now() -> float:
-    """Return the plan time since the start of the run [s]."""
+    """Plan time since the start of the run [s]."""
     scheduler = serving()
     return scheduler.now / scheduler.rate
 
 
 def rng() -> Random:
-    """Return the task's own stream of random numbers, derived from the run's seed and the task's path."""
+    """Random stream of the running task, derived from the seed of the run and the path of the task."""
     scheduler, task = here()
     if task.stream is None:
         task.stream = CountedRandom(f"{scheduler.seed} {task.path}")
@@ -60,41 +60,41 @@ def rng() -> Random:
 
 
 def record(event: str, **details: object) -> None:
-    """Tell who observes the run of an event of the running task: as a rule, write it into the trace."""
+    """Write an event of the running task into the trace."""
     scheduler, task = here()
     if scheduler.observer is not None:
         scheduler.observer.write(scheduler.now, event, task.node, **details)
 
 
 def charge(kind: str, part: str, number: int) -> None:
-    """Tell who observes the run what is charged to the budgets around the running task; see ``Observer.charged``."""
+    """Record a charge to the budgets around the running task; see ``Observer.charged``."""
     observer = here()[0].observer
     if observer is not None:
         observer.charged(kind, part, number)
 
 
 async def node(kind: str, name: str, body: Body, /, **details: object) -> Any:
-    """Run ``body`` as a node of the tree that is no task of its own; returns its result.
+    """Run ``body`` in the present task under a node of its own in the tree; return its result.
 
-    ``details`` are recorded with its beginning. In a resumed run the body of a node that has completed before is not
-    run: the node gives what it gave then.
+    ``details`` are recorded with its start. In a resumed run a node that was completed before is not run again: the
+    recorded result is returned.
     """
     return await in_node(Node(here()[1].node, kind, name), body, **details)
 
 
 async def in_node(node: Node, body: Body, /, **details: object) -> Any:
-    """Run ``body`` in a node that exists already; see :func:`node`."""
+    """Run ``body`` in an existing node; see :func:`node`."""
     scheduler, task = here()
     observer, recorded = scheduler.observer, scheduler.recorded
-    given = body if recorded is None else recorded.body(node, body)
+    effective_body = body if recorded is None else recorded.body(node, body)
     outer, task.node = task.node, node
     try:
         if observer is not None:
             observer.started(scheduler.now, node, **details)
-        if scheduler.on_start is not None and given is body:  # what a resumed run takes over does not begin again
+        if scheduler.on_start is not None and effective_body is body:  # a result that is repeated is not a start
             scheduler.on_start(node)
-        result = await given()
-    except GeneratorExit:  # the coroutine is closed: nothing has happened in the run
+        result = await effective_body()
+    except GeneratorExit:  # the coroutine is closed from outside, which is not an event of the run
         raise
     except BaseException as error:
         task.node = outer
@@ -112,7 +112,7 @@ async def in_node(node: Node, body: Body, /, **details: object) -> Any:
 
 
 def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-    """Call an async function, to be awaited at once; WrongType if it is not async or takes other arguments."""
+    """Call an async function and return its coroutine; WrongType if it is not async or the arguments do not fit."""
     try:
         result = function(*arguments, **named)
     except TypeError as error:
@@ -124,23 +124,22 @@ def called(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
 
 
 def refuse_arguments(function: Callable[..., Any], error: TypeError) -> None:
-    """Raise the error of a function that cannot be called like this; nothing if the error arose inside of it."""
+    """Raise WrongType if the TypeError arose in the call itself, not inside the function."""
     traceback = error.__traceback__
     if traceback is not None and traceback.tb_next is None and not isinstance(error, PlanStructureError):
         name = name_of(function)
         raise WrongType(
-            contrast(f"{name} cannot be called as it was given: {error}", name, f"partial({name}, ...)")
+            contrast(f"{name} cannot be called with these arguments: {error}", name, f"partial({name}, ...)")
         ) from None
 
 
 def refuse_result(name: str, result: object) -> NoReturn:
-    """Raise the error of a function whose result cannot be awaited."""
+    """Raise WrongType for a function whose result cannot be awaited."""
     element = name.rpartition("/")[2]
     shown = element if element.isidentifier() else "reach"
     raise WrongType(
         contrast(
-            f"branch {name} returned {type(result).__name__}, which cannot be awaited; a branch is a function written "
-            "with async def",
+            f"branch {name} returned {type(result).__name__}, which cannot be awaited; write a branch with async def",
             f"def {shown}(): ...",
             f"async def {shown}(): ...",
         )

@@ -1,13 +1,13 @@
-"""Running a plan to its end, the shutdown of a run that cannot go on, and the process around a run.
+"""Running a plan to its end, shutting down after an error, and the process-wide state during a run.
 
-A coroutine that a plan makes and never awaits: Python warns of it when it is freed, and a run that went well otherwise
-fails for it. One that outlives the run, as in a global list, stays Python's warning.
+A coroutine that a plan never awaits: Python warns when it is garbage-collected, and an otherwise successful run raises
+an error. For a coroutine that outlives the run, as in a global list, only Python's own warning remains.
 
-The watchdog interrupts code of a plan that reaches no checkpoint. It looks from a thread of its own, shared by all runs
-of the process, and interferes only when code has computed for as long as the host allows, or has waited for that long
-without computing, or when Ctrl-C was pressed twice and the plan's code does not come back to the scheduler. Computing
-is measured in the run's own processor time, so that a machine that is busy with other things does not decide how a plan
-ends. Nothing of it is written into a trace.
+The watchdog interrupts code of a plan that does not reach a checkpoint. It runs in one thread for all runs of the
+process, and interferes only if code has computed for as long as the host allows, or has blocked for that long, or if
+Ctrl-C was pressed twice and the plan does not return to the scheduler. Computing is measured in processor time of the
+run's thread, so that other load of the machine does not change the outcome of a plan. The trace does not show the
+watchdog.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from planlang.kernel.tree import name_of
 from planlang.misuse import contrast
 
 YOUNG = 500_000
-"""Allocations before the collector looks: live tasks are no garbage, and looking at them costs more than they do.
+"""Allocations before the garbage collector runs: scanning live tasks again and again costs more than running them.
 
-Enough for 100,000 tasks at a time; what refers to itself and is garbage waits as long."""
+Enough for 100,000 live tasks; the price is that cyclic garbage is freed later."""
 
 
 @contextmanager
 def quiet_collector() -> Iterator[None]:
-    """Raise the collector's threshold, and restore it."""
+    """Raise the threshold of the garbage collector for the block."""
     before = gc.get_threshold()
     if before[0] and before[0] < YOUNG:
         gc.set_threshold(YOUNG, *before[1:])
@@ -55,34 +55,36 @@ def quiet_collector() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
-ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-"""Signals that may end a run in order."""
+TERMINATION_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+"""Signals that end a run with its cleanups."""
 
 
 @contextmanager
-def signals(is_answered: Callable[[FrameType | None], bool], interrupt: Callable[[], None]) -> Iterator[int | None]:
-    """In the main thread, let each signal whose handler raises KeyboardInterrupt call ``interrupt`` instead.
+def handle_signals(
+    from_watchdog: Callable[[FrameType | None], bool], interrupt: Callable[[], None]
+) -> Iterator[int | None]:
+    """Call ``interrupt`` for each signal whose handler raises KeyboardInterrupt; in the main thread only.
 
-    Python's own handler of SIGINT does so, and those that a program sets for SIGTERM or SIGHUP may. Signals that
-    ``is_answered`` takes were sent by the watchdog. Ignored signals stay ignored. Yields a signal that is handled here.
+    Python's own handler of SIGINT raises it, and a program's handlers of SIGTERM and SIGHUP may. ``from_watchdog``
+    answers signals that the watchdog sent. Ignored signals stay ignored. Yields one of the handled signals, if any.
     """
-    before: dict[int, Any] = {}
+    handlers: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():
-        before = {number: handler for number in ENDING if callable(handler := signal.getsignal(number))}
+        handlers = {number: handler for number in TERMINATION_SIGNALS if callable(handler := signal.getsignal(number))}
 
     def handle(number: int, frame: FrameType | None) -> None:
-        if not is_answered(frame):
+        if not from_watchdog(frame):
             try:
-                before[number](number, frame)
+                handlers[number](number, frame)
             except KeyboardInterrupt:
                 interrupt()
 
-    for number in before:
+    for number in handlers:
         signal.signal(number, handle)
     try:
-        yield next(iter(before), None)
+        yield next(iter(handlers), None)
     finally:
-        for number, handler in before.items():
+        for number, handler in handlers.items():
             signal.signal(number, handler)
 
 
@@ -90,28 +92,28 @@ _WARNING = re.compile(r"coroutine '(.+)' was never awaited")
 _MADE_AT = re.compile(r'^  File "(.+)", line (\d+), in .*(?:\n    (.*))?$', re.MULTILINE)
 
 
-class _Found(threading.local):
+class _Unawaited(threading.local):
     errors: list[PlanStructureError] | None = None
-    """Of the run in this thread."""
+    """Errors of the run in this thread."""
 
 
-_found = _Found()
+_unawaited = _Unawaited()
 _lock = threading.Lock()
-_runs = 0
-_before = warnings.catch_warnings()
-_show: Callable[..., Any] = warnings.showwarning
+_active_runs = 0
+_saved_filters = warnings.catch_warnings()
+_original_showwarning: Callable[..., Any] = warnings.showwarning
 
 
 def _showwarning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-    error = _error(str(message)) if _found.errors is not None and category is RuntimeWarning else None
-    if error is None or _found.errors is None:
-        _show(message, category, *where, **more)
+    error = _unawaited_error(str(message)) if _unawaited.errors is not None and category is RuntimeWarning else None
+    if error is None or _unawaited.errors is None:
+        _original_showwarning(message, category, *where, **more)
     else:
-        _found.errors.append(error)
+        _unawaited.errors.append(error)
 
 
-def _error(message: str) -> PlanStructureError | None:
-    """Return the error for a warning; None if it is another one, or is about what was made before the run."""
+def _unawaited_error(message: str) -> PlanStructureError | None:
+    """Convert Python's warning to an error; None for other warnings, and for coroutines created before the run."""
     warning = _WARNING.match(message)
     places = [place for place in _MADE_AT.findall(message) if not is_own(place[0])]
     if warning is None or not places:
@@ -124,112 +126,112 @@ def _error(message: str) -> PlanStructureError | None:
 
 @contextmanager
 def unawaited_are_errors() -> Iterator[None]:
-    """Raise PlanStructureError at the end of the block if it ends well, and a coroutine was made and not awaited.
+    """Raise PlanStructureError at the end of a successful block in which a coroutine was created but not awaited.
 
-    Filters of warnings belong to the process: the first of the runs that go on in it changes them, the last one
+    Filters of warnings are process-wide: the first of several runs in different threads changes them, the last one
     restores them.
     """
-    global _runs, _before, _show
+    global _active_runs, _saved_filters, _original_showwarning
     with _lock:
-        _runs += 1
-        if _runs == 1:
-            _before = warnings.catch_warnings()
-            _before.__enter__()
-            _show, warnings.showwarning = warnings.showwarning, _showwarning
+        _active_runs += 1
+        if _active_runs == 1:
+            _saved_filters = warnings.catch_warnings()
+            _saved_filters.__enter__()
+            _original_showwarning, warnings.showwarning = warnings.showwarning, _showwarning
             warnings.filterwarnings("always", _WARNING.pattern, RuntimeWarning)
     depth = sys.get_coroutine_origin_tracking_depth()
     sys.set_coroutine_origin_tracking_depth(ORIGINS)
-    errors = _found.errors = []
+    errors = _unawaited.errors = []
     try:
         yield
     finally:
-        _found.errors = None
+        _unawaited.errors = None
         sys.set_coroutine_origin_tracking_depth(depth)
         with _lock:
-            _runs -= 1
-            if not _runs:
-                _before.__exit__(None, None, None)
+            _active_runs -= 1
+            if not _active_runs:
+                _saved_filters.__exit__(None, None, None)
     if errors:
         first, *others = errors
         for other in others:
-            first.add_note(f"so it is here: {str(other).partition(',')[0]}")
+            first.add_note(f"another one: {str(other).partition(',')[0]}")
         raise first
 
 
 # -- the watchdog
 
 GRACE = 0.1
-"""Seconds in which a plan has to come back to the scheduler after the second Ctrl-C."""
+"""Time [s] that a plan has to return to the scheduler after the second Ctrl-C."""
 INSIST = 0.02
-"""Seconds between attempts to interrupt: code of the scheduler itself is let through first."""
+"""Time [s] between attempts to interrupt, repeated because code of the scheduler itself is never interrupted."""
 WAITS = 0.01
-"""Code that gets less than this share of a processor waits for something."""
+"""Share of a processor below which code counts as blocked."""
 _IDLE_LOOKS = 5
 _DEBUGGERS = ("bdb", "pdb", "pydevd", "_pydevd_bundle", "debugpy")
 
 
 class Watch:
-    """One run as the watchdog sees it."""
+    """State of one run for the watchdog."""
 
     def __init__(self, scheduler: Scheduler, period: float | None, signal_number: int | None = None) -> None:
         self.scheduler = scheduler
         self.period = period
         self.signal_number = signal_number
-        """Signal that is handled here, in the main thread, so that it can interrupt the run."""
+        """Signal that interrupts the run; None outside the main thread."""
         self._thread = threading.get_ident()
-        self._mark: tuple[int, ...] = ()
+        self._progress: tuple[int, ...] = ()
         self._computed = 0.0
-        """Processor time of the run when it last moved [s]."""
-        self._waiting = 0.0, 0.0
-        """Since when it has computed next to nothing, and its processor time then [s]."""
-        self._pressed: float | None = None
-        self._summons: tuple[type[BaseException], tuple[int, ...]] | None = None
+        """Processor time of the run at its last progress [s]."""
+        self._blocked_since = 0.0, 0.0
+        """Time since which the run has hardly computed, and its processor time then [s]."""
+        self._pressed_at: float | None = None
+        self._request: tuple[type[BaseException], tuple[int, ...]] | None = None
 
     def look(self, now: float) -> float:
-        """Look at the run at ``now`` [s], interrupt it if need be, and say how long to wait until the next look [s]."""
+        """Check the run at time ``now`` [s], interrupt it if necessary; return the time until the next check [s]."""
         scheduler, period = self.scheduler, self.period
-        mark, computed = scheduler.progress(), self._processor_time()
-        if mark != self._mark or scheduler.idle:
-            self._mark, self._computed = mark, computed
-            self._waiting = now, computed
+        progress, computed = scheduler.progress(), self._processor_time()
+        if progress != self._progress or scheduler.idle:
+            self._progress, self._computed = progress, computed
+            self._blocked_since = now, computed
         elif period is not None:
-            since, before = self._waiting
+            since, before = self._blocked_since
             if computed - before >= WAITS * period:
-                self._waiting = since, _ = now, computed
+                self._blocked_since = since, _ = now, computed
             if max(computed - self._computed, now - since) >= period:
-                self._summon(Overdue)
+                self._interrupt(Overdue)
                 return INSIST
         if scheduler.interrupts > 1 and scheduler.interrupted:
-            if self._pressed is None:
-                self._pressed = now
-            elif now - self._pressed >= GRACE:
-                self._summon(KeyboardInterrupt)
+            if self._pressed_at is None:
+                self._pressed_at = now
+            elif now - self._pressed_at >= GRACE:
+                self._interrupt(KeyboardInterrupt)
             return INSIST
-        self._pressed = None
+        self._pressed_at = None
         return 1.0 if period is None else min(1.0, period / 10)
 
     def _processor_time(self) -> float:
-        """Return that of the run's thread [s]; 0 where it is unknown: then only time that passes counts."""
+        """Processor time of the run's thread [s]; 0 where the system does not measure it, so that only time counts."""
         if not hasattr(time, "pthread_getcpuclockid"):
             return 0.0
-        return time.clock_gettime(time.pthread_getcpuclockid(self._thread))  # it lives as long as it is watched
+        return time.clock_gettime(time.pthread_getcpuclockid(self._thread))  # the thread outlives its watch
 
-    def _summon(self, kind: type[BaseException]) -> None:
+    def _interrupt(self, kind: type[BaseException]) -> None:
         frame = sys._current_frames().get(self._thread)
         if frame is None or is_own(frame.f_code.co_filename) or (kind is Overdue and _debugged(frame)):
             return
-        self._summons = kind, self._mark
+        self._request = kind, self._progress
         if self.signal_number is not None and hasattr(signal, "pthread_kill"):
             signal.pthread_kill(self._thread, self.signal_number)
         else:
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self._thread), ctypes.py_object(kind))
 
     def answer(self, frame: FrameType | None) -> bool:
-        """Return False if the watchdog did not send the signal; else raise what it meant, if that still applies."""
-        if self._summons is None:
+        """Handle a signal; False if the watchdog did not send it. Raises the requested error, if it still applies."""
+        if self._request is None:
             return False
-        (kind, mark), self._summons = self._summons, None
-        applies = self.scheduler.interrupted if kind is KeyboardInterrupt else mark == self.scheduler.progress()
+        (kind, progress), self._request = self._request, None
+        applies = self.scheduler.interrupted if kind is KeyboardInterrupt else progress == self.scheduler.progress()
         if applies and frame is not None and not is_own(frame.f_code.co_filename):
             raise kind
         return True
@@ -237,9 +239,9 @@ class Watch:
 
 @contextmanager
 def unwatched() -> Iterator[None]:
-    """Let the block compute for as long as it takes: the watchdog does not count it, if a run goes on in this thread.
+    """Exempt a block from the watchdog of the run in this thread, if there is one.
 
-    For what has an end but takes long, once, in code that cannot wait. In a plan: ``await in_thread(f)``.
+    For a single long computation in code that cannot await; a plan uses ``await in_thread(f)`` instead.
     """
     scheduler = running.scheduler
     if scheduler is None:
@@ -253,12 +255,12 @@ def unwatched() -> Iterator[None]:
 
 
 def is_interrupted() -> bool:
-    """Return whether Ctrl-C has asked the run that goes on in this thread to end."""
+    """Check whether Ctrl-C was pressed during the run in this thread."""
     return running.scheduler is not None and running.scheduler.interrupts > 0
 
 
 def _debugged(frame: FrameType | None) -> bool:
-    """Return whether the code stands in a debugger."""
+    """Check whether the code runs in a debugger."""
     while frame is not None:
         if str(frame.f_globals.get("__name__")).partition(".")[0] in _DEBUGGERS:
             return True
@@ -267,7 +269,7 @@ def _debugged(frame: FrameType | None) -> bool:
 
 
 def where(traceback: TracebackType | None) -> str:
-    """Return ``file.py:12`` of the innermost line that is not ours."""
+    """Format the innermost line outside the plan language, as ``file.py:12``."""
     place = "an unknown line"
     while traceback is not None:
         code = traceback.tb_frame.f_code
@@ -278,7 +280,7 @@ def where(traceback: TracebackType | None) -> str:
 
 
 class _Watchdog:
-    """The thread that looks. It ends by itself when there is no run for a few seconds."""
+    """Thread that checks all runs of the process. It ends by itself after a few seconds without a run."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -289,7 +291,7 @@ class _Watchdog:
 
     @contextmanager
     def watching(self, watch: Watch) -> Iterator[None]:
-        """Look at a run while the block lasts."""
+        """Check a run during the block."""
         with self._lock:
             self._watches[watch] = None
             if self._thread is None or not self._thread.is_alive():
@@ -304,7 +306,7 @@ class _Watchdog:
                 del self._watches[watch]
 
     def nudge(self) -> None:
-        """Look now. Signal handlers may call this."""
+        """Check all runs now; safe in signal handlers."""
         self._nudges.put(None)
 
     def _loop(self) -> None:
@@ -325,7 +327,7 @@ watchdog = _Watchdog()
 
 
 def run_plan(scheduler: Scheduler, branch: Callable[[], Any]) -> Any:
-    """Run a plan to its end and return its result, or raise what left it."""
+    """Run a plan to its end; return its result or raise its failure or error."""
     if running.scheduler is not None:
         raise PlanStructureError("a plan is running already; await the inner plan instead of running it")
     with unawaited_are_errors():
@@ -352,10 +354,11 @@ def _run(scheduler: Scheduler, root: Task) -> Any:
 
 
 def _watched(scheduler: Scheduler, root: Task) -> None:
-    """Drive the run, with a watchdog and handlers of signals."""
+    """Run the event loop with the watchdog and the signal handlers."""
     period = getattr(scheduler.host, "watchdog", WATCHDOG)
     watch = Watch(scheduler, period)
-    with signals(watch.answer, partial(_interrupt, scheduler)) as watch.signal_number, watchdog.watching(watch):
+    interrupt = partial(_interrupt, scheduler)
+    with handle_signals(watch.answer, interrupt) as watch.signal_number, watchdog.watching(watch):
         scheduler.enqueue(root)
         if scheduler.live is not None:
             scheduler.live.begin()
@@ -369,13 +372,13 @@ def _watched(scheduler: Scheduler, root: Task) -> None:
 
 
 def _spoil(scheduler: Scheduler, error: BaseException) -> None:
-    """End a run that cannot be observed any further, for nobody could tell what it did."""
+    """End a run that can no longer be recorded."""
     error.add_note(f"raised by the trace at world step {scheduler.now}; the run was ended")
     scheduler.spoilt = scheduler.spoilt or error
 
 
 def _interrupt(scheduler: Scheduler) -> None:
-    """Take note of a Ctrl-C between byte codes; the watchdog insists where the plan does not react."""
+    """Count a Ctrl-C, in the signal handler; the watchdog interrupts a plan that does not react to the second."""
     scheduler.interrupts += 1
     scheduler.inbox.put(None)
     if scheduler.interrupts > 1:
@@ -383,8 +386,8 @@ def _interrupt(scheduler: Scheduler) -> None:
 
 
 def _outcome(scheduler: Scheduler, root: Task) -> Any:
-    """Return what the run returns or raises, when its top-level task is dead."""
-    if root.crash is not None:  # a programming error beats the Ctrl-C that may have brought it to light
+    """Return the result of the top-level task, or raise its error or failure."""
+    if root.crash is not None:  # a programming error takes precedence over the Ctrl-C that may have caused it
         raise root.crash
     if scheduler.interrupts:
         raise KeyboardInterrupt
@@ -394,16 +397,16 @@ def _outcome(scheduler: Scheduler, root: Task) -> Any:
 
 
 def _unresponsive(scheduler: Scheduler, period: float | None, error: Overdue) -> NoProgress:
-    """Return the error of a run that the watchdog has interrupted."""
+    """Error for a run that the watchdog interrupted."""
     task = "the run" if scheduler.overdue is None else scheduler.overdue.path
     return NoProgress(
         f"{task} did not reach a checkpoint for more than {period} s, at {where(error.__traceback__)}; "
-        "blocking code belongs into await in_thread(f), long loops await checkpoint() now and then"
+        "call blocking code with await in_thread(f), and await checkpoint() in long loops"
     )
 
 
 def _drain(scheduler: Scheduler, root: Task, cause: BaseException) -> None:
-    """Evaporate everything, shields or not; time stands still and every wait raises."""
+    """Evaporate all tasks in spite of shields; plan time does not advance, and every wait raises."""
     if scheduler.observer is not None and not isinstance(cause, Overdue):
         scheduler.observer.write(scheduler.now, "drained", because=type(cause).__name__)
     scheduler.draining = True
@@ -415,9 +418,9 @@ def _drain(scheduler: Scheduler, root: Task, cause: BaseException) -> None:
         evaporate(scheduler, root, through_shields=True)
         try:
             rest(scheduler, root)
-        except BaseException as error:  # of a task that would not end; all others still have to
+        except BaseException as error:  # a task that does not end; the others still have to be evaporated
             scheduler.heeded = scheduler.interrupts
-            if error is not cause:  # which passes each construct around the branch that raised it
+            if error is not cause:  # the cause itself is raised again in each construct around its branch
                 stuck = stuck or error
     if stuck is not None:
         raise stuck from cause

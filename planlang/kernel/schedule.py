@@ -1,7 +1,7 @@
-"""Schedules, the order of tasks that can run: first come first served, by random numbers, or by a list.
+"""Schedules, which order the tasks that can run: first come, first served, or random choices, or a list of choices.
 
-A choice is the place, in order of coming, of the task that runs next. It is asked for only where there is one. Random
-numbers come from streams that count their draws, so that a resumed run can bring them to where they were.
+A choice is the index, in order of arrival, of the task to run next; it is made only between two or more tasks. Random
+numbers come from streams that count their draws, so that a resumed run can restore their positions.
 """
 
 from __future__ import annotations
@@ -13,41 +13,41 @@ from typing import Any
 from planlang.kernel.core import ChoiceSource, Task
 from planlang.misuse import WrongValue, contrast, whole_number, written
 
-MOST_WORDS = 1_000_000_000
-"""Draws that are repeated at most, in about 3 s: more can only stand in a damaged trace."""
-_AT_ONCE = 100_000
-"""Words drawn by one call: 400 kB."""
+MAX_WORDS = 1_000_000_000
+"""Maximum number of draws to repeat, in about 3 s: larger numbers occur only in damaged traces."""
+_WORDS_PER_CALL = 100_000
+"""Words per call of ``getrandbits``: 400 kB."""
 
 
 class CountedRandom(Random):
-    """A stream of random numbers that knows how many words of 32 bits were drawn from its generator.
+    """Stream of random numbers that counts the words of 32 bits drawn from its generator.
 
-    All numbers of Python's :class:`random.Random` are made by ``random`` (two words) and ``getrandbits``.
+    All methods of Python's :class:`random.Random` draw through ``random`` (two words) and ``getrandbits``.
     """
 
     def __init__(self, seed: str) -> None:
         super().__init__(seed)
         self.moved = 0
-        """Another number after whatever has changed the state: words drawn, and seedings by the plan."""
+        """Words drawn, plus one for each seeding by the plan, so that it changes whenever the state may have."""
         self._is_counted = True
 
     def random(self) -> float:
-        """Return the next number from [0, 1)."""
+        """Draw a number from [0, 1)."""
         self.moved += 2
         return super().random()
 
     def getrandbits(self, k: int, /) -> int:
-        """Return an integer of ``k`` random bits."""
+        """Draw an integer of ``k`` bits."""
         self.moved += (k + 31) // 32
         return super().getrandbits(k)
 
     def seed(self, *arguments: Any, **named: Any) -> None:
-        """Begin anew, as a plan may ask for: from then on the count of draws does not tell the state."""
+        """Seed the stream again; its position is no longer given by the number of draws."""
         super().seed(*arguments, **named)
         self._lose_count()
 
     def setstate(self, state: Any) -> None:
-        """Go to a state: from then on the count of draws does not tell it."""
+        """Set the state; the position is no longer given by the number of draws."""
         super().setstate(state)
         self._lose_count()
 
@@ -57,89 +57,89 @@ class CountedRandom(Random):
 
     @property
     def draws(self) -> Any:
-        """Return the position of the stream as JSON: the words drawn, with the second number that ``gauss`` has ready.
+        """Position of the stream as JSON: the words drawn, with the second number that ``gauss`` holds ready, if any.
 
-        ValueError if that is not known, since the plan has seeded the stream itself.
+        ValueError if the plan has seeded the stream itself.
         """
         if not self._is_counted:
             raise ValueError("a stream of random numbers that was seeded by the plan")
-        ready = getattr(self, "gauss_next", None)
-        return self.moved if ready is None else [self.moved, ready]
+        gauss_next = getattr(self, "gauss_next", None)
+        return self.moved if gauss_next is None else [self.moved, gauss_next]
 
     def go_to(self, draws: Any) -> None:
-        """Draw as often as it was drawn before; raises ValueError for what is no such number."""
-        words, ready = checked_draws(draws)
+        """Advance the stream to a position of :attr:`draws`; ValueError if it is malformed or already passed."""
+        words, gauss_next = parse_draws(draws)
         if not self._is_counted or self.moved > words:
             raise ValueError(f"a stream of random numbers cannot go back to {words} draws")
         while self.moved < words:
-            self.getrandbits(32 * min(_AT_ONCE, words - self.moved))
-        self.gauss_next = ready
+            self.getrandbits(32 * min(_WORDS_PER_CALL, words - self.moved))
+        self.gauss_next = gauss_next
 
 
 Schedule = int | Sequence[int] | ChoiceSource | None
-"""None is first come, first served; a number is that stream; a list is taken one by one, then as None."""
+"""None is first come, first served; an integer seeds random choices; a list of choices is followed to its end."""
 
 
-def checked_draws(draws: Any) -> tuple[int, float | None]:
-    """Return words and ready number from a value of ``CountedRandom.draws``; raises ValueError for what is none."""
-    ready: float | None = None
+def parse_draws(draws: Any) -> tuple[int, float | None]:
+    """Read words drawn and ``gauss_next`` from a value of ``CountedRandom.draws``; ValueError if malformed."""
+    gauss_next: float | None = None
     if isinstance(draws, list) and len(draws) == 2 and isinstance(draws[1], float):
-        draws, ready = draws
-    if type(draws) is not int or not 0 <= draws <= MOST_WORDS:
-        raise ValueError("a stream of random numbers is recorded by the number of its draws")
-    return draws, ready
+        draws, gauss_next = draws
+    if type(draws) is not int or not 0 <= draws <= MAX_WORDS:
+        raise ValueError("the position of a stream of random numbers must be a number of draws")
+    return draws, gauss_next
 
 
 class RandomSchedule:
-    """Picks at random, by a stream of numbers of its own."""
+    """Chooses at random, from a stream of its own."""
 
     def __init__(self, number: int) -> None:
         self._random = CountedRandom(f"schedule {number}")
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Return the place of any of them."""
+        """Choose any of the tasks, with equal probability."""
         return self._random.randrange(len(ready))
 
     def state(self) -> Any:
-        """Return how far the stream has come, as JSON."""
+        """Position of the stream, as JSON."""
         return self._random.draws
 
     def restore(self, state: Any) -> None:
-        """Go on from a state; ValueError for what is none."""
+        """Continue from a state; ValueError if it is malformed."""
         self._random.go_to(state)
 
 
 class ListedSchedule:
-    """Takes choices from a list, then first come, first served; a choice beyond the last task is the last task."""
+    """Follows a list of choices, then first come, first served; a choice beyond the last task means the last task."""
 
     def __init__(self, choices: Sequence[int]) -> None:
-        places = [whole_number(choice) for choice in choices]
-        self._choices = tuple(place for place in places if place is not None and place >= 0)
-        if len(self._choices) < len(places):
+        indices = [whole_number(choice) for choice in choices]
+        self._choices = tuple(index for index in indices if index is not None and index >= 0)
+        if len(self._choices) < len(indices):
             code = written(list(choices))
-            message = f"a schedule is a list of places, whole numbers from 0, not {code}"
+            message = f"a schedule is a list of indices, whole numbers from 0, not {code}"
             raise WrongValue(contrast(message, f"schedule={code}", "schedule=[0, 2, 1]"))
-        self._taken = 0
+        self._used = 0
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Return the next of the list."""
-        choice = self._choices[self._taken] if self._taken < len(self._choices) else 0
-        self._taken += 1
+        """Choose the next index of the list."""
+        choice = self._choices[self._used] if self._used < len(self._choices) else 0
+        self._used += 1
         return min(choice, len(ready) - 1)
 
     def state(self) -> Any:
-        """Return how many choices were taken."""
-        return self._taken
+        """Number of choices made."""
+        return self._used
 
     def restore(self, state: Any) -> None:
-        """Go on after so many choices; ValueError for what is no number of them."""
+        """Continue after a number of choices; ValueError if it is not one."""
         if type(state) is not int or state < 0:
-            raise ValueError("a state is a number of choices")
-        self._taken = state
+            raise ValueError("the state of a schedule must be its number of choices")
+        self._used = state
 
 
 def source_of(schedule: Schedule) -> ChoiceSource | None:
-    """Return what picks, or None for first come, first served."""
+    """Make the source of choices for a schedule; None for first come, first served."""
     if schedule is None or hasattr(schedule, "choose"):
         return schedule
     if isinstance(schedule, int):
@@ -148,5 +148,5 @@ def source_of(schedule: Schedule) -> ChoiceSource | None:
 
 
 def described(schedule: Schedule) -> object:
-    """Return what the header of a trace says about the schedule: enough to repeat it, unless it is the user's own."""
+    """Describe a schedule in the header of a trace, so that it can be repeated unless its class is the user's."""
     return str(schedule) if hasattr(schedule, "choose") else schedule

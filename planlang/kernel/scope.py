@@ -1,4 +1,4 @@
-"""A scope: a construct at work. It starts branches, decides between rounds, and ends after all of them are dead."""
+"""A scope: a running construct. It starts branches, decides between rounds, and ends when all branches are dead."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from operator import attrgetter
 from typing import Any
 
 from planlang.failures import BranchEvaporated
-from planlang.kernel.cancel import checkpoint, deliver, delivery, evaporate
+from planlang.kernel.cancel import checkpoint, deliver, evaporate, pending_error
 from planlang.kernel.core import BaseScope, Task, here, park
 from planlang.kernel.errors import Evaporated, PlanStructureError
 from planlang.kernel.listing import place_of
@@ -16,19 +16,20 @@ from planlang.kernel.tree import SUCCEEDED, Node, name_of
 from planlang.plan_failure import PlanFailure, attach_cleanup
 
 MAX_DEPTH = 10_000
-"""Constructs inside of each other: more than any plan that was written, and less than what fills the memory."""
+"""Limit of nested constructs: far above that of written plans, low enough that endless recursion does not fill the
+memory."""
 _index = attrgetter("index")
 
 
 class Scope(BaseScope):
-    """A construct with branches. Subclasses say in :meth:`decide` when it is over."""
+    """A construct with branches. Subclasses decide in :meth:`decide` when it is over."""
 
     transparent = False
-    """True if the branches appear in the tree in the construct's place."""
+    """True if the construct has no node of its own, so that its branches appear directly under its parent."""
 
     def __init__(self, kind: str, name: str | None = None) -> None:
         self.scheduler, self.owner = here()
-        if self.transparent:  # a node without a name of its own under its parent, and never recorded
+        if self.transparent:  # a node that is never recorded and has no name under its parent
             self.parent, self.kind, self.base_name, self.ordinal = self.owner.node, kind, kind, 1
             self._counts = self._path = None
             self.number = 0
@@ -36,11 +37,11 @@ class Scope(BaseScope):
         else:
             Node.__init__(self, self.owner.node, kind, name or kind)
         self.above: Node = self.owner.node if self.transparent else self
-        """Under which node the branches appear in the tree."""
+        """The node under which the branches appear in the tree."""
         self.depth = self.owner.depth + 1
         if self.depth > MAX_DEPTH:
             raise PlanStructureError(
-                f"more than {MAX_DEPTH} constructs nested, as in recursion without end: {_innermost(self.owner)}"
+                f"more than {MAX_DEPTH} nested constructs, as in an endless recursion: {_innermost(self.owner)}"
             )
         self.scheduler.births += 1
         self.birth = self.scheduler.births
@@ -58,22 +59,22 @@ class Scope(BaseScope):
         raise NotImplementedError
 
     def details(self) -> dict[str, object]:
-        """Return what is recorded with the start."""
+        """Details to record with the start of the construct."""
         return {}
 
     def decide(self, dead: list[Task]) -> None:
-        """Look at the branches that died in the last round, in textual order; :meth:`close` when the outcome is fixed.
+        """React to the branches that died in the last round, in textual order; :meth:`close` to fix the outcome.
 
-        May start branches. When none is live afterwards, the scope is over.
+        May start branches. If no branch is live afterwards, the scope is over.
         """
         raise NotImplementedError
 
     def finish(self) -> Any:
-        """Return or raise the outcome, when all branches are dead."""
+        """Return or raise the outcome, after all branches are dead."""
         raise NotImplementedError
 
     def start(self, branch: Callable[[], Any], name: str, index: int) -> Task:
-        """Start a branch; it runs after what is already in the queue."""
+        """Start a branch; it is queued behind the tasks that can run already."""
         task = Task(self, self.above, name, branch, index)
         if self.above is not self:
             task.kind = self.kind
@@ -87,7 +88,7 @@ class Scope(BaseScope):
         return task
 
     def close(self) -> None:
-        """Fix the outcome and evaporate what is live."""
+        """Fix the outcome and evaporate the live branches."""
         if not self.over:
             self.over = True
             for task in tuple(self.live):
@@ -96,7 +97,7 @@ class Scope(BaseScope):
     async def execute(self) -> Any:
         """Run the construct to its end.
 
-        Raises a programming error that left a branch, before anything else; Evaporated if the owner is evaporated.
+        Raises a programming error of a branch, which takes precedence, or Evaporated if the owner was evaporated.
         """
         if self.owner.doomed:
             await deliver(self.owner)
@@ -121,7 +122,7 @@ class Scope(BaseScope):
         except BaseException as error:
             if not isinstance(error, Evaporated):
                 attach_cleanup(error, self.cleanup)
-            elif self.cleanup:  # evaporation carries nothing: whoever evaporated the owner raises them
+            elif self.cleanup:  # Evaporated has no attachments: the construct that evaporated the owner raises them
                 owner.cleanup_failures = [*(owner.cleanup_failures or ()), *self.cleanup]
             raise
         finally:
@@ -133,7 +134,7 @@ class Scope(BaseScope):
         return self.finish()
 
     def attach(self, failure: PlanFailure) -> PlanFailure:
-        """Attach what went wrong in cleanups to what the construct raises."""
+        """Attach the failures of cleanups to the failure that the construct raises."""
         if self.cleanup:
             attach_cleanup(failure, self.cleanup)
         return failure
@@ -158,12 +159,12 @@ class Scope(BaseScope):
                 self.close()
         if not self.live:
             self.over = True
-            if not self.fresh:  # deciding may have started and at once evaporated branches: they are decided on first
+            if not self.fresh:  # decide() may have started and evaporated branches, which need a decision first
                 self.complete = True
                 self._release()
 
     def _collect_errors(self, task: Task) -> None:
-        """Keep a programming error, which beats everything, and failures of cleanups."""
+        """Collect the programming error of a branch, which takes precedence, or its failures of cleanups."""
         if task.crash is None:
             self.cleanup += task.cleanup_failures or ()
         elif self.crash is None:
@@ -172,10 +173,10 @@ class Scope(BaseScope):
             self.crash.add_note(f"at the same time, in {task.path}: {task.crash!r}")
 
     def _release(self) -> None:
-        """Let the owner go on, or deliver its evaporation; a programming error goes before that."""
+        """Wake the owner, with its evaporation if that is pending and no programming error takes precedence."""
         owner = self.owner
         if self.crash is None and owner.doomed:
-            self.scheduler.throw(owner, delivery(owner, self.scheduler.draining))
+            self.scheduler.throw(owner, pending_error(owner, self.scheduler.draining))
         else:
             self.scheduler.wake(owner)
 
@@ -184,7 +185,7 @@ class Scope(BaseScope):
 
 
 class All(Scope):
-    """Over at the first failure; the failure is the earliest round's, then the textually first."""
+    """A scope that fails with its first failure; within one round that of the textually first branch."""
 
     failed: Task | None = None
     siblings: tuple[tuple[str, PlanFailure], ...] = ()
@@ -195,13 +196,13 @@ class All(Scope):
             self.fail(failures)
 
     def fail(self, failures: list[Task]) -> None:
-        """Fix the first of these as the outcome, the others as its siblings."""
+        """Fix the first failure as the outcome, with the others as its siblings."""
         self.failed = failures[0]
         self.siblings = tuple((task.name, failure_of(task)) for task in failures[1:])
         self.close()
 
     def raise_failure(self) -> None:
-        """Raise the failure that was fixed, if any, with its attachments."""
+        """Raise the failure that is the outcome, if there is one, with its attachments."""
         if self.failed is not None:
             failure = failure_of(self.failed)
             failure.siblings += tuple((name, other) for name, other in self.siblings if other is not failure)
@@ -209,7 +210,7 @@ class All(Scope):
 
 
 class Single(All):
-    """A construct around one branch, whose result or failure is its own."""
+    """A construct with one branch, whose result or failure it passes on."""
 
     def __init__(self, kind: str, body: Callable[[], Any], name: str | None = None, body_name: str = "") -> None:
         super().__init__(kind, name)
@@ -230,18 +231,18 @@ class Single(All):
 
 
 def failure_of(task: Task) -> PlanFailure:
-    """Return the failure of a branch that did not succeed: its own, or that it was evaporated from outside."""
+    """Failure of a branch that did not succeed: its own, or BranchEvaporated if it was evaporated from outside."""
     if task.failure is None:
         task.failure = BranchEvaporated(path=task.path)
     return task.failure
 
 
 def _innermost(task: Task) -> str:
-    """Return names and lines of the innermost tasks, each once."""
-    found: dict[str, None] = {}
+    """List names and lines of the innermost tasks, without repetitions."""
+    places: dict[str, None] = {}
     current: Task | None = task
     for _ in range(20):
         assert current is not None  # there are MAX_DEPTH of them
-        found[f"{current.base_name}{place_of(current)}"] = None
+        places[f"{current.base_name}{place_of(current)}"] = None
         current = None if current.group is None else current.group.owner
-    return ", in ".join(found)
+    return ", in ".join(places)

@@ -1,7 +1,7 @@
-"""Signals: what can be waited for, fluents at the root, and expressions over them.
+"""Signals, which tasks can wait for: fluents, and expressions over fluents.
 
-An expression is lazy: its value is computed from the current values of its sources whenever it is read, so it never
-shows a mixture of old and new. Operators give expressions; only ``.value`` gives values.
+An expression is lazy: whenever it is read, its value is computed from the current values of its sources, so it never
+mixes old and new values. Operators make expressions; only ``.value`` is a plain value.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Operator = Callable[["Signal[Any]", object], "Signal[Any]"]
 
 
 def _binary(operation: Callable[..., Any], symbol: str) -> tuple[Operator, Operator]:
-    """Return the methods of an operator with the signal on its left, and on its right."""
+    """Make the two methods of an operator, for the signal on its left and on its right."""
 
     def left(self: Signal[Any], other: object) -> Signal[Any]:
         return Expression(operation, symbol, self, other)
@@ -34,7 +34,7 @@ def _binary(operation: Callable[..., Any], symbol: str) -> tuple[Operator, Opera
 
 
 class Signal(Generic[T]):
-    """Something with a value that can be waited for: a fluent or an expression over fluents."""
+    """A value that tasks can wait for: a fluent or an expression over fluents."""
 
     name: str | None = None
 
@@ -44,23 +44,23 @@ class Signal(Generic[T]):
         raise NotImplementedError
 
     def read(self) -> T:
-        """Return the value, world fluents read anew instead of as sampled."""
+        """Compute the value from the present state of the world, not from this step's samples."""
         return self.value
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Return the fluents whose change may change the value."""
+        """Fluents that the value depends on, in order."""
         raise NotImplementedError
 
     def arm(self) -> None:
-        """Take note that a wait begins."""
+        """Prepare for a wait; called when one begins."""
 
     def consume(self) -> None:
-        """Take note that a wait has ended with a value."""
+        """Mark the present value as seen; called when a wait has ended with a value."""
 
     def __bool__(self) -> bool:
         message = (
-            f"{self} is a fluent, which is not true or false itself: &, | and ~ combine fluents, not and, or and not; "
-            "its current value is .value"
+            f"{self} is a fluent, which has no truth value of its own: combine fluents with &, | and ~ instead of and, "
+            "or and not; read the current value with .value"
         )
         raise WrongType(contrast(message, "door_open and light_on    or    if door_open:", _COMBINED))
 
@@ -71,7 +71,7 @@ class Signal(Generic[T]):
         return f"<{self}>"
 
     def __hash__(self) -> int:
-        return id(self)  # identity, never used for order
+        return id(self)  # differs from run to run, so that nothing may be ordered by it
 
     def __eq__(self, other: object) -> Signal[bool]:  # type: ignore[override]
         return Expression(operator.eq, "==", self, other)
@@ -88,7 +88,7 @@ class Signal(Generic[T]):
     __floordiv__, __rfloordiv__ = _binary(operator.floordiv, "//")
     __mod__, __rmod__ = _binary(operator.mod, "%")
     __pow__, __rpow__ = _binary(operator.pow, "**")
-    # These two give values as `and` and `or` do: the second operand is read only where the first does not decide.
+    # These two behave as `and` and `or`: the second operand is read only if the first does not decide the value.
     __and__, __rand__ = _binary(operator.and_, "&")
     __or__, __ror__ = _binary(operator.or_, "|")
 
@@ -102,14 +102,14 @@ class Signal(Generic[T]):
         return Expression(operator.not_, "~", self)
 
     def changed(self) -> Signal[bool]:
-        """Return a signal that is true when the value has changed, since now or since the last wait for it ended."""
+        """Make a signal that is true if the value has changed since now, or since the last wait for the signal."""
         return Changed(self)
 
     def pulsed(self, missed: str = "once") -> Signal[bool]:
-        """Return a signal that is true after a pulse of the fluent, or of one of an expression's; a change is a pulse.
+        """Make a signal that is true after a pulse of any source of this one; a change is a pulse too.
 
-        Pulses that come while nobody waits on this object are missed ("never" seen later), seen "once" for all, or
-        "always": one wait for each.
+        ``missed`` selects how often a later wait reacts to pulses that arrive while no task waits for the signal:
+        "never", "once" for all of them, or "always", once for each.
         """
         if missed not in MISSED:
             raise _PULSED.wrong("missed", missed, f"one of {', '.join(map(repr, MISSED))}", WrongValue)
@@ -117,19 +117,19 @@ class Signal(Generic[T]):
 
 
 class Wait:
-    """Something that a task, or a part of it, waits for and that may have to be looked at again."""
+    """A wait of a task for a condition that can be checked again."""
 
     @property
-    def undisturbed(self) -> bool:
-        """True while evaporation has to leave the waiting task alone, as during a call in a thread."""
+    def uninterruptible(self) -> bool:
+        """True while evaporation must not reach the waiting task, as during a call in a thread."""
         return False
 
     def recheck(self) -> None:
-        """Wake the task if what it waits for is there; called on changes, and when the task is no longer held."""
+        """Wake the task if its condition is true; called on changes, and when the task is no longer held."""
 
 
 class BaseFluent(Signal[T]):
-    """A fluent at the root of expressions: knows who waits."""
+    """A fluent with the waits that are notified of its changes."""
 
     def __init__(self) -> None:
         self.pulses = 0
@@ -137,7 +137,7 @@ class BaseFluent(Signal[T]):
         self._waits: dict[Wait, None] = {}
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Return itself."""
+        """Only the fluent itself."""
         return {self: None}
 
     def set(self, value: T) -> None:
@@ -145,19 +145,19 @@ class BaseFluent(Signal[T]):
         raise NotImplementedError
 
     def sample(self, step: int) -> bool:
-        """Read the world; True if those who wait should look. Of world fluents only."""
+        """Read the world, for world fluents only; True if the waits for this fluent have to be checked."""
         raise NotImplementedError
 
     def watch(self, wait: Wait) -> None:
-        """Tell ``wait`` about changes."""
+        """Notify ``wait`` of changes."""
         self._waits[wait] = None
 
     def unwatch(self, wait: Wait) -> None:
-        """Tell ``wait`` no longer."""
+        """Stop notifying ``wait``."""
         self._waits.pop(wait, None)
 
     def notify(self) -> None:
-        """Let all waits look at their condition."""
+        """Check the conditions of all waits."""
         for wait in tuple(self._waits):
             wait.recheck()
 
@@ -176,7 +176,7 @@ class Expression(Signal[Any]):
         return self._compute(_value)
 
     def read(self) -> Any:
-        """Return the value computed from operands that are read anew."""
+        """Computed from the present state of the world."""
         return self._compute(_read)
 
     def _compute(self, get: Callable[[object], Any]) -> Any:
@@ -187,28 +187,28 @@ class Expression(Signal[Any]):
         return self._operation(*map(get, self._operands))
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Return all fluents below, each once."""
-        found: dict[BaseFluent[Any], None] = {}
+        """All fluents in the expression, each once."""
+        sources: dict[BaseFluent[Any], None] = {}
         stack: list[object] = [self]
-        while stack:  # no recursion: expressions that a loop has put together may be deeper than Python's stack
-            one = stack.pop()
-            if isinstance(one, Expression):
-                stack.extend(reversed(one._operands))
-            elif isinstance(one, Signal):
-                found.update(one.sources())
-        return found
+        while stack:  # not recursive: an expression that is built in a loop may be deeper than Python's stack
+            operand = stack.pop()
+            if isinstance(operand, Expression):
+                stack.extend(reversed(operand._operands))
+            elif isinstance(operand, Signal):
+                sources.update(operand.sources())
+        return sources
 
     def arm(self) -> None:
-        """Take note that a wait begins."""
-        for one in self._operands:
-            if isinstance(one, Signal):
-                one.arm()
+        """Prepare the operands for a wait."""
+        for operand in self._operands:
+            if isinstance(operand, Signal):
+                operand.arm()
 
     def consume(self) -> None:
-        """Take note that a wait has ended with a value."""
-        for one in self._operands:
-            if isinstance(one, Signal):
-                one.consume()
+        """Mark the present values of the operands as seen."""
+        for operand in self._operands:
+            if isinstance(operand, Signal):
+                operand.consume()
 
     def __str__(self) -> str:
         if self.name is not None:
@@ -220,18 +220,18 @@ class Expression(Signal[Any]):
 
 
 class Derived(Signal[bool]):
-    """A signal that is true when something has happened to another since a wait last looked at it."""
+    """A signal about an event of another signal since the last wait for it."""
 
     def __init__(self, signal: Signal[Any]) -> None:
         self._signal = signal
 
     def sources(self) -> dict[BaseFluent[Any], None]:
-        """Return those of the signal."""
+        """The sources of the other signal."""
         return self._signal.sources()
 
 
 class Changed(Derived):
-    """A signal that is true when another has changed."""
+    """True if another signal has changed."""
 
     def __init__(self, signal: Signal[Any]) -> None:
         super().__init__(signal)
@@ -239,11 +239,11 @@ class Changed(Derived):
 
     @property
     def value(self) -> bool:
-        """True if the value is another than the one seen."""
+        """True if the value differs from the one last seen."""
         return not same(self._seen, self._signal.value)
 
     def consume(self) -> None:
-        """Take the current value as seen."""
+        """Mark the present value as seen."""
         self._seen = self._signal.value
 
     def __str__(self) -> str:
@@ -251,7 +251,7 @@ class Changed(Derived):
 
 
 class Pulsed(Derived):
-    """A signal that is true when another was pulsed."""
+    """True if another signal was pulsed."""
 
     def __init__(self, signal: Signal[Any], missed: str) -> None:
         super().__init__(signal)
@@ -263,16 +263,16 @@ class Pulsed(Derived):
 
     @property
     def value(self) -> bool:
-        """True if there is a pulse that was not seen."""
+        """True if there is an unseen pulse."""
         return self._count() > self._seen
 
     def arm(self) -> None:
-        """Miss what came before this wait, if so chosen."""
+        """Ignore earlier pulses if ``missed`` is "never"."""
         if self._missed == "never":
             self._seen = self._count()
 
     def consume(self) -> None:
-        """Take one pulse, or all, as seen."""
+        """Mark one pulse, or all, as seen."""
         self._seen = self._seen + 1 if self._missed == "always" else self._count()
 
     def __str__(self) -> str:
@@ -288,10 +288,10 @@ def _read(operand: object) -> Any:
 
 
 def same(a: object, b: object) -> bool:
-    """Return whether two values are equal as a whole."""
+    """Check whether two values are equal; values that cannot be compared, such as arrays, differ."""
     if a is b:
         return True
     try:
         return bool(a == b)
-    except Exception:  # arrays and the like: not comparable as a whole
+    except Exception:  # the truth value of an array, or an error in the user's __eq__
         return False

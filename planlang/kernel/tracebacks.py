@@ -1,4 +1,4 @@
-"""Tracebacks of plans: the lines of the plan and of whoever runs it, without the planlang frames between them."""
+"""Tracebacks of plans: lines of the plan and of the program that runs it, without planlang's frames between them."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ VARIABLE = "PLANLANG_TRACEBACK"
 """Environment variable: if it is set, tracebacks keep all frames."""
 _PARTS = ("kernel", "language", "runs", "testing", "recoveries", "misuse", "records")
 _INTERNAL = tuple(f"planlang.{part}" for part in _PARTS)
-"""Modules whose frames say nothing about a plan."""
-_MEANT = (PlanFailure, PlanStructureError, RunError, CleanupOverrun, AssertionError, KeyboardInterrupt)
-"""Exceptions that planlang raises for authors of plans to see."""
+"""Modules whose frames are removed."""
+_INTENTIONAL = (PlanFailure, PlanStructureError, RunError, CleanupOverrun, AssertionError, KeyboardInterrupt)
+"""Exceptions that planlang raises on purpose, for authors of plans to see."""
 
 
 def without_internals(error: BaseException) -> BaseException:
-    """Remove planlang's own frames from the traceback of an exception and of those it was raised from; return it.
+    """Remove planlang's own frames from the tracebacks of an exception, its causes and contexts; return it.
 
-    Between a line of a plan and the line that awaits it stand a dozen frames of the kernel. An exception that arose
-    inside planlang, and is none that it raises on purpose, keeps them all: there they show what went wrong.
+    There are a dozen frames of the kernel between a line of a plan and the line that awaits it. The traceback of an
+    unintended error inside planlang is kept whole, as its frames show what went wrong.
     """
     if os.environ.get(VARIABLE):
         return error
-    open_: list[BaseException | None] = [error]
+    pending: list[BaseException | None] = [error]
     seen: set[int] = set()
-    while open_:
-        one = open_.pop()
-        if one is not None and id(one) not in seen:
-            seen.add(id(one))
-            one.__traceback__ = _trimmed(one)
-            open_ += (one.__cause__, one.__context__)
+    while pending:
+        linked = pending.pop()
+        if linked is not None and id(linked) not in seen:
+            seen.add(id(linked))
+            linked.__traceback__ = _trimmed(linked)
+            pending += (linked.__cause__, linked.__context__)
     return error
 
 
@@ -42,13 +42,13 @@ def _trimmed(error: BaseException) -> TracebackType | None:
     while link is not None:
         links.append(link)
         link = link.tb_next
-    if not links or (_is_internal(links[-1]) and not isinstance(error, _MEANT)):
+    if not links or (_is_internal(links[-1]) and not isinstance(error, _INTENTIONAL)):
         return error.__traceback__
-    kept: TracebackType | None = None
+    trimmed: TracebackType | None = None
     for link in reversed(links):
         if not _is_internal(link):
-            kept = TracebackType(kept, link.tb_frame, link.tb_lasti, link.tb_lineno)
-    return kept
+            trimmed = TracebackType(trimmed, link.tb_frame, link.tb_lasti, link.tb_lineno)
+    return trimmed
 
 
 def _is_internal(link: TracebackType) -> bool:

@@ -1,7 +1,4 @@
-"""The tree of a run: constructs, branches, tags, plans and performs; a path names a place in it.
-
-A node that is a task, or belongs to one, ends with one of the final states of :class:`Status`.
-"""
+"""The tree of a run: constructs, branches, tags, plans and performed actions, each identified by its path."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from typing import Any
 
 
 class Status(Enum):
-    """Life of a task; the last three are final. Handles also show ``EVAPORATING``."""
+    """States of a task; the last three are final. ``EVAPORATING`` is shown by handles only."""
 
     CREATED = "created"
     RUNNING = "running"
@@ -29,13 +26,13 @@ class Status(Enum):
         return self in _FINAL
 
 
-# Members as plain names: looking one up on an Enum costs as much as starting a coroutine.
+# Members as module globals, as access through the Enum costs as much as starting a coroutine.
 SUCCEEDED, FAILED, EVAPORATED = Status.SUCCEEDED, Status.FAILED, Status.EVAPORATED
 _FINAL = frozenset({SUCCEEDED, FAILED, EVAPORATED})
 
 
 class Node:
-    """A place in the tree of a run. Its name is unique under its parent: later ones get ``#2``, ``#3``."""
+    """A node of the tree of a run. Names are unique under a parent: repeated ones are numbered ``#2``, ``#3``."""
 
     __slots__ = ("_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "written")
 
@@ -47,9 +44,9 @@ class Node:
         self._counts: dict[str, int] | None = None
         self._path: str | None = None
         self.number = 0
-        """Its number in the trace; 0 before it is written there."""
+        """Number in the trace; 0 until it is assigned there."""
         self.written = ""
-        """Text after ``"node": `` in the records of its start and end, once that was written."""
+        """JSON text after ``"node": `` in the records of its start and end, kept for the second record."""
         counts = parent._counts
         if counts is None:
             parent._counts = {name: 1}
@@ -84,14 +81,14 @@ class Node:
 
     @property
     def unused(self) -> bool:
-        """True as long as nothing was started under this node."""
+        """True until a node is started under this one."""
         return self._counts is None
 
 
 def name_of(branch: Callable[..., Any]) -> str:
-    """Return the path element of a branch: its function's name, ``lambda`` for a lambda, else the class's name.
+    """Path element of a branch: the name of its function, ``lambda``, or the name of its class.
 
-    No line numbers: random streams are derived from paths, and have to stay the same when a line is inserted.
+    Line numbers are not part of it, as random streams are derived from paths and must not change with inserted lines.
     """
     while isinstance(branch, functools.partial):
         branch = branch.func

@@ -1,8 +1,8 @@
 """The knowledge base through which robots share recipes, object models, maps, self-models and experience.
 
-General layout: ``entries`` says what is kept and how it is asked for; ``sqlite_store`` keeps it in one file.
-``axioms`` reads what an ontology says in OWL 2 EL, ``completion`` draws the conclusions, ``descriptions`` keeps what an
-entry adds; ``questions`` reads class expressions, ``index`` answers them over all entries.
-``client`` asks a server over HTTP (:mod:`executive.serving`): ``connection`` sends requests and keeps what was read,
-``answers`` reads what a server says; ``pulling`` writes entries into a folder, ``pulled`` knows them there again.
+``entries`` defines the data and the interface of stores; ``sqlite_store`` is a store in one file.
+``axioms`` extracts the OWL 2 EL part of an ontology, ``completion`` draws the conclusions, and ``descriptions`` holds
+those about one entry; ``questions`` parses class expressions, ``index`` answers them over all entries.
+``client`` talks to a server over HTTP (:mod:`executive.serving`): ``connection`` sends requests and caches responses,
+``answers`` parses them; ``pulling`` downloads entries to a folder, ``pulled`` recognises them there.
 """

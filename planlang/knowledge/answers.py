@@ -1,4 +1,4 @@
-"""Answers of a server of a knowledge base as typed values; an answer is a stranger's text and checked like one."""
+"""Responses of a knowledge-base server as typed values, parsed as untrusted input."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ Links = tuple[tuple[str, str], ...]
 """Pairs of a property and a class (IRIs)."""
 
 LONGEST_TEXT = 10_000
-"""Characters of a text in an answer that are kept."""
+"""Texts in a response are cut to this length [characters]."""
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _DIGEST = re.compile(r"(?:^|[\s,])sha-256=:([A-Za-z0-9+/=]+):")
 
 
 class NoAnswer(Exception):
-    """The server cannot be reached, or does not answer in time."""
+    """The server cannot be reached or does not respond in time."""
 
 
 class NotAsAgreed(Exception):
-    """An answer is none that a server of a knowledge base gives, or is not what its digest says."""
+    """Not a knowledge-base response, or its digest does not match."""
 
 
 class Declined(Refused):
-    """The server does not do what was asked: its status and reason, and what its checks found."""
+    """The server refused a request; with its status, reason and diagnostics."""
 
     def __init__(self, status: int, detail: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
         super().__init__(detail)
@@ -45,20 +45,20 @@ class Declined(Refused):
 
 
 class KeyNeeded(Declined):
-    """The request needs a key, or the key that was given is nobody's."""
+    """The request needs a key, or its key is not valid."""
 
 
 class TooMany(Declined):
-    """The server takes no more requests now."""
+    """The server accepts no more requests at the moment."""
 
 
 class RefusedByChecks(Declined):
-    """The upload or the question is wrong; the diagnostics say where."""
+    """The upload or the query is invalid; the diagnostics say where."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lack:
-    """A part or capability that a robot lacks, or may lack, for an entry."""
+    """A component or capability that an entry needs and a robot lacks or may lack."""
 
     name: str
     reason: str = ""
@@ -66,95 +66,95 @@ class Lack:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """An entry that was found. Where a robot asked: whether it ``can`` use it (yes, no, unknown), and what it lacks."""
+    """A search result; for a robot also whether it ``can`` use the entry (yes, no, unknown) and what is missing."""
 
     entry: Entry
     can: str | None = None
     missing: tuple[Lack, ...] = ()
     links: Links = ()
-    """Links of the entry's subject, also by what its classes require."""
+    """Links of the entry's subject, including those that its classes require."""
 
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """An upload that was taken, with notes and warnings about it."""
+    """An accepted upload, with notes and warnings."""
 
     entry: Entry
     diagnostics: tuple[Diagnostic, ...] = ()
 
 
 def as_json(body: bytes) -> Mapping[str, Any]:
-    """Return the JSON object that a body is. Raises NotAsAgreed."""
+    """Parse a body as a JSON object. Raises NotAsAgreed."""
     try:
         found = json.loads(body)
     except (ValueError, RecursionError):
-        raise NotAsAgreed("the answer is no JSON: this is no knowledge base") from None
+        raise NotAsAgreed("not a knowledge-base response: it is not JSON") from None
     if not isinstance(found, dict):
-        raise NotAsAgreed("the answer is no JSON object: this is no knowledge base")
+        raise NotAsAgreed("not a knowledge-base response: it is not a JSON object")
     return found
 
 
 def read_entry(data: object) -> Entry:
-    """Return the entry of a record. Raises NotAsAgreed."""
+    """Parse an entry. Raises NotAsAgreed."""
     entry: Entry = read_as(Entry, data)
     names = [one.name for one in entry.attachments]
     digests = [entry.revision.sha256, *(one.sha256 for one in entry.attachments)]
     if not is_uid(entry.uid) or not all(map(_FILE_NAME.fullmatch, names)) or len(set(names)) < len(names):
-        raise NotAsAgreed("an entry, or a file of it, has a name that names nothing")
+        raise NotAsAgreed("an entry or one of its files has an invalid name")
     if not all(map(_SHA256.fullmatch, digests)):
-        raise NotAsAgreed(f"{entry.uid} has a digest that is none")
+        raise NotAsAgreed(f"{entry.uid} has an invalid digest")
     return entry
 
 
 def read_found(data: object) -> Found:
-    """Return what was found, and what a robot lacks for it. Raises NotAsAgreed."""
+    """Parse a search result. Raises NotAsAgreed."""
     record = data if isinstance(data, dict) else {}
     missing = read_as(tuple[Lack, ...], record.get("missing", []))
     pairs = read_as(tuple[tuple[str, ...], ...], record.get("links", []))
     if any(len(one) != 2 for one in pairs):
-        raise NotAsAgreed("a link of an entry is no pair of property and class")
+        raise NotAsAgreed("a link of an entry is not a pair of property and class")
     links = tuple((prop, target) for prop, target in pairs)
     return Found(read_entry(data), read_as(str | None, record.get("can")), missing, links)
 
 
 def read_taken(data: Mapping[str, Any]) -> Taken:
-    """Return what is said to an upload. Raises NotAsAgreed."""
+    """Parse the response to an upload. Raises NotAsAgreed."""
     return Taken(read_entry(data.get("entry")), read_diagnostics(data))
 
 
 def read_news(data: Mapping[str, Any]) -> tuple[tuple[News, ...], int]:
-    """Return lines of the feed, and the number behind which to go on. Raises NotAsAgreed."""
+    """Parse lines of the feed, and the number after which the next request continues. Raises NotAsAgreed."""
     return read_as(tuple[News, ...], data.get("news")), read_as(int, data.get("next"))
 
 
 def read_as(kind: Any, data: object) -> Any:
-    """Return JSON data as a type: a dataclass, enum, tuple, union with None, text or number. Raises NotAsAgreed."""
+    """Convert JSON data to a type: dataclass, enum, tuple, optional, str or number. Raises NotAsAgreed."""
     if is_dataclass(kind):
         if not isinstance(data, dict):
-            raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__}")  # type: ignore[union-attr]
+            raise NotAsAgreed(f"{_shown(data)} is not of the type {kind.__name__}")  # type: ignore[union-attr]
         stated = ((name, hint) for name, hint, is_optional in _fields(kind) if name in data or not is_optional)  # type: ignore[arg-type]
         return kind(**{name: read_as(hint, data.get(name)) for name, hint in stated})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         if not isinstance(data, list):
-            raise NotAsAgreed(f"{_shown(data)} is no list")
+            raise NotAsAgreed(f"{_shown(data)} is not a list")
         return tuple(read_as(get_args(kind)[0], one) for one in data)
     if get_origin(kind) is UnionType:
         (other,) = (one for one in get_args(kind) if one is not NoneType)
         return None if data is None else read_as(other, data)
     if issubclass(kind, Enum):
         if data not in [one.value for one in kind]:
-            raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__.lower()}")
+            raise NotAsAgreed(f"{_shown(data)} is not a valid {kind.__name__.lower()}")
         return kind(data)
     if kind is float and type(data) is int:
         return float(data)
     if type(data) is not kind:
-        raise NotAsAgreed(f"{_shown(data)} is no {kind.__name__}")
+        raise NotAsAgreed(f"{_shown(data)} is not of the type {kind.__name__}")
     return printed(data) if isinstance(data, str) else data
 
 
 @cache
 def _fields(kind: type[Any]) -> tuple[tuple[str, Any, bool], ...]:
-    """Return the fields of a dataclass: name, type, and whether there is a default."""
+    """List the fields of a dataclass: name, type, and whether there is a default."""
     hints = get_type_hints(kind)
     return tuple((one.name, hints[one.name], one.default is not MISSING) for one in fields(kind))
 
@@ -164,10 +164,7 @@ def _shown(data: object) -> str:
 
 
 def printed(text: str, breaks: str = "") -> str:
-    """Return a stranger's text so that a terminal takes it as text: of bounded length, without control characters.
-
-    ``breaks``: those that are left.
-    """
+    """Make untrusted text safe for a terminal: bounded length, no control characters except those in ``breaks``."""
     short = text[:LONGEST_TEXT]
     if short.isprintable():
         return short
@@ -175,7 +172,7 @@ def printed(text: str, breaks: str = "") -> str:
 
 
 def read_diagnostics(data: Mapping[str, Any]) -> tuple[Diagnostic, ...]:
-    """Return the diagnostics of an answer or problem document; what is none of them is left out."""
+    """Parse the diagnostics of a response or problem document; invalid ones are skipped."""
     listed = data.get("diagnostics")
     found = (_diagnostic(one) for one in listed) if isinstance(listed, list) else ()
     return tuple(one for one in found if one is not None)
@@ -202,9 +199,9 @@ _DECLINED: dict[int, type[Declined]] = {401: KeyNeeded, 422: RefusedByChecks, 42
 
 
 def refusal(status: int, body: bytes) -> Exception:
-    """Return what an answer of an unsuccessful status means, with the reason that its problem document gives."""
+    """Convert an error response to an exception, with the reason from its problem document."""
     if 300 <= status < 400:
-        return NotAsAgreed(f"the server sends us elsewhere (status {status}): name that address")
+        return NotAsAgreed(f"the server redirects (status {status}); use the new address")
     try:
         problem = as_json(body)
     except NotAsAgreed:
@@ -217,7 +214,7 @@ def refusal(status: int, body: bytes) -> Exception:
 
 
 def check_digest(data: bytes, header: str | None, expected: str | None, name: str) -> None:
-    """Raise NotAsAgreed unless data has the SHA-256 of a Repr-Digest header (RFC 9530) and of a record (in digits)."""
+    """Compare the SHA-256 of data with a Repr-Digest header (RFC 9530) and a hex digest; raises NotAsAgreed."""
     digest = hashlib.sha256(data).digest()
     stated = _DIGEST.search(header or "")
     try:
@@ -225,4 +222,4 @@ def check_digest(data: bytes, header: str | None, expected: str | None, name: st
     except binascii.Error:
         as_stated = False
     if not as_stated or expected not in (None, digest.hex()):
-        raise NotAsAgreed(f"{name} was damaged on its way: it has not the SHA-256 that the server states")
+        raise NotAsAgreed(f"{name} was damaged in transfer: its SHA-256 differs from the one that the server states")

@@ -1,7 +1,7 @@
-"""The part of an ontology that the profile OWL 2 EL can say, as axioms for :mod:`planlang.knowledge.completion`.
+"""The OWL 2 EL part of an ontology, as axioms for :mod:`planlang.knowledge.completion`.
 
-What EL cannot say (universal and negated conditions, unions and upper bounds above a class) is left out: answers that
-follow from the rest are right, and some that would follow from all may be missing.
+Axioms beyond EL (universal and negated restrictions, unions and upper bounds as superclasses) are dropped. Reasoning
+with the rest is sound, but answers that depend on the dropped axioms are missing.
 """
 
 from __future__ import annotations
@@ -51,22 +51,22 @@ class Axioms:
     """Inclusions of concepts, and the hierarchy of properties. IRIs throughout."""
 
     above: dict[Concept, list[Concept]] = field(default_factory=dict)
-    """Each concept with those stated to include it; both directions of an equivalence."""
+    """Stated superconcepts of each concept; an equivalence appears in both directions."""
     properties_above: dict[str, set[str]] = field(default_factory=dict)
     chains: list[tuple[str, str, str]] = field(default_factory=list)
-    """A property behind another is a third: (one, the next, both together); a transitive one is all three."""
+    """Property chains (first, second, composition); a transitive property is all three."""
     domains: dict[str, list[Concept]] = field(default_factory=dict)
     ranges: dict[str, list[Concept]] = field(default_factory=dict)
     disjoint: list[tuple[str, str]] = field(default_factory=list)
 
     def state(self, lower: Concept, upper: Concept) -> None:
-        """Add that one concept is below another."""
+        """State that one concept is a subclass of another."""
         if lower != upper:
             self.above.setdefault(lower, []).append(upper)
 
 
 def axioms_of(ontology: Ontology) -> Axioms:
-    """Return what an ontology states in EL, of classes, properties and individuals."""
+    """Extract the EL axioms of an ontology on classes, properties and individuals."""
     found = Axioms()
     for cls in ontology.taxonomy.classes():
         for upper in ontology.taxonomy.parents(cls):
@@ -78,9 +78,9 @@ def axioms_of(ontology: Ontology) -> Axioms:
 
 
 def own_axioms_of(ontology: Ontology, vocabulary: Axioms) -> Axioms:
-    """Return what the main document of an ontology states in EL, and which of its names are below others.
+    """Extract the EL axioms of an ontology's main document, and the superclasses of the names in it.
 
-    ``vocabulary`` is what the other documents state: it is not repeated.
+    ``vocabulary`` has the axioms of the other documents, which are not repeated.
     """
     main = ontology.alone()
     found = Axioms()
@@ -121,7 +121,7 @@ def _read_class_axioms(ontology: Ontology, found: Axioms) -> None:
 
 
 def _include(lower: Expression, upper: Expression, found: Axioms) -> None:
-    """State that an expression is below another, as far as EL can say it."""
+    """State that an expression is a subclass of another, as far as EL allows."""
     if lower.kind in ("or", "one of") and len(lower.parts) > 1:
         for part in lower.parts:
             _include(part if lower.kind == "or" else replace(lower, parts=(part,)), upper, found)
@@ -167,7 +167,9 @@ def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) ->
 def _read_chain(parts: list[str], whole: str, found: Axioms) -> None:
     first, *others = parts
     for number, following in enumerate(others, 2):
-        both = whole if number == len(parts) else f"{first} o {following}"  # no IRI: a name of the part so far
+        both = (
+            whole if number == len(parts) else f"{first} o {following}"
+        )  # a name for the composition so far, which is not an IRI
         found.chains.append((first, following, both))
         first = both
 
@@ -177,12 +179,11 @@ def _is_data(expression: Expression) -> bool:
 
 
 def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: Axioms) -> None:
-    """Read what individuals are and what they are linked to, as axioms about their own classes.
+    """Read types and links of individuals, as axioms on their singleton classes.
 
-    Both of a link exist, so that the second is of the property's ranges in every respect, and is linked to the first by
-    the inverse of the property, if that has one.
-
-    A link to what is a class for ``known``, as a model has that is for one, is a link to something of the class, too.
+    Both ends of a link exist. Therefore its target is in the ranges of the property and of its superproperties, and has
+    a link back by each inverse property. A link to a class of ``known``, as an object model has to the class that it is
+    for, is also a link to some instance of that class.
     """
     language = (str(OWL), str(RDF), str(RDFS))
     stated = (found,) if vocabulary is found else (found, vocabulary)
@@ -216,7 +217,7 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: 
 
 
 def _inverses(ontology: Ontology) -> dict[str, list[str]]:
-    """Return the named inverses of properties, stated for either."""
+    """Map each property to its named inverses, whichever of the two states them."""
     found: dict[str, list[str]] = {}
     for triple in ontology.triples(p=OWL.inverseOf):
         if isinstance(triple.subject, str) and isinstance(triple.object, str):
@@ -226,7 +227,7 @@ def _inverses(ontology: Ontology) -> dict[str, list[str]]:
 
 
 def concept(expression: Expression | None) -> Concept | None:
-    """Return an expression of EL as a concept; None for any other, also if only a part of it is another."""
+    """Convert an expression to a concept; None if any part of it is beyond EL."""
     if expression is None:
         return None
     parts = expression.parts
@@ -246,9 +247,9 @@ def concept(expression: Expression | None) -> Concept | None:
 
 
 def together(found: Iterable[Concept | None]) -> Concept | None:
-    """Return the concept of what is all of some at once; None without any, or if one is None.
+    """Join concepts to a conjunction; None for no concepts, or if one is None.
 
-    Halves are put together, so that no number of parts makes it deep.
+    The conjunctions form a balanced tree, so that many parts do not make it deep.
     """
     parts = list(found)
     while len(parts) > 1:
@@ -260,7 +261,7 @@ def together(found: Iterable[Concept | None]) -> Concept | None:
 
 
 def implied_by(expression: Expression) -> Iterator[Concept]:
-    """Yield concepts of EL that together say as much of an expression as EL can."""
+    """Yield EL concepts implied by an expression, which together approximate it as closely as EL allows."""
     parts = expression.parts
     if expression.kind == "and":
         for part in parts:

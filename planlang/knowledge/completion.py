@@ -1,8 +1,8 @@
-"""Completion of concepts under axioms of OWL 2 EL: to which classes a concept belongs, and to what it is linked.
+"""OWL 2 EL reasoner: computes the superclasses and the links of concepts.
 
-After Baader, Brandt and Lutz (Pushing the EL envelope, 2005), with a node for each concept that is reached, as in the
-reasoner ELK: only what a question reaches is completed. A concept is below a query exactly if its node satisfies it
-(:mod:`planlang.knowledge.index`).
+The completion algorithm of Baader, Brandt and Lutz (Pushing the EL envelope, 2005), with a node for each concept
+reached, as in the reasoner ELK, so that only concepts reachable from a query are completed. A concept is subsumed by a
+query if and only if its node satisfies it (:mod:`planlang.knowledge.index`).
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from planlang.knowledge.axioms import NOTHING, THING, And, Axioms, Concept, Some
 from planlang.records import dataclass
 
 FACTS_OF_A_NODE = 50
-"""Labels and links of a node, in the mean, that are made at most where the number of nodes is bounded."""
+"""Maximum mean number of labels and links per node, if the number of nodes is bounded."""
 
 
 class TooLarge(Exception):
-    """The axioms about a concept reach more than is completed."""
+    """The completion of a concept exceeds the limits."""
 
 
 @dataclass(slots=True)
 class Node:
-    """A concept with everything that includes it (``labels``, itself too), and its links to fillers of properties.
+    """A concept with its superconcepts, itself included (``labels``), and its links to the fillers of properties.
 
-    ``first_from`` are those of ``linked_from`` that do not follow from transitivity: a way begins with one of them.
-    ``is_own`` if axioms of the entry had a part in it, so that it is not the same for every entry.
+    ``linked_from`` has the incoming links; ``first_from`` those that do not follow from transitivity, with which every
+    path begins. ``is_own``: derived with axioms of the entry, so not the same for every entry.
     """
 
     concept: Concept
@@ -39,10 +39,10 @@ class Node:
 
 
 class Completion:
-    """Nodes of concepts under some axioms; more are made as they are asked for."""
+    """Completion graph; nodes are created on demand."""
 
     def __init__(self, axioms: Axioms, own: Axioms | None = None, *, most: int | None = None) -> None:
-        """Begin with the axioms of the vocabulary and an entry's ``own``; ``most`` nodes are made at most."""
+        """Combine the axioms of the vocabulary with an entry's ``own``, for at most ``most`` nodes."""
         self.nodes: list[Node] = []
         self._most = most
         self._facts = 0
@@ -61,14 +61,14 @@ class Completion:
             self._begins.setdefault(first, []).append((second, whole))
             self._ends.setdefault(second, []).append((first, whole))
         self.own_properties = frozenset(_shaped(*self._axioms))
-        """Of which the entry states more than the vocabulary."""
+        """Properties with additional axioms in the entry."""
         self._disjoint: dict[Concept, list[str]] = {}
         for one, other in (pair for known in self._axioms for pair in known.disjoint):
             self._disjoint.setdefault(one, []).append(other)
             self._disjoint.setdefault(other, []).append(one)
 
     def _index_conditions(self, conditions: Iterable[Concept]) -> None:
-        """Remember the complex concepts below which something stands: they have to be noticed when they come true."""
+        """Index the complex concepts on the left of axioms by their parts, to notice when they become true."""
         for condition in conditions:
             match condition:
                 case Some(_, filler):
@@ -84,7 +84,7 @@ class Completion:
                     self._index_conditions((left, right))
 
     def number(self, concept: Concept) -> int:
-        """Return the node of a concept, completed. Raises TooLarge."""
+        """Return the node of a concept, after completing it. Raises TooLarge."""
         found = self._node(concept)
         while self._agenda or self._new_links:
             if self._agenda:
@@ -97,7 +97,7 @@ class Completion:
         number = self._numbers.get(concept)
         if number is None:
             if self._most is not None and len(self.nodes) >= self._most:
-                raise TooLarge(f"more than {self._most} concepts follow from each other")
+                raise TooLarge(f"the completion needs more than {self._most} concepts")
             number = self._numbers[concept] = len(self.nodes)
             self.nodes.append(Node(concept))
             self._add(number, concept)
@@ -113,10 +113,10 @@ class Completion:
     def _count(self) -> None:
         self._facts += 1
         if self._most is not None and self._facts > FACTS_OF_A_NODE * self._most:
-            raise TooLarge(f"more than {FACTS_OF_A_NODE * self._most} facts follow from each other")
+            raise TooLarge(f"the completion needs more than {FACTS_OF_A_NODE * self._most} facts")
 
     def above(self, prop: str) -> frozenset[str]:
-        """Return a property and those above it."""
+        """Return a property and its superproperties."""
         if prop not in self._properties:
             self._properties[prop] = frozenset(reached((prop,), self._directly_above))
         return self._properties[prop]
@@ -125,7 +125,7 @@ class Completion:
         return (upper for known in self._axioms for upper in known.properties_above.get(prop, ()))
 
     def _follow(self, number: int, label: Concept) -> None:
-        """Apply every rule in which a label of a node is a condition."""
+        """Apply every rule that has the label as a premise."""
         node = self.nodes[number]
         vocabulary, own = self._axioms
         for upper in vocabulary.above.get(label, ()):
@@ -153,7 +153,7 @@ class Completion:
             self._add(number, NOTHING)
 
     def _in_range(self, prop: str, filler: Concept) -> Concept:
-        """Return what a filler is as one of a property: of the ranges of it and of those above it, too."""
+        """Intersect a filler with the ranges of the property and its superproperties."""
         stated, upward = self._stated_above(filler), sorted(self.above(prop))
         ranges = (one for known in self._axioms for upper in upward for one in known.ranges.get(upper, ()))
         found = together((filler, *dict.fromkeys(one for one in ranges if one not in stated)))
@@ -177,7 +177,7 @@ class Completion:
             self._new_links.append((source, prop, target))
 
     def _follow_link(self, source: int, prop: str, target: int) -> None:
-        """Apply every rule in which a link is a condition."""
+        """Apply every rule that has the link as a premise."""
         node, filler = self.nodes[source], self.nodes[target]
         upward = self.above(prop)
         node.is_own |= not upward.isdisjoint(self.own_properties)
@@ -205,7 +205,7 @@ class Completion:
 
 
 def _shaped(vocabulary: Axioms, own: Axioms) -> Iterator[str]:
-    """Yield the properties of which an entry states more than the vocabulary."""
+    """Yield the properties with axioms in ``own`` that the vocabulary does not have."""
     for prop, above in own.properties_above.items():
         if above - {prop} - vocabulary.properties_above.get(prop, set()):
             yield prop

@@ -1,8 +1,8 @@
-"""Requests to a server: sent again where that is safe, answers of bounded size and time, what was read before kept.
+"""HTTP connection to a server, with retries, limits on size and time, and a cache.
 
-What can be done twice without harm is sent again, later and later, when there is no connection, and for the statuses
-429, 502, 503 and 504; ``Retry-After`` is heeded. With a cache, what was read before is the answer where the server has
-none. Bodies are neither sent nor read compressed: a small answer cannot become a large one.
+All requests are safe to repeat. They are retried with increasing pauses if there is no connection and for the statuses
+429, 502, 503 and 504, respecting ``Retry-After``. If the server does not respond, the cached response is used. Bodies
+are never compressed, so that a small response cannot expand to a large one.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from planlang.knowledge.answers import NoAnswer, NotAsAgreed, TooMany, as_json, 
 from planlang.records import dataclass
 
 LARGEST = 16_000_000
-"""Bytes of an answer: as many as a server takes of a body."""
+"""Limit for responses in bytes, the same as the server's for request bodies."""
 LONGEST_ANSWER = 300.0
-"""Seconds in which an answer has to be complete."""
+"""Time limit for a complete response [s]."""
 ATTEMPTS = 4
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 60.0
-"""Seconds before a request is sent again: the first time, and the longest that a server may ask for."""
+"""First pause before a retry, and longest pause that a server may request [s]."""
 _AGAIN = (429, 502, 503, 504)
 _UNANSWERED = (502, 503, 504)
 _BARE = "an address has neither user, password, query nor fragment"
@@ -35,13 +35,13 @@ _TIMEOUT = httpx.Timeout(30.0, connect=10.0)
 
 
 def kept_answers() -> Cache:
-    """Return the user's cache of what was read from servers; answers are kept by address, the latest 500."""
+    """The user's cache of responses by URL, the latest 500."""
     return Cache("knowledge", most=500, largest=LARGEST + 1_000)
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """An answer: its status, headers (names in lower case) and body."""
+    """A response: status, headers (names in lower case) and body."""
 
     status: int
     headers: Mapping[str, str]
@@ -49,7 +49,7 @@ class Reply:
 
 
 class Connection:
-    """Requests to one server, by the rules above. ``offline`` is None, or why answers come from the cache."""
+    """Connection to one server. ``offline`` says why responses come from the cache; None while it responds."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class Connection:
         self._http.close()
 
     def get(self, path: str, params: Mapping[str, str] | None = None, *, is_kept: bool = True) -> Reply:
-        """Return the answer to a question, of the cache if the server has none and it ``is_kept`` there."""
+        """Send a GET request; if the server does not respond and ``is_kept``, return the cached response."""
         address = str(httpx.URL(self.url + path, params=params or {}))
         if not is_kept or self._cache is None:
             return self.send("GET", path, params=params)
@@ -102,9 +102,9 @@ class Connection:
         content: bytes | None = None,
         attempts: int = ATTEMPTS,
     ) -> Reply:
-        """Return the answer to a request that may be sent ``attempts`` times.
+        """Send a request up to ``attempts`` times and return the response.
 
-        Raises what :func:`refusal` returns for an unsuccessful status, NoAnswer, NotAsAgreed.
+        Raises the exception of :func:`refusal` for an error status, NoAnswer, NotAsAgreed.
         """
         request = self._http.build_request(method, self.url + path, params=params, headers=headers, content=content)
         for number in range(1, attempts + 1):
@@ -128,7 +128,7 @@ class Connection:
         if reply.status in _UNANSWERED and not _is_problem(reply):
             raise NoAnswer(f"{self.url} does not answer: status {reply.status}")
         if isinstance(problem, TooMany) and pause is not None:
-            problem.add_note(f"the server asks to come back in {pause:.0f} s")
+            problem.add_note(f"the server asks to try again in {pause:.0f} s")
         raise problem
 
     def _once(self, request: httpx.Request) -> Reply:
@@ -136,13 +136,13 @@ class Connection:
         answer = self._http.send(request, stream=True)
         try:
             if answer.headers.get("content-encoding", "identity") != "identity":
-                raise NotAsAgreed("the answer is compressed, which was not asked for")
+                raise NotAsAgreed("the response is compressed although compression was not accepted")
             body = bytearray()
             for part in answer.iter_raw():
                 body += part
                 if len(body) > LARGEST:
-                    raise NotAsAgreed(f"the answer has more than {LARGEST // 1_000_000} MB")
-                if time.monotonic() > until:  # the next one would take as long
+                    raise NotAsAgreed(f"the response has more than {LARGEST // 1_000_000} MB")
+                if time.monotonic() > until:  # a retry would take as long
                     raise NoAnswer(f"{self.url} does not answer within {LONGEST_ANSWER:.0f} s")
         finally:
             answer.close()
@@ -150,12 +150,12 @@ class Connection:
 
 
 def checked_url(url: str) -> str:
-    """Return a server's address without a slash at its end. Raises ValueError, with the reason, for what is none."""
+    """Check a server's address and drop the final slash. Raises ValueError, with the reason."""
     try:
         parts = urlsplit(url)
         httpx.URL(url).host.encode("idna")
     except (httpx.InvalidURL, UnicodeError) as problem:
-        raise ValueError(_BARE if "@" in url else str(problem)) from None  # which may cite a password
+        raise ValueError(_BARE if "@" in url else str(problem)) from None  # the problem may quote a password
     if parts.scheme not in ("http", "https") or not parts.hostname or not url.isprintable() or " " in url:
         raise ValueError("an address begins with http:// or https:// and a host")
     if parts.username is not None or parts.query or parts.fragment:
@@ -168,12 +168,12 @@ def _is_problem(reply: Reply) -> bool:
 
 
 def _pause(number: int) -> float:
-    """Return the seconds before the next attempt, twice as many each time; clients do not come back all at once."""
+    """Pause before the next attempt [s]: doubled each time, with random jitter to spread the clients."""
     return float(FIRST_PAUSE * 2 ** (number - 1) * SystemRandom().uniform(0.5, 1.0))
 
 
 def _stated_pause(headers: Mapping[str, str]) -> float | None:
-    """Return the seconds that ``Retry-After`` says, a date by the server's own clock; None without it."""
+    """Seconds in ``Retry-After``; a date is compared with the server's own clock. None without the header."""
     stated = headers.get("retry-after", "").strip()
     if stated.isdecimal() and len(stated) < 10:
         return float(stated)

@@ -1,7 +1,7 @@
-"""Descriptions of entries, by which they are found: their classes, their links, its words, its place.
+"""Descriptions of entries for the search: classes, links, words and place.
 
-A description is what a store keeps beside an entry's content and what an index is built from: it holds what the entry
-adds to the vocabulary, and names of the vocabulary for everything else.
+A store keeps a description beside the content of an entry, and the index is built from them. It holds what the entry
+adds to the vocabulary, and refers to the vocabulary by name for everything else.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from planlang.knowledge.completion import Completion, Node
 from planlang.records import dataclass
 
 MOST_NODES = 20_000
-"""Nodes that the completion of one entry may have."""
+"""Limit for the nodes in the completion of one entry."""
 
 Label = str
 """A named class, or ``{IRI}``: the class of one individual."""
@@ -22,7 +22,7 @@ Label = str
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """A node of a description: its most specific labels, and links (property, number of a node or vocabulary label)."""
+    """A node: its most specific labels, and its links (property, index of a node or label of the vocabulary)."""
 
     labels: tuple[Label, ...]
     links: tuple[tuple[str, int | Label], ...] = ()
@@ -32,8 +32,8 @@ class Described:
 class Description:
     """The description of an entry. ``nodes[0]`` is the described class or individual.
 
-    ``words`` are labels and names that a reader may search for; ``place`` has the values of ``room``, ``floor``,
-    ``building``, ``street`` and ``city`` that a map states.
+    ``words`` are labels and names for the text search; ``place`` has the values of ``room``, ``floor``, ``building``,
+    ``street`` and ``city`` in a map.
     """
 
     nodes: tuple[Described, ...]
@@ -50,7 +50,7 @@ def described(
     words: Iterable[str] = (),
     place: Iterable[tuple[str, str]] = (),
 ) -> Description:
-    """Return the description of a class or individual by axioms of the vocabulary and of its entry. Raises TooLarge."""
+    """Describe a class or individual by the axioms of the vocabulary and of its entry. Raises TooLarge."""
     completion = Completion(vocabulary, own, most=MOST_NODES)
     root = completion.number(One(about) if is_individual else about)
     nodes = completion.nodes
@@ -74,28 +74,28 @@ def described(
 
 
 def _shown(completion: Completion, prop: str) -> Iterable[str]:
-    """Return the properties of a link that are not known from the vocabulary."""
+    """Properties to record for a link: with its superproperties if the vocabulary alone does not imply them."""
     above = completion.above(prop)
     found = {prop} if above.isdisjoint(completion.own_properties) else above
-    return (one for one in found if " " not in one)  # a part of a chain is no property
+    return (one for one in found if " " not in one)  # a name for part of a chain is not a property
 
 
 def _spread_ownership(nodes: list[Node]) -> None:
-    """Mark what is linked to a node that the entry's axioms shaped: it is not the same for every entry either."""
+    """Mark nodes that link to an own node as own too: they are not the same for every entry either."""
     own = (number for number, node in enumerate(nodes) if node.is_own)
     for number in reached(own, lambda number: (source for _, source in nodes[number].linked_from)):
         nodes[number].is_own = True
 
 
 def label_of(concept: object) -> Label | None:
-    """Return the label of a named class or of an individual; None for any other concept."""
+    """Label of a named class or an individual; None for any other concept."""
     if isinstance(concept, One):
         return f"{{{concept.individual}}}"
     return concept if isinstance(concept, str) else None
 
 
 def _most_specific(node: Node, stated: _Stated) -> tuple[Label, ...]:
-    """Return the labels of a node without those that the vocabulary states above another of them."""
+    """Labels of a node, without superclasses that the vocabulary implies."""
     kept: list[Label] = []
     implied: set[Label] = {THING}
     for label in map(label_of, node.labels):
@@ -108,9 +108,9 @@ def _most_specific(node: Node, stated: _Stated) -> tuple[Label, ...]:
 
 
 def contradiction(description: Description, vocabulary: Axioms, own: Axioms | None = None) -> tuple[str, str] | None:
-    """Return two classes that exclude each other and that something in a description would have to be, if there are.
+    """Find two disjoint classes that a node of the description would have to belong to; None if there are none.
 
-    What cannot be is below everything (owl:Nothing), and so is what has to be linked to such a thing.
+    An unsatisfiable concept is a subclass of everything (owl:Nothing), and so is one that must link to it.
     """
     disjoint: dict[str, set[str]] = {}
     for one, other in (pair for known in (vocabulary, own or Axioms()) for pair in known.disjoint):
@@ -127,14 +127,14 @@ def contradiction(description: Description, vocabulary: Axioms, own: Axioms | No
 
 
 class _Stated:
-    """The labels that the vocabulary states above others, through any number of them."""
+    """Transitive superclasses in the vocabulary."""
 
     def __init__(self, vocabulary: Axioms) -> None:
         self._vocabulary = vocabulary
         self._known: dict[Label, frozenset[Label]] = {}
 
     def above(self, label: Label) -> frozenset[Label]:
-        """Return the labels above one."""
+        """Return the labels of all superclasses."""
         if label not in self._known:
             self._known[label] = frozenset(reached((label,), self._directly_above)) - {label}
         return self._known[label]

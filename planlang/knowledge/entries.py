@@ -1,7 +1,7 @@
-"""The content of a knowledge base: entries with their revisions, files that belong to them, ratings and news.
+"""Data model of a knowledge base: entries with revisions and files, ratings, news; and the interface of stores.
 
-Stores keep them. They do not know the time nor who is asking: both are given to them, so that the same calls give the
-same store. They check nothing but what would damage themselves: what an entry says has been checked before.
+Callers pass the time and the author to a store, so that the same calls lead to the same state. A store checks only its
+own integrity; the content of entries was checked before.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from planlang.records import dataclass
 
 LOWEST_RATING, HIGHEST_RATING = 0, 10
 UNRATED = (LOWEST_RATING + HIGHEST_RATING) / 2
-"""The rating by which an entry without any is ranked."""
+"""Rank of an entry without ratings."""
 
 REVISIONS_KEPT = 10
-"""Earlier revisions of an entry that are kept unless a store is told otherwise."""
+"""Default number of earlier revisions that a store keeps."""
 
 LONGEST_PART = 100
-"""Characters of each of the two parts of an identifier."""
+"""Limit for each of the two parts of an identifier [characters]."""
 
 
 class Kind(StrEnum):
-    """A kind of entry; the value is its collection in addresses."""
+    """Kinds of entries; the value is the collection in URLs."""
 
     RECIPE = "recipes"
     OBJECT = "objects"
@@ -41,12 +41,12 @@ class Kind(StrEnum):
 
     @property
     def word(self) -> str:
-        """The word for one of this kind in messages."""
+        """Singular, for messages."""
         return self.value.removesuffix("s")
 
 
 class Syntax(StrEnum):
-    """The media type of an entry's content."""
+    """Media types of content."""
 
     RDFXML = "application/rdf+xml"
     TURTLE = "text/turtle"
@@ -55,7 +55,7 @@ class Syntax(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """A file that belongs to an entry: a picture of an occupancy map, a mesh, a recognition model."""
+    """A file of an entry: the picture of an occupancy map, a mesh, a recognition model."""
 
     name: str
     media_type: str
@@ -66,7 +66,7 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """A file as an author hands it in."""
+    """A file as uploaded."""
 
     name: str
     media_type: str
@@ -75,7 +75,7 @@ class File:
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """One content of an entry. ``number`` counts from 1; ``made`` is UTC in ISO 8601."""
+    """A version of an entry's content. ``number`` counts from 1; ``made`` is UTC in ISO 8601."""
 
     number: int
     sha256: str
@@ -85,12 +85,12 @@ class Revision:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A thing kept under one identifier, without its content.
+    """An entry, without its content.
 
-    ``uid`` follows the entry's class and the author's own name for it (:func:`uid_of`) and never changes. ``about`` is
-    the IRI of the class (recipe, object model) or individual (map, robot) that the entry describes. ``rating`` is
-    :func:`rating_of` its ``ratings`` ratings by others, None without any. ``created`` and the revision's ``made`` are
-    UTC in ISO 8601.
+    ``uid`` is derived from the entry's class and the author's name for it (:func:`uid_of`) and never changes. ``about``
+    is the IRI of the class (recipe, object model) or individual (map, robot) that the entry describes. ``rating``
+    combines ``ratings`` ratings by others (:func:`rating_of`); None without any. ``created`` and the revision's
+    ``made`` are UTC in ISO 8601.
     """
 
     uid: str
@@ -107,22 +107,22 @@ class Entry:
 
     @property
     def etag(self) -> str:
-        """The tag of the content, which a change has to name: files and ratings are not part of it."""
+        """ETag of the content, required for changes; files and ratings do not affect it."""
         return f'"{self.revision.number}-{self.revision.sha256[:16]}"'
 
     @property
     def record_etag(self) -> str:
-        """The tag of the whole record, files and ratings included. It begins with that of the content."""
+        """ETag of the whole record including files and ratings; it begins with that of the content."""
         stated = json.dumps(asdict(self), sort_keys=True).encode()
         return f'{self.etag[:-1]}-{hashlib.sha256(stated).hexdigest()[:16]}"'
 
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """The upload of an author for an entry, after the checks.
+    """Uploaded content of an entry, after the checks.
 
-    ``name`` is the author's own name for it, the second part of the identifier; unused when an entry is changed.
-    ``description`` is what it is found by, packed (:mod:`planlang.knowledge.descriptions`).
+    ``name`` is the author's name for it, the second part of the identifier; unused when an entry is changed.
+    ``description`` makes it searchable; packed (:mod:`planlang.knowledge.descriptions`).
     """
 
     kind: Kind
@@ -135,18 +135,18 @@ class Content:
 
 
 def rating_of(ratings: Iterable[int]) -> float | None:
-    """Return the rating of an entry: the median of its ratings and of two more in the middle of the scale.
+    """Combine the ratings of an entry: the median of them and of two neutral ones; None without any.
 
-    The median is what few ratings cannot move far (Garcin, Faltings, Jurca and Joswig, Rating aggregation in
-    collaborative filtering systems, RecSys 2009); the two more, as in a Bayesian mean, let an entry with many good
-    ratings come before one with a single best one, and keep one low rating from sinking an entry. None without any.
+    A few ratings cannot move the median far (Garcin, Faltings, Jurca and Joswig, Rating aggregation in collaborative
+    filtering systems, RecSys 2009). The two neutral ratings act as a prior, as in a Bayesian mean: many good ratings
+    rank higher than a single perfect one, and one bad rating does not sink an entry.
     """
     given = list(ratings)
     return float(median([*given, UNRATED, UNRATED])) if given else None
 
 
 class Change(StrEnum):
-    """A change of an entry."""
+    """Kinds of changes to an entry."""
 
     CREATED = "created"
     CHANGED = "changed"
@@ -158,7 +158,7 @@ class Change(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """One line of the feed. ``number`` grows with every line; ``made`` is UTC in ISO 8601."""
+    """A line of the feed. ``number`` increases from line to line; ``made`` is UTC in ISO 8601."""
 
     number: int
     change: Change
@@ -169,16 +169,17 @@ class News:
 
 
 def uid_of(about: str, name: str) -> str:
-    """Return the identifier of an entry: the described class's local name, a point, the author's name for it.
+    """Form the identifier of an entry: the local name of the described class, a dot, the author's name for the entry.
 
-    Both in lower case without blanks, as RoboEarth's database formed them. An IRI and the URI that it is written as
-    where only ASCII may stand (RFC 3987: UTF-8, percent-encoded) give the same identifier. Raises ValueError, with the
-    reason, for anything but letters, digits, ``_`` and ``-``.
+    Both are in lower case without spaces, as in RoboEarth's database. An IRI and its percent-encoded URI (RFC 3987)
+    give the same identifier. Raises ValueError, with the reason, for anything but letters, digits, ``_`` and ``-``.
     """
     parts = ["".join(_normal(part).split()).lower() for part in (local_name(about), name)]
     for part in parts:
         if not _is_part(part):
-            raise ValueError(f"{part[:40]!r} is no part of an identifier: 1 to {LONGEST_PART} letters, digits, _ and -")
+            raise ValueError(
+                f"{part[:40]!r} cannot be part of an identifier: use 1 to {LONGEST_PART} letters, digits, _ and -"
+            )
     return ".".join(parts)
 
 
@@ -194,68 +195,68 @@ def _is_part(text: str) -> bool:
 
 
 def _is_letter(one: str) -> bool:
-    """Return True for a letter, digit or mark that an IRI may have: RFC 3987's ucschar leaves out one block of them."""
+    """Check for a letter, digit or mark allowed in an IRI: ucschar of RFC 3987 excludes one block of them."""
     is_any = one.isalnum() or one in "_-" or unicodedata.category(one) in ("Mn", "Mc")
     return is_any and not 0xE0000 <= ord(one) < 0xE1000
 
 
 def is_uid(text: str) -> bool:
-    """Return True for what can be an identifier."""
+    """Check whether a text is a valid identifier."""
     parts = text.split(".")
     return len(parts) == 2 and all(map(_is_part, parts))
 
 
 SCHEME = "sparql+"
-"""The beginning of the address of a store over a SPARQL endpoint, before http or https."""
+"""Prefix for the address of a store at a SPARQL endpoint, before http or https."""
 
 
 class Refused(Exception):
-    """A store does not do what was asked; the text says why."""
+    """A store refused a request; the text says why."""
 
 
 class NoSuchEntry(Refused):
-    """There is no entry, revision or attachment of that name."""
+    """No entry, revision or attachment has that name."""
 
 
 class EntryExists(Refused):
-    """An entry of that identifier exists already."""
+    """An entry with that identifier exists already."""
 
 
 class NotTheAuthor(Refused):
-    """Only the author of an entry changes or deletes it."""
+    """Only the author of an entry may change or delete it."""
 
 
 class OwnEntry(Refused):
-    """Nobody rates an entry of their own."""
+    """Authors may not rate their own entries."""
 
 
 class Changed(Refused):
-    """The entry is not any more what the asker believes: the tag given is another revision's."""
+    """The entry has changed meanwhile: the request names the ETag of another revision."""
 
 
 class Unreachable(Exception):
-    """Something that a store stands on does not answer; the text says what. The same call may succeed later."""
+    """A service behind the store does not respond; the text says which. The call may succeed later."""
 
 
 class Full(Unreachable):
-    """There is no room left for what was to be kept; the store is as it was before."""
+    """No space is left; the store is unchanged."""
 
 
 def check_rating(entry: Entry, author: str, rating: int) -> None:
-    """Raise ValueError for a rating that is none, and OwnEntry for one of the author's own entry."""
+    """Raise ValueError for an invalid rating, and OwnEntry if the author rates an own entry."""
     if not LOWEST_RATING <= rating <= HIGHEST_RATING:
         raise ValueError(f"a rating is a whole number from {LOWEST_RATING} to {HIGHEST_RATING}, not {rating}")
     if entry.author == author:
-        raise OwnEntry(f"{entry.uid} is your own: others rate it")
+        raise OwnEntry(f"{entry.uid} is your own entry; only others can rate it")
 
 
 def own(entry: Entry, author: str | None, expected: str | None = None) -> Entry:
-    """Return an entry that ``author`` (None: anybody) may change, if its tag is ``expected``.
+    """Return the entry if ``author`` (None: anybody) may change it and its ETag is ``expected``.
 
     Raises NotTheAuthor, Changed.
     """
     if author is not None and entry.author != author:
-        raise NotTheAuthor(f"{entry.uid} is {entry.author}'s")
+        raise NotTheAuthor(f"{entry.uid} belongs to {entry.author}")
     if expected is not None and entry.etag != expected:
         raise Changed(f"{entry.uid} is now {entry.etag}, not {expected}")
     return entry
@@ -263,7 +264,7 @@ def own(entry: Entry, author: str | None, expected: str | None = None) -> Entry:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A request that may reach a server twice: the asker's key for it (Idempotency-Key), and its digest."""
+    """A request that may arrive twice: its Idempotency-Key and its digest."""
 
     key: str
     digest: str
@@ -271,7 +272,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Described:
-    """The fields of an entry, and its description as it was given, by which it is found."""
+    """Fields of an entry for the search, with its packed description."""
 
     uid: str
     kind: Kind
@@ -283,41 +284,41 @@ class Described:
 class Store(Protocol):
     """Entries, their contents and attachments, authors' keys, ratings, subscriptions and news.
 
-    Every change is one transaction: after a crash it is there whole or not at all. ``now`` is UTC in ISO 8601.
+    Every change is a transaction: after a crash it is stored completely or not at all. ``now`` is UTC in ISO 8601.
     """
 
     def entries(self, kind: Kind | None = None) -> Iterator[Entry]:
-        """Yield all entries, or those of a kind, by identifier."""
+        """Yield all entries, or those of a kind, sorted by identifier."""
 
     def entry(self, uid: str) -> Entry:
         """Return an entry. Raises NoSuchEntry."""
 
     def content(self, uid: str, revision: int | None = None) -> bytes:
-        """Return the content of an entry's last revision, or of another that is kept. Raises NoSuchEntry."""
+        """Return the content of the latest revision, or of another one still stored. Raises NoSuchEntry."""
 
     def revisions(self, uid: str) -> tuple[Revision, ...]:
-        """Return the revisions that are kept, last first. Raises NoSuchEntry."""
+        """Return the stored revisions, latest first. Raises NoSuchEntry."""
 
     def descriptions(self) -> Iterator[Described]:
-        """Yield the fields and descriptions of all entries, by identifier."""
+        """Yield the fields and descriptions of all entries, sorted by identifier."""
 
     def description(self, uid: str) -> bytes:
-        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+        """Return the description of the latest revision. Raises NoSuchEntry."""
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
-        """Keep another description of the same content, which is no news. Raises NoSuchEntry, Changed."""
+        """Replace the description of unchanged content, without a line in the feed. Raises NoSuchEntry, Changed."""
 
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
-        """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
+        """Store a new entry and its request. Raises EntryExists; ValueError for an invalid name."""
 
     def change(self, uid: str, content: Content, author: str, expected: str, now: str) -> Entry:
-        """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        """Store a new revision if the ETag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
 
     def delete(self, uid: str, author: str, expected: str, now: str) -> None:
-        """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        """Delete an entry and everything that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
 
     def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
-        """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
+        """Store a file of an entry, replacing one of that name. Raises NoSuchEntry, NotTheAuthor."""
 
     def detach(self, uid: str, name: str, author: str, now: str) -> None:
         """Delete a file of an entry. Raises NoSuchEntry, NotTheAuthor."""
@@ -326,45 +327,45 @@ class Store(Protocol):
         """Return a file of an entry. Raises NoSuchEntry."""
 
     def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
-        """Keep an author's rating, 0 to 10, in the place of an earlier one.
+        """Store an author's rating, 0 to 10, replacing an earlier one.
 
         Raises NoSuchEntry, OwnEntry, ValueError.
         """
 
     def ratings(self) -> Mapping[str, float]:
-        """Return the rating of each entry that has one, by identifier."""
+        """Map the identifiers of rated entries to their ratings."""
 
     def new_key(self, author: str, now: str) -> str:
-        """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
+        """Create a key for an author (256 random bits); only its SHA-256 is stored. Earlier keys stay valid."""
 
     def drop_keys(self, author: str) -> int:
-        """Let no key of an author be valid any more; return how many there were."""
+        """Revoke all keys of an author; return their number."""
 
     def author_of(self, key: str) -> str | None:
-        """Return whose key this is, None for nobody's."""
+        """Return the author of a key; None if the key is not valid."""
 
     def subscribe(self, author: str, uid: str, now: str) -> None:
-        """Let news of an entry appear in an author's feed. Raises NoSuchEntry."""
+        """Add the news of an entry to an author's feed. Raises NoSuchEntry."""
 
     def unsubscribe(self, author: str, uid: str) -> None:
-        """Take a subscription back; nothing happens if there is none."""
+        """Remove a subscription, if there is one."""
 
     def subscriptions(self, author: str) -> tuple[str, ...]:
-        """Return the identifiers that an author subscribed to, sorted."""
+        """Return the subscribed identifiers, sorted."""
 
     def news(
         self, after: int = 0, *, author: str | None = None, limit: int = 100, newest_first: bool = False
     ) -> tuple[News, ...]:
-        """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone.
+        """Return lines of the feed after number ``after``, oldest first; for an ``author`` only subscribed entries.
 
-        ``newest_first``: the last lines, from the last one on.
+        ``newest_first``: the latest lines, in reverse order.
         """
 
     def last_news(self) -> int:
-        """Return the number of the last line of the feed, 0 for an empty one."""
+        """Return the number of the last line of the feed; 0 if it is empty."""
 
     def requested(self, author: str, key: str) -> tuple[str, str] | None:
-        """Return the digest of the request with which an entry was made, and its identifier; None for a new key."""
+        """Return the digest of the request with this key and the entry that it created; None for a new key."""
 
     def close(self) -> None:
-        """End the work with the store."""
+        """Close the store."""

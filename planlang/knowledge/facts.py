@@ -1,4 +1,4 @@
-"""Descriptions as an index reads them: names, and facts as rows of numbers, many entries at a time."""
+"""Descriptions in the compact form for the index: names, and facts as rows of numbers."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from planlang.records import dataclass
 
 Numbers = NDArray[np.int32]
 LABEL = -1
-"""The number in the place of a property where the fact is a label."""
+"""Property number that marks a fact as a label."""
 _STORED = np.dtype("<i4")
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A description without its text: ``stated`` has rows (node, number of a property's name or LABEL, end).
+    """A description without its text: rows of ``stated`` are (node, property or LABEL, end).
 
-    The end of a label is the number of its name; that of a link a node, or -1 - the number of a name.
+    Properties and labels are indices of ``names``. The end of a label is the index of its name; that of a link is a
+    node, or -1 minus the index of a name.
     """
 
     names: list[str]
@@ -31,7 +32,7 @@ class Facts:
 
 
 def facts_of(description: Description) -> Facts:
-    """Return the facts of a description."""
+    """Convert a description to facts."""
     names: dict[str, int] = {}
     stated: list[tuple[int, int, int]] = []
     for node, one in enumerate(description.nodes):
@@ -44,7 +45,7 @@ def facts_of(description: Description) -> Facts:
 
 
 def packed(description: Description) -> bytes:
-    """Return a description as bytes: a line of JSON, then the numbers."""
+    """Serialize a description: a line of JSON, then the numbers."""
     facts = facts_of(description)
     head = [facts.names, facts.nodes, description.words, description.place]
     text = json.dumps(head, ensure_ascii=False, separators=(",", ":"))
@@ -53,14 +54,14 @@ def packed(description: Description) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Unpacked:
-    """A description as :func:`packed` wrote it."""
+    """A deserialized description."""
 
     facts: Facts
     words: tuple[str, ...]
     place: tuple[tuple[str, str], ...]
 
     def description(self) -> Description:
-        """Return it as nodes. Raises ValueError or IndexError for what is damaged."""
+        """Convert to a description with nodes. Raises ValueError or IndexError for damaged data."""
         labels: list[list[str]] = [[] for _ in range(self.facts.nodes)]
         links: list[list[tuple[str, int | str]]] = [[] for _ in range(self.facts.nodes)]
         names = self.facts.names
@@ -74,7 +75,7 @@ class Unpacked:
 
 
 def unpacked(data: bytes) -> Unpacked:
-    """Return what :func:`packed` wrote. Raises ValueError or TypeError for anything else."""
+    """Deserialize the result of :func:`packed`. Raises ValueError or TypeError for anything else."""
     head, _, numbers = data.partition(b"\n")
     names, nodes, words, place = _head(json.loads(head))
     stated = np.frombuffer(numbers, dtype=_STORED).astype(np.int32, copy=False).reshape(-1, 3)
@@ -84,5 +85,5 @@ def unpacked(data: bytes) -> Unpacked:
 def _head(stored: Any) -> tuple[list[str], int, list[str], list[list[str]]]:
     names, nodes, words, place = stored
     if not isinstance(names, list) or not isinstance(nodes, int):
-        raise TypeError("this is no description")
+        raise TypeError("not a description")
     return names, nodes, words, place

@@ -1,8 +1,8 @@
-"""Answers to class expressions over the descriptions of all entries, in memory.
+"""In-memory index that answers class expressions over the descriptions of all entries.
 
-Each description's nodes, and the vocabulary's that they are linked to, are rows. A label has the rows that state it,
-and a class those of all labels below it; a property has its links as two columns. An expression is answered from its
-parts outward, a mask over all rows at a time.
+The nodes of all descriptions, and those of the vocabulary that they link to, are numbered as rows. The index stores for
+each label the rows that state it (a class also matches the labels of its subclasses), and for each property its links
+as two columns. An expression is evaluated bottom-up; each step computes a mask over all rows.
 """
 
 from __future__ import annotations
@@ -30,22 +30,21 @@ Mask = NDArray[np.bool_]
 
 
 class CannotAnswer(Exception):
-    """An expression has a part that is no question to the index; the text says which."""
+    """The index does not support a part of the expression; the text says which."""
 
 
 class _Moved(Exception):
-    """Entries were added or removed while a question was answered."""
+    """Entries were added or removed during an evaluation."""
 
 
 def go_on() -> None:
-    """Bound nothing: what is called between two steps of an answer may end it by raising an exception."""
+    """Do nothing between two steps; a callback in its place may cancel the evaluation by raising."""
 
 
 class Index:
-    """The rows of all descriptions. Threads may share it.
+    """Rows of all descriptions; safe for use by several threads.
 
-    An entry has rows that follow each other, the first of which is its subject. Those of an entry that was removed stay
-    until half of all are such.
+    The rows of an entry are consecutive, its subject first. Rows of removed entries stay until they are half of all.
     """
 
     def __init__(self, vocabulary: Axioms) -> None:
@@ -71,15 +70,15 @@ class Index:
 
     @property
     def rows(self) -> int:
-        """Rows in memory, also of removed entries."""
+        """Number of rows in memory, including those of removed entries."""
         return self._rows
 
     def add(self, uid: str, description: Description) -> None:
-        """Add an entry, in the place of an earlier description of it; one without nodes belongs to nothing."""
+        """Add an entry or replace its description; one without nodes matches nothing."""
         self.add_all({uid: facts_of(description)})
 
     def add_all(self, entries: Mapping[str, Facts]) -> None:
-        """Add entries by the facts of their descriptions, in the place of earlier ones."""
+        """Add entries by the facts of their descriptions, replacing earlier ones."""
         with self._lock:
             self._version += 1
             for uid in entries:
@@ -89,7 +88,7 @@ class Index:
                 self._add_facts(list(found.values()), self._add_subjects(found))
 
     def _add_subjects(self, entries: Mapping[str, Facts]) -> Numbers:
-        """Give entries their rows; returns the first row of each."""
+        """Allocate rows for entries; return the first row of each."""
         first = []
         for uid, facts in entries.items():
             first.append(self._rows)
@@ -117,7 +116,7 @@ class Index:
             self._link(self._names[number], source[some], target[some])
 
     def _number(self, name: Label) -> int:
-        """Return the number of a label or property; a new one is known by those above it from then on."""
+        """Return the number of a label or property; a new one is registered with its superclasses."""
         number = self._numbers.get(name)
         if number is None:
             number = self._numbers[name] = len(self._names)
@@ -129,7 +128,7 @@ class Index:
         return number
 
     def remove(self, uid: str) -> None:
-        """Forget an entry; nothing happens if there is none of that identifier."""
+        """Remove an entry, if it is there."""
         with self._lock:
             rows = self._entries.pop(uid, None)
             if rows is not None:
@@ -141,7 +140,7 @@ class Index:
                     self._compact()
 
     def _compact(self) -> None:
-        """Give the rows that are used the numbers from 0 on."""
+        """Drop the rows of removed entries and renumber the others from 0."""
         used = np.ones(self._rows, dtype=np.bool_)
         for rows in self._removed:
             used[rows.start : rows.stop] = False
@@ -159,13 +158,13 @@ class Index:
         self._rows, self._removed = int(used.sum()), []
 
     def _shared_rows(self, names: Numbers) -> Numbers:
-        """Return the rows of classes or individuals of the vocabulary, by the numbers of their names."""
+        """Return the rows of classes or individuals of the vocabulary, given by the numbers of their names."""
         wanted, each = np.unique(names, return_inverse=True)
         rows = [self._shared_row(self._names[name]) for name in wanted.tolist()]
         return np.array(rows, dtype=np.int32)[each]
 
     def _shared_row(self, label: Label) -> int:
-        """Return the row of a class or individual of the vocabulary; makes all rows that it is linked to."""
+        """Return the row of a class or individual of the vocabulary, after creating it and all rows it links to."""
         completion, shared = self._completion, self._shared
         wanted = completion.number(_concept(label))
 
@@ -191,10 +190,10 @@ class Index:
             known.frombytes(rows.astype(np.int32, copy=False).tobytes())
 
     def answers(self, expression: Expression, between: Callable[[], None] = go_on) -> tuple[str, ...]:
-        """Return the identifiers of the entries that an expression includes, sorted. Raises CannotAnswer.
+        """Return the identifiers of the entries that satisfy an expression, sorted. Raises CannotAnswer.
 
-        What contradicts itself is no answer to everything, as in logic, but to what it was stated to be. ``between`` is
-        called between the steps of the answer, each of which takes milliseconds; others may use the index meanwhile.
+        Unlike in logic, a contradictory entry does not satisfy everything, only what was stated of it. ``between`` is
+        called between the steps, each of which takes milliseconds; other threads may use the index meanwhile.
         """
         while True:
             with suppress(_Moved), self._lock:
@@ -213,7 +212,7 @@ class Index:
         if kind == "one of":
             return reduce(or_, (self._member(part, steps) for part in parts))
         if parts[0].kind == "inverse":
-            raise CannotAnswer("an inverse property cannot be asked for; ask for what is linked by the property itself")
+            raise CannotAnswer("inverse properties are not supported; write the expression with the property itself")
         if kind in ("some", "min", "value") and (kind != "min" or expression.number == 1):
             filler = parts[1] if len(parts) > 1 else None
             if filler is None:
@@ -221,12 +220,12 @@ class Index:
             else:
                 wanted = self._member(filler, steps) if kind == "value" else self._mask(filler, steps)
             return self._linked(str(parts[0].term), wanted)
-        raise CannotAnswer(f"{kind} cannot be asked for; classes, and, or, some, value and min 1 can")
+        raise CannotAnswer(f"{kind} is not supported; use classes, and, or, some, value and min 1")
 
     def _member(self, individual: Expression, steps: _Steps) -> Mask:
         steps.next()
         if not isinstance(individual.term, str):
-            raise CannotAnswer("a value that is a text or a number cannot be asked for; individuals can")
+            raise CannotAnswer("texts and numbers are not supported as values; use individuals")
         return self._members(f"{{{individual.term}}}")
 
     def _members(self, *labels: Label) -> Mask:
@@ -238,7 +237,7 @@ class Index:
         return mask
 
     def _linked(self, prop: str, wanted: Mask) -> Mask:
-        """Return the rows with a link of a property, or of one below it, to a wanted row."""
+        """Return the rows with a link to a wanted row by a property or one of its subproperties."""
         mask = np.zeros(self._rows, dtype=np.bool_)
         for below in self._below.get(prop, ()):
             sources, targets = self._links[below]
@@ -247,13 +246,13 @@ class Index:
 
 
 class _Steps:
-    """The steps of one answer, for which the index must stay as it is: between them its lock is free."""
+    """Steps of an evaluation. Between steps the lock is released; the index must not change."""
 
     def __init__(self, index: Index, between: Callable[[], None]) -> None:
         self._index, self._between, self._version = index, between, index._version
 
     def next(self) -> None:
-        """Let others use the index. Raises _Moved if they changed it."""
+        """Let other threads use the index. Raises _Moved if one changed it."""
         self._index._lock.release()
         try:
             self._between()
@@ -276,7 +275,7 @@ Numbers = NDArray[np.int32]
 
 
 class Postings:
-    """Rows of labels, both numbers from 0 on."""
+    """Rows of each label; both are numbered from 0."""
 
     def __init__(self) -> None:
         self._first = np.zeros(1, dtype=np.int64)
@@ -284,7 +283,7 @@ class Postings:
         self._later: dict[int, array[int]] = {}
 
     def add(self, labels: Numbers, rows: Numbers) -> None:
-        """Add some rows. Many at a time cost least, and the first of all."""
+        """Add rows; a single large call, especially the first, is cheapest."""
         if self._rows.size == 0 and len(rows) > len(self._later):
             labels = np.concatenate([labels, *(np.full(len(some), one) for one, some in self._later.items())])
             rows = np.concatenate([rows, *(of_array(some) for some in self._later.values())]).astype(np.int32)

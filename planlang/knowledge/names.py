@@ -1,4 +1,4 @@
-"""Names that may be asked for: of a vocabulary, and of what entries define; with names like a misspelt one."""
+"""Names that queries may use, from the vocabulary and from entries; with suggestions for misspelt ones."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from planlang.designators import local_name
 from planlang.ontology.terms import OWL
 
 LONGEST_GUESSED = 80
-"""Characters of a name for which similar ones are looked for."""
+"""Longest name for which suggestions are searched [characters]."""
 MOST_COMPARED, MOST_LOOKED_AT = 20, 5_000
-"""Names that are compared with a misspelt one, and entries of the index of pairs that are looked at to find them."""
+"""Limits for the names compared with a misspelt one, and for the index entries read to find them."""
 MOST_SIMILAR = 3
 
 
 class Names:
-    """IRIs by local name, of the vocabulary and of entries. Threads may share it; one at a time may add to it."""
+    """IRIs of the vocabulary and of entries by local name. Thread-safe for many readers and one writer."""
 
     def __init__(self, vocabulary: Mapping[str, Iterable[str]], own: Mapping[str, Iterable[str]] | None = None) -> None:
-        """``own`` are names that entries define: if several entries do, any of them is meant."""
+        """``own`` are names that entries define; a name defined by several entries means any of them."""
         self._vocabulary = {name: tuple(sorted(set(iris))) for name, iris in vocabulary.items()}
         self._own: dict[str, tuple[str, ...]] = {}
         self._all = list(self._vocabulary)
@@ -35,7 +35,7 @@ class Names:
             self.add(iri)
 
     def add(self, iri: str) -> None:
-        """Add a name that an entry defines, unless the vocabulary has it."""
+        """Add a name defined by an entry, unless the vocabulary has it."""
         name = local_name(iri)
         known = self._own.get(name)
         if name in self._vocabulary or (known and iri in known):
@@ -46,32 +46,32 @@ class Names:
         self._own[name] = tuple(sorted((*(known or ()), iri)))
 
     def of(self, name: str) -> tuple[str, ...]:
-        """Return the IRIs that a name may mean, sorted; none for a name that is unknown."""
-        if name == local_name(OWL.Thing):  # vocabularies may have things of their own; whoever says no more means all
+        """Return the IRIs of a name, sorted; empty for an unknown name."""
+        if name == local_name(OWL.Thing):  # a vocabulary may have a Thing of its own, but the bare name means all
             return (str(OWL.Thing),)
         return self._vocabulary.get(name) or self._own.get(name, ())
 
     def is_of_entries(self, name: str) -> bool:
-        """Return True for a name that only entries define."""
+        """Check whether only entries define a name."""
         return name not in self._vocabulary
 
     def knows(self, iri: str) -> bool:
-        """Return False for an IRI whose local name is known, and means something else."""
+        """Return False if the local name of an IRI is known, but with other IRIs."""
         name = local_name(iri)
         known = (*self._vocabulary.get(name, ()), *self._own.get(name, ()))
         return not known or iri in known or iri == OWL.Thing
 
     def like(self, text: str, most: int) -> tuple[str, ...]:
-        """Return names that begin with a text, or else contain it, the shortest first."""
+        """Return names that start with a text, then those that contain it; shortest first."""
         wanted = text.casefold()
         found = [number for number, name in enumerate(self._folded) if wanted in name]
         found.sort(key=lambda one: (not self._folded[one].startswith(wanted), len(self._all[one]), self._all[one]))
         return tuple(self._all[one] for one in found[:most])
 
     def similar(self, name: str) -> list[str]:
-        """Return the names most like a misspelt one, the best first; none for a very long one.
+        """Find the names most similar to a misspelt one, best first; none for a very long name.
 
-        Only names that share the rarest pairs of letters with it are compared: comparing takes long.
+        To save time, only names that share the rarest letter pairs with it are compared.
         """
         if len(name) > LONGEST_GUESSED:
             return []
@@ -92,13 +92,13 @@ class Names:
 
 
 def _pairs(name: str) -> set[str]:
-    """Return the pairs of letters that follow each other in a name, its beginning and end included."""
+    """Pairs of adjacent letters in a name, with marks for its start and end."""
     marked = f"^{name}$"
     return {marked[place : place + 2] for place in range(len(marked) - 1)}
 
 
 def names_in(iris: Iterable[str]) -> dict[str, list[str]]:
-    """Return the IRIs of each local name."""
+    """Group IRIs by local name."""
     found: dict[str, list[str]] = {}
     for iri in iris:
         found.setdefault(local_name(iri), []).append(iri)

@@ -1,7 +1,7 @@
-"""The place that a map is of: room, floor, building, street and city, by the words that people ask for them with.
+"""The place of a map, for the search: room, floor, building, street and city.
 
-Places are parts of each other (``properPhysicalParts``), the larger one has the smaller one. Some maps say it the other
-way round; the class of a place tells which is the larger.
+Larger places have smaller ones as parts (``properPhysicalParts``). Some maps state it the wrong way round; the classes
+of the places decide.
 """
 
 from __future__ import annotations
@@ -19,15 +19,14 @@ LEVELS = {
     "street": ("Street", None),
     "city": ("City", None),
 }
-"""Level of the hierarchy of places, the smallest first -> its class, and the property that numbers its members."""
+"""Levels of places, smallest first, each with its class and the property for its number."""
 MOST_PLACES = 1000
 
 
 def places(ontology: Ontology) -> tuple[tuple[str, str], ...]:
-    """Return the levels and texts under which the main document's places are known, each once.
+    """Collect search texts for the places in the main document, as unique pairs (level, text).
 
-    Texts are numbers, labels in all languages and local names; a street is also known with the numbers of its
-    buildings (Karlstrasse 45).
+    Texts are numbers, labels in all languages and local names; for a street also addresses (Karlstrasse 45).
     """
     found: dict[tuple[str, str], None] = {}
     levels = levels_of(ontology)
@@ -41,12 +40,12 @@ def places(ontology: Ontology) -> tuple[tuple[str, str], ...]:
 
 
 def levels_of(ontology: Ontology) -> dict[str, str]:
-    """Return the level of each place, rooms first."""
+    """Map each place to its level, rooms first."""
     return {iri: level for level, (cls, _) in LEVELS.items() for iri in ontology.individuals(expand(cls))}
 
 
 def holders(ontology: Ontology, levels: Mapping[str, str]) -> dict[str, str]:
-    """Return the place that each place is a part of, whichever way round that is stated."""
+    """Map each place to the place that contains it, whichever way round the map states it."""
     found = {}
     for triple, is_inverted in _parts(ontology, levels):
         smaller, larger = (triple.subject, triple.object) if is_inverted else (triple.object, triple.subject)
@@ -55,12 +54,12 @@ def holders(ontology: Ontology, levels: Mapping[str, str]) -> dict[str, str]:
 
 
 def inverted(ontology: Ontology) -> tuple[Triple, ...]:
-    """Return the statements that say of a larger place that it is a part of a smaller one."""
+    """Return the statements that are the wrong way round: a larger place as part of a smaller one."""
     return tuple(triple for triple, is_inverted in _parts(ontology, levels_of(ontology)) if is_inverted)
 
 
 def _parts(ontology: Ontology, levels: Mapping[str, str]) -> Iterator[tuple[Triple, bool]]:
-    """Yield the statements about places of different levels, each with whether it is the wrong way round."""
+    """Yield the part statements between places of different levels, with True if the wrong way round."""
     ranks = {level: rank for rank, level in enumerate(LEVELS)}
     for triple in ontology.triples(p=expand("properPhysicalParts")):
         if triple.subject in levels and triple.object in levels:
@@ -70,7 +69,7 @@ def _parts(ontology: Ontology, levels: Mapping[str, str]) -> Iterator[tuple[Trip
 
 
 def _texts(ontology: Ontology, iri: str, number: str | None) -> Iterator[str]:
-    """Yield a place's number, its labels in all languages, and its local name."""
+    """Yield the number of a place, its labels in all languages, and its local name."""
     for prop in (*((expand(number),) if number else ()), str(RDFS.label)):
         yield from (value.value.strip() for value in ontology.values(iri, prop) if isinstance(value, Literal))
     yield local_name(iri)

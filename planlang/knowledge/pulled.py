@@ -1,8 +1,8 @@
-"""Files that were pulled into a folder, and the record beside them by which they are known as a stranger's.
+"""Records of downloaded files, which mark them as foreign.
 
-The record is written before the files: none of them is ever there without it. Ontologies are data; Python that was
-pulled runs only when its user says so. It is known by its place in such a folder, edited or not, and anywhere else by
-its content, which the user's cache remembers: a copy under another name is still the stranger's.
+The record is written before the files, so that no file is ever there without it. Ontologies are data, but downloaded
+Python runs only with the user's permission. It is recognised in its folder by name, edited or not, and elsewhere by its
+content, which the user's cache remembers even for a renamed copy.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from planlang.outputs import replace
 from planlang.records import dataclass
 
 PULLED = "pulled"
-"""The kind of cache that remembers where programs are from, by their SHA-256."""
+"""Kind of the cache entries with the origins of programs, by SHA-256."""
 _PROGRAMS = Cache(PULLED, most=100_000, largest=10_000)
 RECORD = ".planlang-pulled.json"
-"""Name of the record; no file of an entry can have it, as these begin with a letter or digit."""
+"""Name of the record, which no file of an entry can have: those start with a letter or digit."""
 
 
 PROGRAM = ".py"
-"""The suffix of programs."""
+"""Suffix of programs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The origin of a file in a folder: server, entry, its author and revision; and what it was then."""
+    """Origin of a downloaded file: server, entry, author and revision, with the digest at that time."""
 
     server: str
     uid: str
@@ -46,7 +46,7 @@ class Origin:
 
 
 def origins(folder: Path) -> dict[str, Origin]:
-    """Return where the files of a folder are from, by their names; empty without a record. Raises BadInput."""
+    """Read the record of a folder: origins by file name; empty without a record. Raises BadInput."""
     path = folder / RECORD
     if not path.is_file():
         return {}
@@ -54,14 +54,12 @@ def origins(folder: Path) -> dict[str, Origin]:
         stated = as_json(read_file(path)).get("files")
         return {str(name): read_as(Origin, one) for name, one in stated.items()} if isinstance(stated, dict) else {}
     except NotAsAgreed as problem:
-        advice = "remove it once you know what is in the folder"
-        raise BadInput(
-            [error("K035", f"the record of what was pulled is damaged: {path}: {problem}", help=advice)]
-        ) from None
+        advice = "check the files in the folder, then delete the record"
+        raise BadInput([error("K035", f"the record of downloads is damaged: {path}: {problem}", help=advice)]) from None
 
 
 def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> list[Diagnostic]:
-    """Return an error for each file that is in the way: neither as it was pulled before, nor what is pulled now."""
+    """Report files that would be overwritten although they are not as downloaded, before or now."""
     before = {} if force else origins(folder)
     problems = []
     for name, origin in names.items():
@@ -70,12 +68,12 @@ def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> lis
             problems.append(error("C004", f"{path} is a folder"))
         elif path.exists() and not force and not is_as_pulled(path, origin, before.get(name)):
             advice = "-o FOLDER names another folder, --force overwrites it"
-            problems.append(error("C005", f"{path} exists and has another text", help=advice))
+            problems.append(error("C005", f"{path} exists with different content", help=advice))
     return problems
 
 
 def record(folder: Path, names: Mapping[str, Origin], *, force: bool) -> None:
-    """Add files to a folder's record, which is made if there is none. Raises BadInput."""
+    """Add files to the record of a folder, creating it if needed. Raises BadInput."""
     try:
         before = origins(folder)
     except BadInput:
@@ -91,12 +89,12 @@ def record(folder: Path, names: Mapping[str, Origin], *, force: bool) -> None:
 
 
 def is_as_pulled(path: Path, *origins: Origin | None) -> bool:
-    """Return True if a file is there and is what was pulled, of one of some origins."""
+    """Check whether a file exists and is unchanged since a download from one of the origins."""
     return has_digest(path, *(one.sha256 for one in origins if one is not None))
 
 
 def has_digest(path: Path, *digests: str) -> bool:
-    """Return True if a file is there and has one of some SHA-256."""
+    """Check whether a file exists and has one of the SHA-256 digests."""
     try:
         return sha256(read_file(path)).hexdigest() in digests
     except BadInput:
@@ -104,7 +102,7 @@ def has_digest(path: Path, *digests: str) -> bool:
 
 
 def origin_of(path: Path) -> Origin | None:
-    """Return where a program was pulled from; None for one of the user's own. Raises BadInput."""
+    """Return the origin of a program; None for one of the user's own. Raises BadInput."""
     real = path.resolve()
     listed = origins(real.parent)
     if real.name in listed:

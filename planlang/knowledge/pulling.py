@@ -1,4 +1,4 @@
-"""Entries written into a folder, with their files: each checked against the digest in the entry's record."""
+"""Download of entries with their files to folders, with every file checked against its digest."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from planlang.outputs import replace
 
 SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
 MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
-"""Files of an entry that are pulled, and bytes of all of them."""
+"""Limits for the number of files of an entry and for their total size [bytes]."""
 
 
 class Source(Protocol):
-    """The source of pulled entries: a client of a server, or a store of this machine."""
+    """Source of entries: the client of a server, or a store on this machine."""
 
     @property
     def url(self) -> str:
-        """Its address, as the record of what was pulled has it."""
+        """Its address, for the record of downloads."""
 
     def revision(self, entry: Entry, number: int | None = None) -> Revision:
-        """Return a revision of an entry, the last one unless told otherwise."""
+        """Return a revision of an entry, by default the latest."""
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
         """Return the content of a revision, checked against its digest."""
@@ -40,11 +40,11 @@ class Source(Protocol):
 def pull(
     client: Source, wanted: Iterable[tuple[Entry, Path]], *, revision: int | None = None, force: bool = False
 ) -> tuple[Path, ...]:
-    """Write each entry into its folder, which is made; returns the files, the ontology of each first.
+    """Download each entry to its folder, creating it; return the files, the ontology of each entry first.
 
-    All of them are read before the first is written, so that nothing is left of a server that goes away. Files that
-    are there already, as they are to be, are not read again. With ``force``, files of the user's own are overwritten.
-    Raises BadInput, and what the client raises.
+    Everything is read before the first file is written, so that a lost connection leaves nothing half done. Files that
+    are already up to date are not read again. ``force`` overwrites the user's own files. Raises BadInput and the
+    exceptions of the client.
     """
     with TemporaryDirectory(prefix="planlang-") as staged:
         folders = [_read(client, entry, folder, revision, Path(staged), force=force) for entry, folder in wanted]
@@ -60,7 +60,7 @@ def pull(
 def _read(
     client: Source, entry: Entry, folder: Path, revision: int | None, staged: Path, *, force: bool
 ) -> tuple[Path, dict[str, Origin]]:
-    """Read the files of an entry that are not in a folder; returns that, and where each file is from by its name."""
+    """Read the missing files of an entry to ``staged``; return the folder and the origin of each file by name."""
     now = client.revision(entry, revision)
     content = entry.uid + SUFFIXES[entry.syntax]
     _check_bounds(entry, content)
@@ -87,7 +87,7 @@ def _check_bounds(entry: Entry, content: str) -> None:
         raise NotAsAgreed(f"a file of {entry.uid} has the name of its content")
     if len(sizes) > MOST_FILES or sum(sizes) > LARGEST_ENTRY:
         limit = f"{MOST_FILES:,} files, {LARGEST_ENTRY // 1_000_000_000} GB"
-        raise BadInput([error("K036", f"{entry.uid} has more than can be pulled at once: {limit}")])
+        raise BadInput([error("K036", f"{entry.uid} exceeds the limit for a download: {limit}")])
 
 
 def _make(folder: Path) -> None:

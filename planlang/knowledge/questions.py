@@ -1,4 +1,4 @@
-"""Class expressions as a user writes them: Manchester syntax, names without namespaces where these are clear."""
+"""Parser of search expressions: class expressions in Manchester syntax, with unambiguous names unprefixed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from planlang.ontology.manchester import read_manchester
 from planlang.ontology.terms import KNOWROB, OWL, VOCABULARIES
 
 LONGEST = 10_000
-"""Characters of a question."""
+"""Longest expression [characters]."""
 MOST_UNKNOWN, MOST_GUESSES = 10, 3
-"""Names that are reported as unknown, and names for which similar ones are looked for."""
+"""Limits for the unknown names reported, and for those with suggestions."""
 LONGEST_SHOWN = 100
-"""Characters of an unknown name in a message."""
+"""Characters of an unknown name shown in a message."""
 
 _FILE = "question"
 _HEAD = "".join(f"Prefix: {prefix}: <{start}>\n" for prefix, start in VOCABULARIES.items())
@@ -33,16 +33,16 @@ _SEVERAL = re.compile(r":(?=\s|$)")
 
 
 def read_question(text: str, names: Names) -> Expression:
-    """Return the expression that a text is, with IRIs for names; positions are those in the text.
+    """Parse an expression and resolve its names to IRIs; positions refer to the text.
 
-    Raises BadInput: K002 for a name that is unknown or has several meanings, K003 for what is no single expression, and
-    as the reader of Manchester syntax does.
+    Raises BadInput: K002 for an unknown or ambiguous name, K003 unless it is a single expression, and the errors of the
+    Manchester parser.
     """
     return with_names(parse_question(text), names)
 
 
 def with_names(expression: Expression, names: Names) -> Expression:
-    """Return a parsed question with IRIs for names. Raises BadInput with K002."""
+    """Resolve the names of a parsed expression to IRIs. Raises BadInput with K002."""
     problems: list[Diagnostic] = []
     expression = _resolved(expression, names, problems)
     if problems:
@@ -53,7 +53,7 @@ def with_names(expression: Expression, names: Names) -> Expression:
 
 
 def parse_question(text: str) -> Expression:
-    """Return the expression that a text is, with names as they are written. Raises BadInput."""
+    """Parse an expression, with names as written. Raises BadInput."""
     if len(text) > LONGEST:
         raise BadInput([error("K003", f"a question has at most {LONGEST:,} characters", Span(_FILE))])
     if not text.strip():
@@ -77,7 +77,7 @@ _OF_CLASSES = frozenset(("and", "or", "not"))
 
 
 def _resolved(expression: Expression, names: Names, problems: list[Diagnostic], *, is_class: bool = True) -> Expression:
-    """Return an expression with known IRIs for names without namespace; appends what is wrong with others."""
+    """Resolve unprefixed names to known IRIs; append errors for the others to ``problems``."""
     fillers = expression.kind not in ("value", "one of")
     parts = tuple(
         _resolved(part, names, problems, is_class=fillers and (number > 0 or expression.kind in _OF_CLASSES))
@@ -87,7 +87,7 @@ def _resolved(expression: Expression, names: Names, problems: list[Diagnostic], 
     term = expression.term
     is_assumed = isinstance(term, str) and term.startswith(KNOWROB) and not names.knows(term)
     if isinstance(term, str) and (is_assumed or term.startswith(_LOCAL)):
-        name = local_name(term)  # the reader takes words of the vocabulary for KnowRob's
+        name = local_name(term)  # the Manchester parser puts words of the vocabulary in KnowRob's namespace
         meant = names.of(name)
         if len(meant) > 1 and is_class and names.is_of_entries(name):
             return Expression("or", span, parts=tuple(Expression("name", span, iri) for iri in meant))
@@ -95,7 +95,7 @@ def _resolved(expression: Expression, names: Names, problems: list[Diagnostic], 
             problems.append(_unclear(name, meant, names, span, is_guessed=len(problems) < MOST_GUESSES))
         return replace(expression, parts=parts, span=span, term=meant[0] if meant else None)
     if isinstance(term, str) and expression.kind == "name" and not names.knows(term):
-        problems.append(error("K002", f"nothing here knows <{term}>", span))
+        problems.append(error("K002", f"unknown name <{term}>", span))
     return replace(expression, parts=parts, span=span, term=term)
 
 
@@ -106,11 +106,11 @@ def _unclear(name: str, meant: Sequence[str], names: Names, span: Span, *, is_gu
     similar = names.similar(name) if is_guessed else []
     guess = f"did you mean {' or '.join(similar)}?" if similar else None
     shown = name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
-    return error("K002", f"nothing here is called {shown}", span, guess)
+    return error("K002", f"unknown name {shown}", span, guess)
 
 
 def _shifted(diagnostic: Diagnostic) -> Diagnostic:
-    """Return what the reader of files says, as said of a question: what a file could go on with is no advice here."""
+    """Adapt a diagnostic of the file parser to an expression: advice on what a file may contain does not apply."""
     message = diagnostic.message.replace("the end of the file", "the end")
     advice = _ADVICE if diagnostic.code == "O020" else diagnostic.help
     return replace(diagnostic, message=message, span=_in_text(diagnostic.span or Span(_FILE)), help=advice)

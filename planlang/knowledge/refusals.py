@@ -1,4 +1,4 @@
-"""Diagnostics for a server of a knowledge base that does not do what a user asked."""
+"""Diagnostics for failed requests to a knowledge-base server."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
 
 KEY = "PLANLANG_KEY"
-"""Environment variable of the author's key."""
-HOW_TO_MAKE_A_KEY = "planlang serve --store FILE --new-key AUTHOR makes one where the server runs"
-_NO_ADDRESS = "this asks a server at an address; planlang serve --store FILE is one for the store in a file"
-_SILENT = "does planlang serve run there, and is the address right?"
+"""Environment variable with the author's key."""
+HOW_TO_MAKE_A_KEY = "on the server, planlang serve --store FILE --new-key AUTHOR creates one"
+_NO_ADDRESS = "give the address of a server; planlang serve --store FILE starts one for the store in a file"
+_SILENT = "check the address, and that planlang serve is running there"
 _ADVICE: dict[type[Refused], str] = {
-    KeyNeeded: f"--key-file FILE, or {KEY}, gives your key; {HOW_TO_MAKE_A_KEY}",
-    NoSuchEntry: "planlang search lists what there is",
-    EntryExists: "--update makes the next revision of your own; another --name makes another entry",
-    NotTheAuthor: "only its author changes it; without --update, what you push becomes an entry of your own",
-    Changed: "pull it, and push again what you have changed in it",
+    KeyNeeded: f"give your key by --key-file FILE or {KEY}; {HOW_TO_MAKE_A_KEY}",
+    NoSuchEntry: "planlang search lists the entries",
+    EntryExists: "--update uploads the next revision of your own entry; another --name creates a new entry",
+    NotTheAuthor: "only its author can change it; without --update you push an entry of your own",
+    Changed: "pull the entry, apply your changes again, then push it",
 }
 
 
 def client_of(url: str, key: str | None = None) -> Client:
-    """Return a client that keeps answers in the user's cache. Raises BadInput for an address that cannot be used."""
+    """Make a client with the user's cache of responses. Raises BadInput for an invalid address."""
     try:
         return Client(url, key, kept_answers())
     except ValueError as problem:
-        message = f"the server's address {_without_user(url)} cannot be used: {problem}"
+        message = f"invalid server address {_without_user(url)}: {problem}"
         raise BadInput([error("K030", message, help=_NO_ADDRESS)]) from None
 
 
 def _without_user(url: str) -> str:
-    """Return an address to print, without a user name and password that it may hold."""
+    """Format an address without user name and password."""
     _, at, host = url.rpartition("@")
     return printed(f"...@{host}" if at else url)
 
 
 def diagnostics_of(url: str, problem: NoAnswer | NotAsAgreed | Refused) -> tuple[Diagnostic, ...]:
-    """Return the diagnostics for a call that failed: those of the server's checks, or one that says what to do."""
+    """Convert the exception of a failed request to diagnostics: the server's own, or one with advice."""
     match problem:
         case NoAnswer():
             return (error("K031", str(problem), help=_SILENT),)
@@ -52,6 +52,6 @@ def diagnostics_of(url: str, problem: NoAnswer | NotAsAgreed | Refused) -> tuple
 
 
 def kept_warning(client: Client) -> tuple[Diagnostic, ...]:
-    """Return a warning if a server did not answer and the user's cache did; nothing otherwise."""
+    """Return a warning if results came from the cache because the server did not respond."""
     offline = client.offline
-    return () if offline is None else (warning("K033", f"{offline}; this is what was read from it before"),)
+    return () if offline is None else (warning("K033", f"{offline}; showing the cached response"),)

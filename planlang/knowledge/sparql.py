@@ -1,8 +1,8 @@
-"""SPARQL 1.1 questions to a mirror of all entries, in forks of a child process that end at their limits.
+"""SPARQL 1.1 queries on a mirror of all entries, each in a fork of a child process that is ended at its limits.
 
-Each entry is a graph ``urn:entry:UID``; the default graph is all of them together, or those that ``FROM`` names. The
-engine would follow ``SERVICE`` to any address and knows no limit of time, so it works where it can open no connection
-and can be ended.
+Each entry is a graph ``urn:entry:UID``; the default graph is the union of all, or of those named by ``FROM``. The
+engine would follow ``SERVICE`` to any address and has no time limit, so it runs in a process that can open no
+connection and can be killed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ N_TRIPLES = "application/n-triples"
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of one question: seconds of wall clock, bytes of memory beyond the mirror's, rows and bytes of answer."""
+    """Limits of a query: wall-clock time [s], memory beyond the mirror [bytes], rows and bytes of the result."""
 
     seconds: float = 10.0
     memory: int = 500_000_000
@@ -31,15 +31,15 @@ class Limits:
 
 
 class Exceeded(Exception):
-    """A question was ended at a limit; the text says which."""
+    """A query exceeded a limit; the text says which."""
 
 
 class NoAnswer(Exception):
-    """The text is no question of SPARQL, or wants something that is not there, such as another server."""
+    """The text is not valid SPARQL, or needs something unsupported, such as another server."""
 
 
 class Endpoint:
-    """Answers questions, one at a time. Threads may share it."""
+    """Runs queries, one at a time; safe for use by several threads."""
 
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
@@ -47,11 +47,11 @@ class Endpoint:
         self._child: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
-        """Start the process, in the place of an earlier one: it knows nothing yet."""
+        """Start the process, replacing an earlier one, with an empty mirror."""
         with self._lock:
             self._end()
             self._child = subprocess.Popen(
-                # -P: nothing is imported from this folder, where strangers' files may lie
+                # -P: import nothing from the working directory, which may have untrusted files
                 [sys.executable, "-P", "-m", "planlang.knowledge.sparql_child"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -60,18 +60,18 @@ class Endpoint:
             )
 
     def ask(self, question: str) -> dict[str, Any]:
-        """Return the answer in SPARQL's JSON form, or ``{"triples": [line, ...]}``. Raises NoAnswer and Exceeded."""
+        """Run a query; return SPARQL's JSON results, or ``{"triples": [line, ...]}``. Raises NoAnswer and Exceeded."""
         limits = self._limits
         if not self._lock.acquire(timeout=limits.seconds):
-            raise Exceeded(f"other questions took {limits.seconds:g} s")
+            raise Exceeded(f"other queries took {limits.seconds:g} s")
         try:
             found = self._told({"query": question, **asdict(limits)})
         except OSError:
-            raise Exceeded("what answers questions has ended, and is started anew") from None
+            raise Exceeded("the query process has ended and is being restarted") from None
         finally:
             self._lock.release()
         if "exceeded" in found:
-            raise Exceeded(f"the question needs more than {found['exceeded']}")
+            raise Exceeded(f"the query needs more than {found['exceeded']}")
         if "limit" in found:
             raise Exceeded(f"the answer has {found['limit']}")
         if "error" in found:
@@ -82,25 +82,25 @@ class Endpoint:
 
     @property
     def is_running(self) -> bool:
-        """True if the process is there."""
+        """True while the process runs."""
         return self._child is not None and self._child.poll() is None
 
     def put(self, uid: str, content: bytes, media_type: str = N_TRIPLES, base: str = "urn:entry") -> bool:
-        """Add the content of an entry, in the place of an earlier one. Raises OSError.
+        """Add or replace the content of an entry. Raises OSError.
 
-        Returns False for what is no content of this type, and for an identifier that names no graph.
+        Returns False for content that is not of this type, and for an identifier that cannot name a graph.
         """
         with self._lock:
             head = {"put": uid, "type": media_type, "base": base, "size": len(content)}
             return bool(self._told(head, content)["done"])
 
     def drop(self, uid: str) -> None:
-        """Forget an entry. Raises OSError."""
+        """Remove an entry. Raises OSError."""
         with self._lock:
             self._told({"drop": uid})
 
     def _told(self, message: dict[str, Any], content: bytes = b"") -> dict[str, Any]:
-        """Return what is answered to a message. Raises OSError if the process is not there, or ends."""
+        """Send a message and return the response. Raises OSError if the process does not run or ends."""
         if self._child is None:
             raise BrokenPipeError("there is no process")
         assert self._child.stdin is not None

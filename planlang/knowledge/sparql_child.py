@@ -1,9 +1,9 @@
-"""The process that answers SPARQL questions: each in a fork of it that may be killed, and can open nothing.
+"""Process for SPARQL queries; each query runs in a fork that can open nothing and may be killed.
 
-It reads messages from its standard input and writes one answer for each to its standard output; both are lines of JSON.
-``{"put": uid, "type": media type, "base": iri, "size": bytes}``, behind which the content follows, and
-``{"drop": uid}`` change the graph of an entry; ``{"query": text, "rows": number, "bytes": number, "seconds": number,
-"memory": bytes}`` asks.
+It reads messages from standard input and writes a response for each to standard output, both as lines of JSON.
+``{"put": uid, "type": media type, "base": iri, "size": bytes}``, followed by the content, and ``{"drop": uid}`` change
+the graph of an entry; ``{"query": text, "rows": number, "bytes": number, "seconds": number, "memory": bytes}`` runs a
+query.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _FORMATS = {
     "application/n-triples": ox.RdfFormat.N_TRIPLES,
 }
 GRAPHS = "urn:entry:"
-"""The beginning of the name of an entry's graph; the identifier follows."""
+"""Prefix of graph names; the identifier of the entry follows."""
 
 
 def close_off(room: int) -> None:
-    """Give up the right to open anything, sockets included, and to use more than ``room`` bytes beside today's."""
+    """Give up the ability to open files and sockets, and to use more than ``room`` bytes of additional memory."""
     size = _size()
     listed = os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else ["15"]
     limit = max(map(int, listed)) + 1
@@ -42,7 +42,7 @@ def close_off(room: int) -> None:
 
 
 def _size() -> int:
-    """Return the bytes of address space in use."""
+    """Bytes of address space in use."""
     try:
         with open("/proc/self/statm", "rb") as statistics:
             return int(statistics.read().split()[0]) * resource.getpagesize()
@@ -59,14 +59,14 @@ def _is_open(number: int) -> bool:
 
 
 def answer(store: ox.Store, text: str, most: int) -> dict[str, Any]:
-    """Return the answer to a question in SPARQL's JSON form, at most ``most`` rows, or ``{"error": reason}``."""
+    """Run a query; return at most ``most`` rows in SPARQL's JSON format, or ``{"error": reason}``."""
     stated = tuple(words(text))
     if is_too_deep(text):
-        return {"error": f"it has more than {DEEPEST} brackets inside each other, or signs in a row"}
+        return {"error": f"more than {DEEPEST} nested brackets, or signs in a row"}
     if any(one == "SERVICE" and other != "SILENT" for one, other in pairwise((*stated, ""))):
-        return {"error": "SERVICE asks another server, which is not done here: ask that server itself"}
+        return {"error": "SERVICE is not supported; query the other server directly"}
     try:
-        # a question that names its graphs (FROM) is about these alone
+        # a query with FROM reads only the graphs it names
         found = store.query(text, use_default_graph_as_union="FROM" not in stated)
     except (SyntaxError, ValueError, OSError) as problem:
         return {"error": str(problem)}
@@ -81,7 +81,7 @@ def answer(store: ox.Store, text: str, most: int) -> dict[str, Any]:
             for solution in _first(found, most + 1)
         ]
         return {"head": {"vars": names}, **_limited({"rows": rows}, "rows", most)}
-    except (SyntaxError, ValueError, OSError) as problem:  # evaluated row by row
+    except (SyntaxError, ValueError, OSError) as problem:  # rows are evaluated lazily
         return {"error": str(problem)}
 
 
@@ -112,8 +112,8 @@ def _json(term: object) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Answer until the standard input ends."""
-    os.nice(10)  # whoever asks for recipes goes first
+    """Process messages until standard input ends."""
+    os.nice(10)  # the server's other requests take precedence
     store, stream = ox.Store(), sys.stdin.buffer
     for line in stream:
         message = json.loads(line)
@@ -126,7 +126,7 @@ def main() -> None:
 
 
 def _changed(store: ox.Store, message: dict[str, Any], content: bytes) -> dict[str, Any]:
-    """Change the graph of an entry; returns ``{"done": False}`` for no content of its type, and for no name."""
+    """Change the graph of an entry; return ``{"done": False}`` for invalid content or an invalid name."""
     try:
         graph = ox.NamedNode(GRAPHS + (message.get("put") or message["drop"]))
     except ValueError:
@@ -144,7 +144,7 @@ def _changed(store: ox.Store, message: dict[str, Any], content: bytes) -> dict[s
 
 
 def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
-    """Let a fork answer a question; returns why it has not, None if it has."""
+    """Run a query in a fork; return the reason if it failed, None if the fork has responded."""
     child = os.fork()
     if child == 0:
         status = 1
@@ -161,7 +161,7 @@ def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
         return None
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
     if ended_by == signal.SIGSEGV:
-        return {"error": "it is too long a chain of one operator, or too deep, for its reader"}
+        return {"error": "the query is nested too deeply, or chains one operator too often"}
     is_late = ended_by == signal.SIGALRM
     limit = f"{message['seconds']:g} s" if is_late else f"{message['memory'] / 1e6:g} MB of memory"
     return {"exceeded": limit}
@@ -172,20 +172,20 @@ def _line(answered: dict[str, Any]) -> bytes:
 
 
 def _line_within(answered: dict[str, Any], most: int) -> bytes:
-    """Return the line of an answer of at most ``most`` bytes, or that it has more."""
+    """Format a response of at most ``most`` bytes, or a message that it is longer."""
     line = _line(answered)
     return line if len(line) <= most else _line({"limit": f"more than {most / 1e6:g} MB"})
 
 
 def _tell(data: bytes, before: Callable[[], object] = bool) -> None:
-    """Write a line; ``before`` is called when nothing but the writing is left."""
+    """Write a line, after calling ``before``."""
     before()
     while data:
         data = data[os.write(1, data) :]
 
 
 DEEPEST = 200
-"""Brackets inside each other, and signs such as ``!`` in a row; the engine's stack ends at some thousand."""
+"""Limit for nested brackets and for signs such as ``!`` in a row; the engine's stack overflows at a few thousand."""
 
 _TOKEN = re.compile(
     r"""(?P<passed>\#[^\n\r]*                                  # a comment
@@ -199,12 +199,12 @@ _TOKEN = re.compile(
 
 
 def words(question: str) -> Iterator[str]:
-    """Yield the words of a question in capitals that are no names, variables, IRIs, texts or comments."""
+    """Yield the keywords of a query in upper case, without names, variables, IRIs, texts and comments."""
     return (found["word"].upper() for found in _TOKEN.finditer(question) if found["word"])
 
 
 def is_too_deep(question: str) -> bool:
-    """Return True for more brackets inside each other, or more signs in a row, than the engine can read."""
+    """Check for more nested brackets or signs in a row than the engine can parse."""
     depth = signs = 0
     for found in _TOKEN.finditer(question):
         signs = signs + 1 if found["sign"] else 0

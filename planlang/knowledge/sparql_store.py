@@ -1,9 +1,9 @@
-"""The store over any SPARQL 1.1 endpoint, with contents in any object storage: for servers side by side.
+"""Store on any SPARQL 1.1 endpoint, with contents in any object storage; several servers can share it.
 
-The catalogue is one graph. A change is a single update request, which an endpoint does wholly or not at all; its
-condition stands in its WHERE, and it writes a line of news with a token of its own, so that one question afterwards
-tells whether the condition held. Contents lie under their SHA-256 (``obstore``: S3, GCS, Azure, a folder). They are
-written before the catalogue tells of them and never deleted here: another server may just be handing one out.
+The catalogue is one graph. A change is a single update request, which an endpoint applies completely or not at all. Its
+precondition is in its WHERE clause, and it writes a line of news with a unique token, so that a query afterwards shows
+whether the precondition held. Contents are stored by SHA-256 (``obstore``: S3, GCS, Azure, a folder). They are written
+before the catalogue refers to them, and never deleted, since another server may be serving one.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Row = dict[str, str]
 
 @dataclass(frozen=True, slots=True)
 class _Update:
-    """Statements that a change deletes and inserts where a pattern holds."""
+    """Triples that a change deletes and inserts if a pattern matches."""
 
     where: str
     insert: str = ""
@@ -69,13 +69,13 @@ def _storage(address: str) -> ObjectStore:
         return from_url(address)
     except (BaseError, ValueError) as problem:
         reason = str(problem).partition("\n")[0]
-        raise ValueError(f"contents cannot be kept at {address}: {reason}") from None
+        raise ValueError(f"cannot store contents at {address}: {reason}") from None
 
 
 class SparqlStore:
-    """A :class:`~planlang.knowledge.entries.Store` over an endpoint and an object storage; threads may share it.
+    """A :class:`~planlang.knowledge.entries.Store` on an endpoint and an object storage; thread-safe.
 
-    Every method raises Unreachable if one of them does not answer.
+    Every method raises Unreachable if one of them does not respond.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class SparqlStore:
     ) -> None:
         """Use the endpoint with ``query`` and ``update`` below ``url``, and ``contents``, an address of obstore.
 
-        ``key``: a Bearer token for the endpoint. Raises ValueError for an address that is none.
+        ``key`` is a Bearer token for the endpoint. Raises ValueError for an invalid address.
         """
         headers = {} if key is None else {"Authorization": f"Bearer {key}"}
         base = url.removeprefix(SCHEME).rstrip("/") + "/"
@@ -103,10 +103,10 @@ class SparqlStore:
         try:
             return self._http.post(path, content=text.encode(), headers=headers).raise_for_status()
         except httpx.HTTPError as problem:
-            raise Unreachable(f"the SPARQL endpoint does not answer: {problem}") from problem
+            raise Unreachable(f"the SPARQL endpoint does not respond: {problem}") from problem
 
     def _change(self, update: _Update, change: Change, uid: str, kind: Kind, author: str, now: str) -> bool:
-        """Do an update with its line of news in one request; return whether its condition held."""
+        """Send an update and its line of news in one request; return whether the precondition held."""
         token = secrets.token_hex(16)
         line = f"""<counter> p:value ?next. ?news p:line ?next; p:change {_text(change)}; p:newsOf {_text(uid)};
             p:kind {_text(kind)}; p:author {_text(author)}; p:made {_text(now)}; p:token {_text(token)}."""
@@ -126,19 +126,19 @@ class SparqlStore:
         try:
             obstore.put(self._contents, sha256, data)
         except OSError as problem:
-            raise Unreachable(f"the object storage does not answer: {problem}") from problem
+            raise Unreachable(f"the object storage does not respond: {problem}") from problem
         return sha256
 
     def _kept_content(self, sha256: str) -> bytes:
         try:
             return bytes(obstore.get(self._contents, sha256).bytes())
         except OSError as problem:
-            raise Unreachable(f"the object storage does not give a content: {problem}") from problem
+            raise Unreachable(f"the object storage cannot read a content: {problem}") from problem
 
     # entries
 
     def entries(self, kind: Kind | None = None) -> Iterator[Entry]:
-        """Yield all entries, or those of a kind, by identifier."""
+        """Yield all entries, or those of a kind, sorted by identifier."""
         wanted = "" if kind is None else f"?entry p:kind {_text(kind)}."
         attachments: dict[str, list[Attachment]] = {}
         for row in self._ask(_FILE, rest="ORDER BY ?uid ?name"):
@@ -160,14 +160,14 @@ class SparqlStore:
         return _entry(rows[0], attachments, self._ask(f"?r p:rates {_text(uid)}; p:rating ?rating"))
 
     def content(self, uid: str, revision: int | None = None) -> bytes:
-        """Return the content of an entry's last revision, or of another that is kept. Raises NoSuchEntry."""
+        """Return the content of the latest revision, or of another one still stored. Raises NoSuchEntry."""
         for one in self.revisions(uid):
             if revision is None or one.number == revision:
                 return self._kept_content(one.sha256)
         raise NoSuchEntry(f"there is no revision {revision} of {uid}")
 
     def revisions(self, uid: str) -> tuple[Revision, ...]:
-        """Return the revisions that are kept, last first. Raises NoSuchEntry."""
+        """Return the stored revisions, latest first. Raises NoSuchEntry."""
         pattern = f"?r p:revisionOf {_text(uid)}; p:number ?number; p:sha256 ?sha256; p:author ?author; p:made ?made."
         rows = self._ask(pattern, rest="ORDER BY DESC(?number)")
         if not rows:
@@ -175,21 +175,21 @@ class SparqlStore:
         return tuple(Revision(int(row["number"]), row["sha256"], row["author"], row["made"]) for row in rows)
 
     def descriptions(self) -> Iterator[Described]:
-        """Yield what every entry is found by, by identifier."""
+        """Yield the fields and descriptions of all entries, sorted by identifier."""
         stated = "?entry p:uid ?uid; p:kind ?kind; p:about ?about; p:label ?label; p:description ?sha256"
         for row in self._ask(stated, rest="ORDER BY ?uid"):
             kept = self._kept_content(row["sha256"])
             yield Described(row["uid"], Kind(row["kind"]), row["about"], row["label"], kept)
 
     def description(self, uid: str) -> bytes:
-        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+        """Return the description of the latest revision. Raises NoSuchEntry."""
         rows = self._ask(f"?entry p:uid {_text(uid)}; p:description ?sha256")
         if not rows:
             raise NoSuchEntry(f"there is no entry {uid}")
         return self._kept_content(rows[0]["sha256"])
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
-        """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
+        """Replace the description of unchanged content, without a line in the feed. Raises NoSuchEntry, Changed."""
         own(self.entry(uid), None, expected)
         sha256 = self._keep(description)
         node = _node("entry", uid)
@@ -199,12 +199,12 @@ class SparqlStore:
         )
 
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
-        """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
+        """Store a new entry and its request. Raises EntryExists; ValueError for an invalid name."""
         uid = uid_of(content.about, content.name)
         node, revision = _node("entry", uid), _node("entry", uid, "{}")
         remembered = "" if request is None else _requested(author, request, uid)
         update = _Update(
-            # numbers go on behind those of a deleted entry: a tag never means two contents
+            # continue the numbers of a deleted entry, so that no ETag ever means two contents
             f"""FILTER NOT EXISTS {{ {node} p:uid ?there }} OPTIONAL {{ {node} p:last ?before }}
                 BIND(COALESCE(?before, 0) + 1 AS ?number) {_numbered(revision)}""",
             f"""{node} p:uid {_text(uid)}; p:kind {_text(content.kind)}; p:author {_text(author)};
@@ -216,7 +216,7 @@ class SparqlStore:
         return self.entry(uid)
 
     def change(self, uid: str, content: Content, author: str, expected: str, now: str) -> Entry:
-        """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        """Store a new revision if the ETag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
         entry = own(self.entry(uid), author, expected)
         node = _node("entry", uid)
         oldest = entry.revision.number + 1 - self._kept
@@ -237,7 +237,7 @@ class SparqlStore:
         return self.entry(uid)
 
     def _stated(self, node: str, uid: str, content: Content, author: str, now: str) -> str:
-        """Return the statements of a content as the revision ``?number``, kept in the storage before."""
+        """Store a content, and return its triples as the revision ``?number``."""
         sha256, description = self._keep(content.data), self._keep(content.description)
         return f"""{node} p:about {_text(content.about)}; p:label {_text(content.label)};
             p:syntax {_text(content.syntax)}; p:revision ?number; p:last ?number; p:sha256 {_text(sha256)};
@@ -246,7 +246,7 @@ class SparqlStore:
             p:made {_text(now)}."""
 
     def delete(self, uid: str, author: str, expected: str, now: str) -> None:
-        """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        """Delete an entry and everything that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
         entry = own(self.entry(uid), author, expected)
         node = _node("entry", uid)
         update = _Update(
@@ -262,7 +262,7 @@ class SparqlStore:
     # attachments
 
     def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
-        """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
+        """Store a file of an entry, replacing one of that name. Raises NoSuchEntry, NotTheAuthor."""
         entry = own(self.entry(uid), author)
         attachment = Attachment(file.name, file.media_type, self._keep(file.data), len(file.data))
         node = _node("file", uid, file.name)
@@ -295,7 +295,7 @@ class SparqlStore:
     # authors, ratings, news
 
     def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
-        """Keep an author's rating, 0 to 10, in the place of an earlier one.
+        """Store an author's rating, 0 to 10, replacing an earlier one.
 
         Raises NoSuchEntry, OwnEntry, ValueError.
         """
@@ -311,35 +311,35 @@ class SparqlStore:
         return self.entry(uid)
 
     def ratings(self) -> Mapping[str, float]:
-        """Return the rating of each entry that has one, by identifier."""
+        """Map the identifiers of rated entries to their ratings."""
         return {one.uid: one.rating for one in self.entries() if one.rating is not None}
 
     def new_key(self, author: str, now: str) -> str:
-        """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
+        """Create a key for an author (256 random bits); only its SHA-256 is stored. Earlier keys stay valid."""
         key = secrets.token_urlsafe(32)
         node = _node("key", hashlib.sha256(key.encode()).hexdigest())
         self._update(f"INSERT {{ {node} p:keyOf {_text(author)}; p:made {_text(now)} }} WHERE {{}}")
         return key
 
     def drop_keys(self, author: str) -> int:
-        """Let no key of an author be valid any more; returns how many there were."""
+        """Revoke all keys of an author; return their number."""
         pattern = f"?key p:keyOf {_text(author)}"
         count = len(self._ask(pattern))
         self._update(f"DELETE {{ ?key ?property ?value }} WHERE {{ {pattern}; ?property ?value }}")
         return count
 
     def author_of(self, key: str) -> str | None:
-        """Return whose key this is, None for nobody's."""
+        """Return the author of a key; None if the key is not valid."""
         node = _node("key", hashlib.sha256(key.encode()).hexdigest())
         return next((row["author"] for row in self._ask(f"{node} p:keyOf ?author")), None)
 
     def requested(self, author: str, key: str) -> tuple[str, str] | None:
-        """Return the digest of the request with which an entry was made, and its identifier; None for a new key."""
+        """Return the digest of the request with this key and the entry that it created; None for a new key."""
         rows = self._ask(f"{_node('request', author, key)} p:digest ?digest; p:made ?uid")
         return (rows[0]["digest"], rows[0]["uid"]) if rows else None
 
     def subscribe(self, author: str, uid: str, now: str) -> None:
-        """Let news of an entry appear in an author's feed. Raises NoSuchEntry."""
+        """Add the news of an entry to an author's feed. Raises NoSuchEntry."""
         self.entry(uid)
         node = _node("subscription", author, uid)
         self._update(
@@ -347,12 +347,12 @@ class SparqlStore:
         )
 
     def unsubscribe(self, author: str, uid: str) -> None:
-        """Take a subscription back; nothing happens if there is none."""
+        """Remove a subscription, if there is one."""
         node = _node("subscription", author, uid)
         self._update(f"DELETE {{ {node} ?property ?value }} WHERE {{ {node} ?property ?value }}")
 
     def subscriptions(self, author: str) -> tuple[str, ...]:
-        """Return the identifiers that an author subscribed to, sorted."""
+        """Return the subscribed identifiers, sorted."""
         return tuple(
             row["uid"] for row in self._ask(f"?s p:subscriber {_text(author)}; p:to ?uid", rest="ORDER BY ?uid")
         )
@@ -360,7 +360,7 @@ class SparqlStore:
     def news(
         self, after: int = 0, *, author: str | None = None, limit: int = 100, newest_first: bool = False
     ) -> tuple[News, ...]:
-        """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
+        """Return lines of the feed after number ``after``, oldest first; for an ``author`` only subscribed entries."""
         mine = "" if author is None else f"FILTER EXISTS {{ ?s p:subscriber {_text(author)}; p:to ?uid }}"
         pattern = f"""?news p:line ?number; p:change ?change; p:newsOf ?uid; p:kind ?kind; p:author ?author;
             p:made ?made FILTER(?number > {int(after)}) {mine}"""
@@ -372,7 +372,7 @@ class SparqlStore:
         )
 
     def last_news(self) -> int:
-        """Return the number of the last line of the feed, 0 for an empty one."""
+        """Return the number of the last line of the feed; 0 if it is empty."""
         return max((int(row["value"]) for row in self._ask("<counter> p:value ?value")), default=0)
 
     def close(self) -> None:
@@ -384,7 +384,7 @@ _FILE = "?file p:fileOf ?uid; p:name ?name; p:mediaType ?type; p:sha256 ?sha256;
 
 
 def _entry(row: Row, attachments: list[Attachment], rated: list[Row]) -> Entry:
-    own = _node("rating", row["uid"], row["author"]).strip("<>")  # an earlier version may have kept it
+    own = _node("rating", row["uid"], row["author"]).strip("<>")  # earlier versions may have stored one
     ratings = [int(one["rating"]) for one in rated if one["r"] != own]
     revision = Revision(int(row["number"]), row["sha256"], row["by"], row["changed"])
     return Entry(
@@ -411,24 +411,24 @@ def _requested(author: str, request: Request, uid: str) -> str:
 
 
 def _holding(expected: str) -> str:
-    """Return what a pattern about an entry says if its tag is the expected one: a number has one content ever."""
+    """Pattern that matches an entry only with the expected ETag; a revision number never changes its content."""
     number = expected.strip('"').partition("-")[0]
     if not number.isdecimal():
-        raise Changed(f"{expected} is no tag of an entry")
+        raise Changed(f"{expected} is not the ETag of an entry")
     return f"p:revision {int(number)}; p:sha256 ?sha256"
 
 
 def _numbered(pattern: str) -> str:
-    """Return what binds ``?made`` to the node of the revision ``?number``."""
+    """Expression that binds ``?made`` to the node of the revision ``?number``."""
     before, _, after = pattern.strip("<>").partition(quote("{}", safe=""))
     return f'BIND(IRI(CONCAT("{before}", STR(?number), "{after}")) AS ?made)'
 
 
 def _node(*parts: str) -> str:
-    """Return the IRI of a node by its parts, relative to the graph's."""
+    """IRI of a node, made of ``parts`` below the graph's IRI."""
     return f"<{_GRAPH}/{'/'.join(quote(part, safe='') for part in parts)}>"
 
 
 def _text(value: str) -> str:
-    """Return a text as a literal of SPARQL, whose escapes are those of JSON."""
+    """Format a text as a SPARQL literal, which has the same escapes as JSON."""
     return json.dumps(value, ensure_ascii=False)

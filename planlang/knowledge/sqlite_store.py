@@ -1,7 +1,7 @@
-"""The store in one SQLite file: the record of truth of a knowledge base on one machine.
+"""Store in a single SQLite file, for a knowledge base on one machine.
 
-Write-ahead log, so that readers never wait for a writer; every change is one transaction that is on disk before the
-call returns. Contents are kept once, under their SHA-256.
+A write-ahead log lets readers proceed during a write; every change is a transaction that is on disk before the call
+returns. Equal contents are stored once, by SHA-256.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from planlang.knowledge.entries import (
 )
 
 VERSION = 2
-"""The layout of the tables; a file of another one is refused."""
+"""Version of the schema; files with another version are refused."""
 
 _NO_ROOM = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE)
 _PATIENCE = 10.0
-"""Seconds that a writer waits for another process's transaction."""
+"""Time that a writer waits for the transaction of another process [s]."""
 
 _TABLES = """
 CREATE TABLE blobs (sha256 TEXT PRIMARY KEY, data BLOB NOT NULL) WITHOUT ROWID;
@@ -72,32 +72,32 @@ _UNUSED = """CREATE TRIGGER unused_after_{table} AFTER DELETE ON {table} BEGIN
     DELETE FROM blobs WHERE sha256 = OLD.sha256
     AND NOT EXISTS (SELECT 1 FROM revisions WHERE sha256 = OLD.sha256)
     AND NOT EXISTS (SELECT 1 FROM attachments WHERE sha256 = OLD.sha256); END"""
-"""A trigger that forgets a content with the last thing that refers to it."""
+"""Trigger that deletes a content together with the last reference to it."""
 
 _LAST = """SELECT e.uid, e.kind, e.about, e.label, e.author, e.syntax, e.created, r.number, r.sha256, r.author, r.made
     FROM entries e JOIN revisions r ON r.uid = e.uid
     AND r.number = (SELECT max(number) FROM revisions WHERE uid = e.uid)"""
 
 _RATED = "SELECT r.uid, r.rating FROM ratings r JOIN entries e ON e.uid = r.uid AND e.author != r.author"
-"""Ratings by others than the author, whose own an earlier version may have kept."""
+"""Ratings, without those by the entry's author, which earlier versions may have stored."""
 
 
 def _no_base(path: Path, problem: sqlite3.DatabaseError) -> Diagnostic:
     if path.is_dir():
-        return error("K001", f"{path} is a folder", help="name a file in it: it is made if there is none")
+        return error("K001", f"{path} is a folder", help="name a file in it; it is created if needed")
     if not path.parent.is_dir():
-        return error("K001", f"there is no folder {path.parent}", help="make it first")
-    return error("K001", f"this is no knowledge base: {problem}", Span(str(path)))
+        return error("K001", f"there is no folder {path.parent}", help="create it first")
+    return error("K001", f"not a knowledge base: {problem}", Span(str(path)))
 
 
 class SqliteStore:
-    """A :class:`~planlang.knowledge.entries.Store` in one file; threads and processes may share it.
+    """A :class:`~planlang.knowledge.entries.Store` in one file, shared safely by threads and processes.
 
-    Raises BadInput with K001 for a file that is no knowledge base.
+    Raises BadInput with K001 unless the file is a knowledge base.
     """
 
     def __init__(self, path: Path, *, revisions_kept: int = REVISIONS_KEPT) -> None:
-        """Open the file; ``revisions_kept`` earlier revisions of an entry stay beside the last one."""
+        """Open or create the file; it keeps ``revisions_kept`` earlier revisions of each entry."""
         self._path = path
         self._kept = revisions_kept
         self._local = threading.local()
@@ -121,16 +121,16 @@ class SqliteStore:
                     database.execute(statement)
                 database.execute(f"PRAGMA user_version = {VERSION}")
             elif version != VERSION:
-                raise sqlite3.DatabaseError(f"its layout is {version}, not {VERSION}")
+                raise sqlite3.DatabaseError(f"its schema version is {version}, not {VERSION}")
 
     @property
     def _database(self) -> sqlite3.Connection:
-        """This thread's connection; when one is opened, those of threads that have ended are closed."""
+        """Connection of this thread; opening one closes those of threads that have ended."""
         found: sqlite3.Connection | None = getattr(self._local, "database", None)
         if found is None:
             found = sqlite3.connect(self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
             self._local.database = found
-            with self._opening:  # before it is asked for anything: close() has to know it, also after a failure
+            with self._opening:  # register it before its first use: close() must know it even after a failure
                 for thread in [one for one in self._connections if not one.is_alive()]:
                     self._connections.pop(thread).close()
                 self._connections[threading.current_thread()] = found
@@ -147,7 +147,7 @@ class SqliteStore:
                 yield database
                 database.execute("COMMIT")
             except BaseException as problem:
-                if database.in_transaction:  # a full disk has ended it already
+                if database.in_transaction:  # SQLite ends it itself when the disk is full
                     database.execute("ROLLBACK")
                 if getattr(problem, "sqlite_errorcode", None) in _NO_ROOM:
                     raise Full(f"the store is full: {problem}") from None
@@ -156,7 +156,7 @@ class SqliteStore:
     # entries
 
     def entries(self, kind: Kind | None = None) -> Iterator[Entry]:
-        """Yield all entries, or those of a kind, by identifier."""
+        """Yield all entries, or those of a kind, sorted by identifier."""
         database = self._database
         attachments: dict[str, list[Attachment]] = {}
         for uid, *row in database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2"):
@@ -180,7 +180,7 @@ class SqliteStore:
         return _entry(row, attachments, ratings)
 
     def content(self, uid: str, revision: int | None = None) -> bytes:
-        """Return the content of an entry's last revision, or of another that is kept. Raises NoSuchEntry."""
+        """Return the content of the latest revision, or of another one still stored. Raises NoSuchEntry."""
         number = self.entry(uid).revision.number if revision is None else revision
         stored = "SELECT data FROM revisions JOIN blobs USING (sha256) WHERE uid = ? AND number = ?"
         row = self._database.execute(stored, (uid, number)).fetchone()
@@ -189,52 +189,52 @@ class SqliteStore:
         return bytes(row[0])
 
     def revisions(self, uid: str) -> tuple[Revision, ...]:
-        """Return the revisions that are kept, last first. Raises NoSuchEntry."""
+        """Return the stored revisions, latest first. Raises NoSuchEntry."""
         self.entry(uid)
         stored = "SELECT number, sha256, author, made FROM revisions WHERE uid = ? ORDER BY number DESC"
         return tuple(Revision(*row) for row in self._database.execute(stored, (uid,)))
 
     def descriptions(self) -> Iterator[Described]:
-        """Yield what every entry is found by, by identifier."""
+        """Yield the fields and descriptions of all entries, sorted by identifier."""
         stored = "SELECT uid, kind, about, label, description FROM entries ORDER BY uid"
         for uid, kind, *others in self._database.execute(stored).fetchall():
             yield Described(uid, Kind(kind), *others)
 
     def description(self, uid: str) -> bytes:
-        """Return the description of an entry's last revision. Raises NoSuchEntry."""
+        """Return the description of the latest revision. Raises NoSuchEntry."""
         row = self._database.execute("SELECT description FROM entries WHERE uid = ?", (uid,)).fetchone()
         if row is None:
             raise NoSuchEntry(f"there is no entry {uid}")
         return bytes(row[0])
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
-        """Keep another description of the same content. Raises NoSuchEntry, Changed. No change that is news."""
+        """Replace the description of unchanged content, without a line in the feed. Raises NoSuchEntry, Changed."""
         with self._transaction() as database:
             own(self.entry(uid), None, expected)
             database.execute("UPDATE entries SET description = ? WHERE uid = ?", (description, uid))
 
     def create(self, content: Content, author: str, now: str, request: Request | None = None) -> Entry:
-        """Keep a new entry, and with it by which request. Raises EntryExists; ValueError for a name without letters."""
+        """Store a new entry and its request. Raises EntryExists; ValueError for an invalid name."""
         uid = uid_of(content.about, content.name)
         with self._transaction() as database:
             if database.execute("SELECT 1 FROM entries WHERE uid = ?", (uid,)).fetchone():
                 raise EntryExists(f"there is an entry {uid} already")
             described = (uid, content.kind, content.about, content.label, author, content.syntax, now)
             database.execute("INSERT INTO entries VALUES (?, ?, ?, ?, ?, ?, ?, ?)", (*described, content.description))
-            # numbers go on behind those of a deleted entry: a tag never means two contents
+            # continue the numbers of a deleted entry, so that no ETag ever means two contents
             before = "SELECT count(*) FROM news WHERE uid = ? AND change IN ('created', 'changed')"
             (number,) = database.execute(before, (uid,)).fetchone()
             self._add_revision(database, uid, number + 1, content.data, author, now)
             if request is not None:
                 if self.requested(author, request.key) is not None:
-                    raise EntryExists("another request has been sent with this key")
+                    raise EntryExists("this Idempotency-Key was used for another request")
                 kept = (author, request.key, request.digest, uid)
                 database.execute("INSERT INTO requests VALUES (?, ?, ?, ?)", kept)
             _tell(database, Change.CREATED, uid, content.kind, author, now)
         return self.entry(uid)
 
     def change(self, uid: str, content: Content, author: str, expected: str, now: str) -> Entry:
-        """Give an entry a new revision if its tag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        """Store a new revision if the ETag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
         with self._transaction() as database:
             entry = own(self.entry(uid), author, expected)
             described = (content.about, content.label, content.syntax, content.description, uid)
@@ -247,7 +247,7 @@ class SqliteStore:
         return self.entry(uid)
 
     def delete(self, uid: str, author: str, expected: str, now: str) -> None:
-        """Delete an entry with all that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
+        """Delete an entry and everything that belongs to it. Raises NoSuchEntry, NotTheAuthor, Changed."""
         with self._transaction() as database:
             entry = own(self.entry(uid), author, expected)
             database.execute("DELETE FROM entries WHERE uid = ?", (uid,))
@@ -261,7 +261,7 @@ class SqliteStore:
     # attachments
 
     def attach(self, uid: str, file: File, author: str, now: str) -> Attachment:
-        """Keep a file with an entry, in the place of one of that name. Raises NoSuchEntry, NotTheAuthor."""
+        """Store a file of an entry, replacing one of that name. Raises NoSuchEntry, NotTheAuthor."""
         with self._transaction() as database:
             entry = own(self.entry(uid), author)
             database.execute("DELETE FROM attachments WHERE uid = ? AND name = ?", (uid, file.name))
@@ -288,10 +288,10 @@ class SqliteStore:
             raise NoSuchEntry(f"{uid} has no file {name}")
         return Attachment(*row[:4]), bytes(row[4])
 
-    # what others say of it
+    # ratings
 
     def rate(self, uid: str, author: str, rating: int, now: str) -> Entry:
-        """Keep an author's rating, 0 to 10, in the place of an earlier one.
+        """Store an author's rating, 0 to 10, replacing an earlier one.
 
         Raises NoSuchEntry, OwnEntry, ValueError.
         """
@@ -303,7 +303,7 @@ class SqliteStore:
         return self.entry(uid)
 
     def ratings(self) -> Mapping[str, float]:
-        """Return the rating of each entry that has one, by identifier."""
+        """Map the identifiers of rated entries to their ratings."""
         found = ((uid, rating_of(ratings)) for uid, ratings in self._all_ratings().items())
         return {uid: rating for uid, rating in found if rating is not None}
 
@@ -316,24 +316,24 @@ class SqliteStore:
     # authors
 
     def new_key(self, author: str, now: str) -> str:
-        """Return a new key of an author (256 random bits); only its SHA-256 is kept. Earlier keys stay valid."""
+        """Create a key for an author (256 random bits); only its SHA-256 is stored. Earlier keys stay valid."""
         key = secrets.token_urlsafe(32)
         with self._transaction() as database:
             database.execute("INSERT INTO keys VALUES (?, ?, ?)", (_digest(key.encode()), author, now))
         return key
 
     def drop_keys(self, author: str) -> int:
-        """Let no key of an author be valid any more; returns how many there were."""
+        """Revoke all keys of an author; return their number."""
         with self._transaction() as database:
             return database.execute("DELETE FROM keys WHERE author = ?", (author,)).rowcount
 
     def author_of(self, key: str) -> str | None:
-        """Return whose key this is, None for nobody's."""
+        """Return the author of a key; None if the key is not valid."""
         row = self._database.execute("SELECT author FROM keys WHERE sha256 = ?", (_digest(key.encode()),)).fetchone()
         return None if row is None else str(row[0])
 
     def requested(self, author: str, key: str) -> tuple[str, str] | None:
-        """Return the digest of the request with which an entry was made, and its identifier; None for a new key."""
+        """Return the digest of the request with this key and the entry that it created; None for a new key."""
         stored = "SELECT digest, uid FROM requests WHERE author = ? AND key = ?"
         row = self._database.execute(stored, (author, key)).fetchone()
         return None if row is None else (str(row[0]), str(row[1]))
@@ -341,25 +341,25 @@ class SqliteStore:
     # news
 
     def subscribe(self, author: str, uid: str, now: str) -> None:
-        """Let news of an entry appear in an author's feed. Raises NoSuchEntry."""
+        """Add the news of an entry to an author's feed. Raises NoSuchEntry."""
         with self._transaction() as database:
             self.entry(uid)
             database.execute("INSERT OR IGNORE INTO subscriptions VALUES (?, ?, ?)", (author, uid, now))
 
     def unsubscribe(self, author: str, uid: str) -> None:
-        """Take a subscription back; nothing happens if there is none."""
+        """Remove a subscription, if there is one."""
         with self._transaction() as database:
             database.execute("DELETE FROM subscriptions WHERE author = ? AND uid = ?", (author, uid))
 
     def subscriptions(self, author: str) -> tuple[str, ...]:
-        """Return the identifiers that an author subscribed to, sorted."""
+        """Return the subscribed identifiers, sorted."""
         stored = "SELECT uid FROM subscriptions WHERE author = ? ORDER BY uid"
         return tuple(row[0] for row in self._database.execute(stored, (author,)))
 
     def news(
         self, after: int = 0, *, author: str | None = None, limit: int = 100, newest_first: bool = False
     ) -> tuple[News, ...]:
-        """Return what happened after a line of the feed, oldest first; with ``author`` of subscriptions alone."""
+        """Return lines of the feed after number ``after``, oldest first; for an ``author`` only subscribed entries."""
         mine = "" if author is None else " AND uid IN (SELECT uid FROM subscriptions WHERE author = :author)"
         order = "DESC" if newest_first else "ASC"
         stored = f"""SELECT number, change, uid, kind, author, made FROM news
@@ -368,12 +368,12 @@ class SqliteStore:
         return tuple(News(n, Change(change), uid, Kind(kind), *others) for n, change, uid, kind, *others in rows)
 
     def last_news(self) -> int:
-        """Return the number of the last line of the feed, 0 for an empty one."""
+        """Return the number of the last line of the feed; 0 if it is empty."""
         (number,) = self._database.execute("SELECT max(number) FROM news").fetchone()
         return number or 0
 
     def close(self) -> None:
-        """Close the file; the store is not used any more."""
+        """Close the file."""
         with self._opening:
             for connection in self._connections.values():
                 connection.close()

@@ -1,9 +1,9 @@
 """The plan language: the constructs that plans are written with, on top of the kernel.
 
-General layout: ``branches`` checks what constructs are given and runs branches one after another or side by side,
-``ordering`` and ``state_machine`` run them in a partial order and as states. ``budgets`` bounds the time and the
-attempts of one body, ``conditions`` are its goals and policies, ``recovery`` handles its failures, with the strategies
-of ``planlang.recoveries``. ``plans`` has plan functions, names tasks in them and stops these. ``executive`` says what a
-robot has to offer; through it act ``performing``, with the resources that actions take, and ``location``. ``running``
-runs a plan, ``replaying`` repeats a recorded run; ``tasktree`` reads what happened from a trace.
+General layout: ``branches`` runs branches in sequence or concurrently, ``ordering`` in a partial order, and
+``state_machine`` as states. ``budgets`` limits the time and the attempts of a body, ``conditions`` adds goals and
+policies to it, and ``recovery`` handles its failures with the strategies of ``planlang.recoveries``. ``plans`` defines
+plan functions and the named tasks in them, with handles to suspend and evaporate them. ``executive`` is the interface
+to a robot; ``performing`` (with the ``resources`` that actions need) and ``location`` act through it. ``running`` runs
+a plan, ``replaying`` replays a recorded run, and ``tasktree`` reads the tree of a run from its trace.
 """

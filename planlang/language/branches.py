@@ -1,6 +1,6 @@
-"""Constructs that run branches: one after another (seq, try_in_order, unwind_protect), or side by side (par, race).
+"""Constructs that run branches in sequence (seq, try_in_order, unwind_protect) or concurrently (par, race).
 
-Side by side, a construct is a :class:`planlang.kernel.Scope`: it starts branches, decides between rounds, and finishes
+A concurrent construct is a :class:`planlang.kernel.Scope`: it starts branches, decides between rounds, and finishes
 when all of them are dead.
 """
 
@@ -25,21 +25,24 @@ D = TypeVar("D")
 V = TypeVar("V")
 
 BranchOf = Callable[[], Awaitable[V]]
-"""A branch by its result: a function without arguments that is awaited."""
+"""A branch with a result of type V: an async function without arguments."""
 Branch = BranchOf[Any]
-"""A zero-argument async callable: a plan, a partial, a lambda that returns a coroutine."""
+"""A branch: a plan, a partial, or a lambda that returns a coroutine."""
 
 
 def named_branches(
     construct: str, branches: tuple[Branch, ...], named: Mapping[str, Branch], name: str | None = None
 ) -> list[tuple[str, Branch]]:
-    """Name and branch of each, positional ones first; ``name`` is the construct's own."""
-    for reserved, taken in (("name", not (name is None or isinstance(name, str))), ("limit", "limit" in named)):
-        if taken:
+    """Check the branches of a construct and pair them with names, positional ones first.
+
+    ``name`` is the name of the construct itself.
+    """
+    for reserved, used in (("name", not (name is None or isinstance(name, str))), ("limit", "limit" in named)):
+        if used:
             discard((*branches, *named.values(), name))
             raise WrongType(
                 contrast(
-                    f"{reserved!r} is reserved; a branch cannot be named so",
+                    f"{reserved!r} is a parameter and cannot be the name of a branch",
                     f"await {construct}({reserved}=reach)",
                     f"await {construct}(the_{reserved}=reach)",
                 )
@@ -55,17 +58,17 @@ def named_branches(
 
 
 def evaporating() -> bool:
-    """Return True while evaporation reaches the running task: then no recovery, alternative or attempt may begin.
+    """Check whether the running task is being evaporated, so that no recovery, alternative or attempt may begin.
 
-    A failing cleanup replaces ``Evaporated`` on its way out, as exceptions in ``finally`` do. A construct that handles
-    failures would take it for a failure of its body and start over, in a task that is being stopped. Under a shield
-    this is False, so that cleanups may use all constructs.
+    A failing cleanup replaces ``Evaporated``, as exceptions in ``finally`` do. A construct that handles failures would
+    mistake it for a failure of its body and start over, in a task that is being stopped. False inside a shield, so that
+    cleanups may use all constructs.
     """
     return here()[1].doomed
 
 
 def _refused_collection(construct: str, value: Any) -> WrongType:
-    """Return the error of ``par([reach, look])``; the right form is that of the user, unpacked."""
+    """Error for ``par([reach, look])``; its right form is the user's own call, unpacked."""
     items = value.values() if isinstance(value, Mapping) else value
     calls = [item.__name__ for item in items if inspect.iscoroutine(item)]
     code = written(value)
@@ -99,11 +102,11 @@ async def seq(
 @overload
 async def seq(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> tuple[V, ...]: ...
 async def seq(*branches: Branch, name: str | None = None, **named: Branch) -> Any:
-    """Run branches one after another; returns the tuple of their results; the first failure is raised at once."""
-    return await node("seq", name or "seq", partial(_each, named_branches("seq", branches, named, name)))
+    """Run branches in sequence; return the tuple of their results, or raise the first failure at once."""
+    return await node("seq", name or "seq", partial(_run_all, named_branches("seq", branches, named, name)))
 
 
-async def _each(branches: Iterable[tuple[str, Branch]]) -> tuple[Any, ...]:
+async def _run_all(branches: Iterable[tuple[str, Branch]]) -> tuple[Any, ...]:
     results = [await node("branch", name, partial(called, branch)) for name, branch in branches]
     if not results:
         await checkpoint()
@@ -111,28 +114,28 @@ async def _each(branches: Iterable[tuple[str, Branch]]) -> tuple[Any, ...]:
 
 
 async def try_in_order(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> V:
-    """Try branches one after another; returns the result of the first that succeeds.
+    """Try branches in sequence; return the result of the first that succeeds.
 
-    A failed branch is fully unwound before the next starts. When all fail: CompositeFailure in order.
+    A failed branch is fully unwound before the next one starts. If all fail: CompositeFailure, in order.
     """
     kind = "try_in_order"
-    result: V = await node(kind, name or kind, partial(_first, named_branches(kind, branches, named, name)))
+    result: V = await node(kind, name or kind, partial(_first_success, named_branches(kind, branches, named, name)))
     return result
 
 
 async def try_each_in_order(values: Iterable[A], body: Callable[[A], Awaitable[V]]) -> V:
-    """Try ``body(value)`` for one value after another; returns the first result.
+    """Try ``body(value)`` for each value in turn; return the result of the first that succeeds.
 
-    When all fail, or there is no value: CompositeFailure in order.
+    If all fail, or there are no values: CompositeFailure, in order.
     """
     _TRY_EACH.branch("body", body)
     _TRY_EACH.iterable("values", values, "an iterable of values")
     name, kind = name_of(body), "try_each_in_order"
-    result: V = await node(kind, kind, partial(_first, ((name, partial(body, value)) for value in values)))
+    result: V = await node(kind, kind, partial(_first_success, ((name, partial(body, value)) for value in values)))
     return result
 
 
-async def _first(branches: Iterable[tuple[str, Branch]]) -> Any:
+async def _first_success(branches: Iterable[tuple[str, Branch]]) -> Any:
     failures: list[PlanFailure] = []
     names: list[str] = []
     for name, branch in branches:
@@ -150,10 +153,10 @@ async def _first(branches: Iterable[tuple[str, Branch]]) -> Any:
 
 
 async def unwind_protect(body: BranchOf[V], cleanup: Callable[[], Awaitable[Any]], *, within: float = 10.0) -> V:
-    """Run a body, then ``cleanup`` in any case: after success, failure and evaporation, shielded from evaporation.
+    """Run a body, then ``cleanup`` in any case: after success, failure or evaporation. The cleanup is shielded.
 
-    A cleanup longer than ``within`` seconds of plan time is a programming error, CleanupOverrun. A failure of the
-    cleanup replaces the outcome, as in ``finally``; in an evaporated task it is recorded.
+    A cleanup that takes longer than ``within`` [s] of plan time is a programming error, CleanupOverrun. A failure of
+    the cleanup replaces the outcome of the body, as in ``finally``; in an evaporated task it is recorded.
     """
     _UNWIND_PROTECT.branches(body=body, cleanup=cleanup)
     _UNWIND_PROTECT.seconds("within", within)
@@ -168,7 +171,7 @@ _PAR_EACH = Usage("await par_each", {"values": "cups", "body": "reach"}, {"limit
 
 
 class _SideBySide(All):
-    """Branches that start at once and have nothing to do with each other."""
+    """Independent branches that all start at once."""
 
     def __init__(self, kind: str, name: str | None, branches: list[tuple[str, Branch]]) -> None:
         super().__init__(kind, name)
@@ -190,7 +193,7 @@ class _Par(_SideBySide):
             if task.outcome is SUCCEEDED:
                 results[task.index] = task.result
             else:
-                self.fail([one for one in dead if one.outcome is not SUCCEEDED])
+                self.fail([each for each in dead if each.outcome is not SUCCEEDED])
                 return
 
     def finish(self) -> tuple[Any, ...]:
@@ -211,10 +214,10 @@ async def par(
 @overload
 async def par(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> tuple[V, ...]: ...
 async def par(*branches: Branch, name: str | None = None, **named: Branch) -> Any:
-    """Run branches side by side; succeeds when all do, with the tuple of their results in textual order.
+    """Run branches concurrently until all have succeeded; return the tuple of their results in textual order.
 
-    At the first failure the other branches are evaporated, and when all are dead it is raised. Failures of branches
-    that died at the same decision are attached to it as ``siblings``.
+    At the first failure the other branches are evaporated, and it is raised when all are dead. Failures of other
+    branches at the same decision are attached to it as ``siblings``.
     """
     return await _Par("par", name, named_branches("par", branches, named, name)).execute()
 
@@ -244,7 +247,7 @@ class _Pursue(_SideBySide):
         raise self.attach(failure_of(self.evaporated))
 
     def outcome_of(self, winner: Task) -> Any:
-        """Return the result of the construct, from the branch that won."""
+        """Result of the construct, from the branch that won."""
         return winner.result
 
 
@@ -254,17 +257,17 @@ class _Race(_Pursue):
 
 
 async def pursue(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> V:
-    """Run branches side by side until the first succeeds; returns its result, the others are evaporated.
+    """Run branches concurrently until the first succeeds; return its result and evaporate the others.
 
-    A failure before any success is raised; of what is simultaneous, failure beats success, then the textually first
-    counts. Without branches: CompositeFailure without members.
+    A failure before any success is raised. Of simultaneous ends a failure takes precedence over a success, and the
+    textually first branch over later ones. Without branches: CompositeFailure without members.
     """
     result: V = await _Pursue("pursue", name, named_branches("pursue", branches, named, name)).execute()
     return result
 
 
 async def race(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> tuple[str, V]:
-    """Run branches as :func:`pursue` does; returns the name of the branch that won and its result."""
+    """Run branches as :func:`pursue` does; return the name of the branch that won, and its result."""
     result: tuple[str, V] = await _Race("race", name, named_branches("race", branches, named, name)).execute()
     return result
 
@@ -274,7 +277,7 @@ class _TryAll(_SideBySide):
 
     def __init__(self, kind: str, name: str | None, branches: list[tuple[str, Branch]]) -> None:
         super().__init__(kind, name, branches)
-        self.lost: dict[int, Task] = {}
+        self.losers: dict[int, Task] = {}
 
     def decide(self, dead: list[Task]) -> None:
         for task in dead:
@@ -282,12 +285,12 @@ class _TryAll(_SideBySide):
                 self.winner = task
                 self.close()
                 return
-            self.lost[task.index] = task
+            self.losers[task.index] = task
 
     def finish(self) -> Any:
         if self.winner is not None:
             return self.winner.result
-        tasks = [self.lost[index] for index in sorted(self.lost)]
+        tasks = [self.losers[index] for index in sorted(self.losers)]
         raise self.attach(
             CompositeFailure(
                 failures=tuple(failure_of(task) for task in tasks), names=tuple(task.name for task in tasks)
@@ -296,9 +299,9 @@ class _TryAll(_SideBySide):
 
 
 async def try_all(*branches: BranchOf[V], name: str | None = None, **named: BranchOf[V]) -> V:
-    """Run branches side by side until the first succeeds, even after others failed; returns its result.
+    """Run branches concurrently until the first succeeds, whether or not others have failed; return its result.
 
-    When all fail: CompositeFailure with their failures in textual order.
+    If all fail: CompositeFailure with their failures in textual order.
     """
     result: V = await _TryAll("try_all", name, named_branches("try_all", branches, named, name)).execute()
     return result
@@ -340,9 +343,9 @@ class _ParEach(All):
 
 
 async def par_each(values: Iterable[A], body: Callable[[A], Awaitable[V]], limit: int | None = None) -> list[V]:
-    """Run ``body(value)`` side by side for all values; returns the results in order; fails as :func:`par`.
+    """Run ``body(value)`` concurrently for all values; return the results in order; fail as :func:`par` does.
 
-    Values are taken as branches get free: at most ``limit`` run at a time.
+    At most ``limit`` branches run at a time; the next value is taken when a branch has ended.
     """
     _PAR_EACH.branch("body", body)
     _PAR_EACH.iterable("values", values, "an iterable of values")
@@ -353,18 +356,17 @@ async def par_each(values: Iterable[A], body: Callable[[A], Awaitable[V]], limit
 
 
 def concurrent_branches() -> tuple[Task, ...]:
-    """Return the branches in which the running task stands, innermost first, that go on side by side with others.
+    """List the branches around the running task that run concurrently with independent ones, innermost first.
 
-    These are the branches of par, par_each, pursue, race and try_all, and last the run itself. Steps of a
-    partial_order do not count: they belong together, as what one has begun another may go on with. Empty where no plan
-    is running.
+    These are the branches of par, par_each, pursue, race and try_all, and finally the top-level plan. Steps of a
+    partial_order do not count, as one may continue what another has begun. Empty if no plan is running.
     """
     scheduler = running.scheduler
     task = None if scheduler is None else scheduler.current
-    found: list[Task] = []
+    branches: list[Task] = []
     while task is not None:
         group = task.group
         if group is None or isinstance(group, (_SideBySide, _ParEach)):
-            found.append(task)
+            branches.append(task)
         task = None if group is None else group.owner
-    return tuple(found)
+    return tuple(branches)

@@ -1,4 +1,4 @@
-"""budget: one allowance of time and attempts for everything inside, nested recoveries included."""
+"""timeout and budget: limits of plan time, and of attempts, for everything inside a body."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TIMEOUT = Usage("await timeout", {"seconds": "2", "body": "reach"})
 
 
 class Limited(Single):
-    """One branch with a deadline, which stands still while the owner is held."""
+    """One branch with a deadline, which is postponed while the owner is held."""
 
     expired = False
     timer: Timer | None = None
@@ -39,7 +39,7 @@ class Limited(Single):
             self.timer = self.scheduler.deadline(self.owner, self.steps, self.expire)
 
     def expire(self) -> None:
-        """End the body: the allowance is used up."""
+        """Evaporate the body, as its limit is reached."""
         if not self.over:
             self.expired = True
             self.close()
@@ -52,7 +52,7 @@ class Limited(Single):
                 self.timer.drop()
 
     def failure(self) -> PlanFailure:
-        """Return the failure of a body whose allowance is used up."""
+        """Failure of a body that has reached its limit."""
         raise NotImplementedError
 
     def finish(self) -> Any:
@@ -71,9 +71,9 @@ class _Timeout(Limited):
 
 
 async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body; when it has not ended after ``seconds`` of plan time it is evaporated, and Timeout is raised.
+    """Run a body; if it has not ended after ``seconds`` of plan time, evaporate it and raise Timeout.
 
-    A body that is dead when all other tasks of that step have come to rest was in time.
+    A body that ends in the same step as the deadline is in time.
     """
     if amount(body) is not None and callable(seconds):
         code, right = f"await timeout({written(seconds)}, {body})", f"await timeout({body}, {written(seconds)})"
@@ -96,15 +96,15 @@ class _Budget(Limited):
         self.spent: dict[str, int] = {}
         self.used: dict[str, int] = {}
         self.used_up = False
-        """True once a task has asked for an attempt when none was left."""
+        """True once a task has requested an attempt when none was left."""
         self.waiting: list[Task] = []
-        """Tasks that have asked for an attempt when there was none left, until that is decided."""
+        """Tasks with such a request, until the budget has decided."""
 
     def decide(self, dead: list[Task]) -> None:
         if self.used_up:
             self.expire()
             for task in self.waiting:
-                self.scheduler.wake(task)  # to go on if a shield keeps it
+                self.scheduler.wake(task)  # a shielded task continues
         else:
             super().decide(dead)
 
@@ -118,11 +118,11 @@ _budget: ContextVar[_Budget | None] = ContextVar("budget", default=None)
 
 
 async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None, attempts: int | None = None) -> V:
-    """Run a body with one allowance for everything inside: of plan time, and of attempts after the first ones.
+    """Run a body with a limit of plan time, and of further attempts, for everything inside it.
 
-    Each retry by a recovery and each further place of a location scope takes an attempt from all budgets around it.
-    When one is used up its body is evaporated and BudgetExceeded raised, which says where the time went, by action,
-    and where the attempts went, by construct.
+    Each retry by a recovery and each further base pose of a location scope takes an attempt from all enclosing budgets.
+    When a budget is used up, its body is evaporated and BudgetExceeded raised, which lists the time spent by each
+    action and the attempts used by each construct.
     """
     _BUDGET.branch("body", body)
     if attempts is not None:
@@ -137,52 +137,52 @@ async def budget(body: Callable[[], Awaitable[V]], seconds: float | None = None,
 
 
 async def take_attempt(construct: str) -> None:
-    """Take an attempt from the budgets around the running task; evaporates the task when none is left.
+    """Take an attempt from all enclosing budgets; a budget without attempts left evaporates its body.
 
-    That one is used up is decided after the round, as everything is: so it is the same under every schedule. What goes
-    on all the same, since a shield keeps it, takes its attempt from those that have some left.
+    The budget decides after the round, as all constructs do, so that the outcome is the same under every schedule. A
+    shielded task continues, and its attempt is charged to the budgets that have attempts left.
     """
-    passed: list[_Budget] = []
-    while empty := [around for around in _around() if around.left == 0 and around not in passed]:
-        await _pass(empty)
-        passed += empty
+    decided: list[_Budget] = []
+    while empty := [each for each in _enclosing_budgets() if each.left == 0 and each not in decided]:
+        await _expire(empty)
+        decided += empty
     charge("used", construct, 1)
 
 
-async def _pass(empty: list[_Budget]) -> None:
-    """Let these budgets that are used up end what is in them; returns in what is kept by a shield."""
-    undecided = [around for around in empty if not around.over]
+async def _expire(empty: list[_Budget]) -> None:
+    """Wait until exhausted budgets have evaporated their bodies; only a shielded task returns from this."""
+    undecided = [enclosing for enclosing in empty if not enclosing.over]
     if not undecided:
         await checkpoint()
         return
     task = here()[1]
-    for around in undecided:
-        around.used_up = True
-        around.waiting.append(task)
-        around.stir()
+    for enclosing in undecided:
+        enclosing.used_up = True
+        enclosing.waiting.append(task)
+        enclosing.stir()
     try:
         await park("the end of its budget")
-    finally:  # what it waits for afterwards is not the budget's matter
-        for around in undecided:
-            around.waiting.remove(task)
+    finally:  # the budget must not wake the task in a later wait
+        for enclosing in undecided:
+            enclosing.waiting.remove(task)
 
 
-def _around() -> Iterator[_Budget]:
-    """Yield the budgets around the running task, innermost first."""
-    around = _budget.get()
-    while around is not None:
-        yield around
-        around = around.outer
+def _enclosing_budgets() -> Iterator[_Budget]:
+    """Yield the budgets of the running task, innermost first."""
+    enclosing = _budget.get()
+    while enclosing is not None:
+        yield enclosing
+        enclosing = enclosing.outer
 
 
 def charge(kind: str, part: str, number: int) -> None:
-    """Charge the budgets around the running task: world steps "spent" by an action, or attempts "used" by a construct.
+    """Charge all enclosing budgets: world steps "spent" by an action, or attempts "used" by a construct.
 
-    A budget that is used up has no attempts to give: what goes on under a shield takes none from it.
+    The attempts left of an exhausted budget stay at zero when a shielded task continues.
     """
     note_charge(kind, part, number)
-    for around in _around():
-        counts = around.spent if kind == "spent" else around.used
+    for enclosing in _enclosing_budgets():
+        counts = enclosing.spent if kind == "spent" else enclosing.used
         counts[part] = counts.get(part, 0) + number
-        if kind == "used" and around.left is not None:
-            around.left = max(0, around.left - number)
+        if kind == "used" and enclosing.left is not None:
+            enclosing.left = max(0, enclosing.left - number)

@@ -1,4 +1,4 @@
-"""Conditions of plans: achieve them unless they hold, act whenever they do, keep them from coming true."""
+"""Goals, fluents of conditions, reactions and policies: achieve, holds, whenever, with_policies."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from planlang.kernel.signals import BaseFluent, Wait
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
-from planlang.language.recovery import Recovery, Return, check_further, recovering
+from planlang.language.recovery import Recovery, Return, check_recoveries, recovering
 from planlang.misuse import Usage, WrongType, contrast, written
 from planlang.plan_failure import PlanFailure, attach_cleanup
 from planlang.records import dataclass
@@ -45,24 +45,24 @@ Goal = Condition | Callable[[], bool] | Signal[Any]
 
 
 async def achieve(goal: Goal, body: Callable[[], Awaitable[V]], *recoveries: Recovery, within: float = 0.0) -> V | None:
-    """Run the body unless the goal already holds; returns its result, or None if it was skipped.
+    """Run the body unless the goal holds already; return the body's result, or None if it was skipped.
 
-    After the body the goal must hold, at the latest ``within`` seconds of plan time later: else GoalNotAchieved.
-    A condition is looked up in the executive's belief; a fluent is read anew. ``recoveries`` are tried around all
-    this, as ``with_failure_handling`` does.
+    The goal must hold at the latest ``within`` [s] of plan time after the body; otherwise GoalNotAchieved is raised. A
+    condition is evaluated in the executive's belief state, a fluent by reading its present value. ``recoveries`` handle
+    failures of all this, as in ``with_failure_handling``.
     """
     _ACHIEVE.branch("body", body)
     _ACHIEVE.seconds("within", within)
-    check_further(_ACHIEVE, recoveries)
+    check_recoveries(_ACHIEVE, recoveries)
     return await recovering(achieving(_ACHIEVE, "goal", goal, body, within), recoveries)
 
 
 def achieving(
     usage: Usage, parameter: str, goal: Goal, body: Callable[[], Awaitable[V]], within: float = 0.0
 ) -> Callable[[], Awaitable[V | None]]:
-    """Return a branch that achieves a goal, which is an argument of the construct that ``usage`` shows."""
+    """Make a branch that achieves a goal, the argument ``parameter`` of the construct described by ``usage``."""
     if not isinstance(goal, (Condition, Signal)):
-        usage.plain(parameter, goal, "a condition, a fluent or a function that tells whether it holds")
+        usage.plain(parameter, goal, "a condition, a fluent or a function that returns whether the goal holds")
     text, holds = _reader(usage, parameter, goal)
     return partial(node, "achieve", "achieve", partial(_achieve, text, holds, body, within), goal=text)
 
@@ -79,10 +79,10 @@ async def _achieve(text: str, holds: Callable[[], bool], body: Callable[[], Awai
 
 
 def holds(what: Condition | Location, of: Object | None = None) -> Fluent[bool]:
-    """Return a fluent that is true while a condition holds, or something is at a location, as the executive believes.
+    """Make a fluent that is true while a condition holds in the executive's belief state.
 
-    ``of`` is what is at a location: an object, or the hand of the device; without it the base of the robot. The same
-    tests decide that validate candidates when the location is resolved.
+    For a location, the condition is that ``of`` is there: an object, or the hand of the device; by default the base of
+    the robot. It is evaluated by the tests that validate candidates when the location is resolved.
     """
     executive = executive_for("holds")
     _HOLDS.instance("what", what, (Condition, Location), "a condition or a location")
@@ -112,7 +112,7 @@ _WHENEVER = Usage("await whenever", {"signal": "bell_rings", "body": "answer"})
 
 
 async def whenever(signal: Signal[Any], body: Callable[[], Awaitable[Any]]) -> Any:
-    """Run the body each time the fluent is true, at most once per world step; ``Return(v)`` from it leaves with v."""
+    """Run the body each time the fluent is true, at most once per world step, until the body returns ``Return(v)``."""
     _WHENEVER.branch("body", body)
     _WHENEVER.instance("signal", signal, Signal, SIGNAL)
     return await node("whenever", "whenever", partial(_whenever, signal, body), signal=str(signal))
@@ -139,12 +139,12 @@ _WITH_POLICIES = Usage("await with_policies", {"policies": '[Policy("keep away",
 
 @dataclass(frozen=True)
 class Policy:
-    """A condition that violates the policy as soon as it is true, and what belongs to it.
+    """A condition that must stay false during a body, with branches for set-up, recovery and clean-up.
 
-    ``check`` is a fluent, or a function that reads fluents: it is called again whenever one of those it has read
-    changes, and never otherwise. Without check the policy cannot be violated. ``init`` runs before the body,
-    ``recover`` after a violation of this policy, ``clean_up`` at the end in any case; these two are shielded from
-    evaporation, each for at most 10 s. All three are branches.
+    The policy is violated as soon as ``check`` is true: a fluent, or a function that reads fluents and is called again
+    whenever one of them changes, but not otherwise. Without ``check`` the policy cannot be violated. ``init`` runs
+    before the body, ``recover`` after a violation of this policy, ``clean_up`` at the end in any case; the last two are
+    shielded from evaporation for at most 10 s each.
     """
 
     name: str
@@ -159,7 +159,7 @@ class Policy:
         _POLICY.text("name", self.name)
         if not (self.check is None or isinstance(self.check, Signal) or callable(self.check)):
             code = written(self.check)
-            message = f"the check of policy {self.name!r} is {code}, which does not change"
+            message = f"the check of policy {self.name!r} is {code}, a plain value that never changes"
             wrong, right = (f"Policy({self.name!r}, distance{value} < 0.1)" for value in (".value", ""))
             raise WrongType(contrast(message, wrong, f"{right}, or lambda: distance.value < 0.1"))
         if self.check is not None and not isinstance(self.check, Signal):
@@ -167,15 +167,15 @@ class Policy:
 
 
 async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body under policies; returns its result. Raises PolicyViolated when one is violated.
+    """Run a body under policies and return its result; raise PolicyViolated if a policy is violated.
 
-    The inits run first, in order; if one fails, the clean_ups of those before it run, and its failure is raised. A
-    check that is true then keeps the body from starting. A violation beats an end of the body at the same decision;
-    of several the textually first counts, the others are its siblings. The body is evaporated with its cleanup, then
-    ``recover`` of that policy runs, then the clean_ups in reverse order, then PolicyViolated is raised. Failures of
-    ``recover`` and the clean_ups are attached to what is raised as ``cleanup_failures``; if the body succeeded, the
-    first of them is raised. Evaporation from outside waits for ``recover`` and the clean_ups to end; one of them that
-    takes longer than 10 s of plan time is a programming error.
+    First the inits run, in order. If one fails, the clean_ups of the policies before it run, and its failure is raised.
+    If a check is true then, the body does not start. A violation takes precedence over an end of the body at the same
+    decision; of several violations the textually first counts, and the others are its siblings. After a violation the
+    body is evaporated with its cleanup, ``recover`` of that policy runs, then the clean_ups in reverse order, and
+    PolicyViolated is raised. Failures of ``recover`` and the clean_ups are attached to it as ``cleanup_failures``; if
+    the body succeeded, the first of them is raised. Evaporation from outside waits for ``recover`` and the clean_ups;
+    one of them that takes longer than 10 s of plan time is a programming error.
     """
     _WITH_POLICIES.branch("body", body)
     _WITH_POLICIES.iterable("policies", policies, "a list of policies")
@@ -196,17 +196,17 @@ async def with_policies(policies: Sequence[Policy], body: Callable[[], Awaitable
 
 
 async def _guarded(policies: Sequence[Policy], body: Branch) -> Any:
-    begun: list[Policy] = []
+    initialized: list[Policy] = []
     result: Any = None
     error: BaseException | None = None
     try:
         for policy in policies:
             await _part("init", policy.init, policy)
-            begun.append(policy)
+            initialized.append(policy)
         result = await _run(policies, body)
     except (Exception, Evaporated, KeyboardInterrupt, SystemExit) as raised:
         error = raised
-    await _clean_up(begun, error)
+    await _clean_up(initialized, error)
     return result
 
 
@@ -227,8 +227,8 @@ async def _run(policies: Sequence[Policy], body: Branch) -> Any:
     first, *others = scope.violated
     violation = PolicyViolated(policy=first.name)
     violation.siblings = tuple((other.name, PolicyViolated(policy=other.name)) for other in others)
-    if scope.lost is not None:
-        violation.siblings += ((scope.lost.name, failure_of(scope.lost)),)
+    if scope.failed_body is not None:
+        violation.siblings += ((scope.failed_body.name, failure_of(scope.failed_body)),)
     scope.attach(violation)
     record("policy violated", policy=first.name)
     try:
@@ -239,10 +239,10 @@ async def _run(policies: Sequence[Policy], body: Branch) -> Any:
     raise violation
 
 
-async def _clean_up(begun: list[Policy], error: BaseException | None) -> None:
-    """Run all clean_ups, whatever happens, and raise what there is to raise: programming errors first."""
+async def _clean_up(initialized: list[Policy], error: BaseException | None) -> None:
+    """Run all clean_ups, whatever happens, then raise the error, if any; programming errors take precedence."""
     failures: list[PlanFailure] = []
-    for policy in reversed(begun):
+    for policy in reversed(initialized):
         try:
             with shield():
                 await _part("clean_up", policy.clean_up, policy)
@@ -255,14 +255,14 @@ async def _clean_up(begun: list[Policy], error: BaseException | None) -> None:
                 crash.__cause__ = error
                 error = crash
     if failures and (error is None or isinstance(error, Evaporated)):
-        error = failures.pop(0)  # in an evaporated task: recorded there
+        error = failures.pop(0)  # which an evaporated task only records
     if error is not None:
         attach_cleanup(error, failures)
         raise error
 
 
 class _Guarded(All):
-    """The body and, beside it, a watch over each check, armed before the body starts."""
+    """The body, with a watch of each check that is active before the body starts."""
 
     transparent = True
 
@@ -272,8 +272,8 @@ class _Guarded(All):
         self.body = body
         self.watches: list[_Watch] = []
         self.violated: list[Policy] = []
-        self.lost: Task | None = None
-        """The body, if it failed at the very decision at which a policy was violated."""
+        self.failed_body: Task | None = None
+        """The body, if it failed at the same decision at which a policy was violated."""
         self.result: Any = None
 
     def begin(self) -> None:
@@ -295,7 +295,7 @@ class _Guarded(All):
         self.violated = [self.policies[task.index - 1] for task in watching if task.outcome is Status.SUCCEEDED]
         body = dead[0] if not dead[0].index else None
         if self.violated:
-            self.lost = body if body is not None and body.outcome is Status.FAILED else None
+            self.failed_body = body if body is not None and body.outcome is Status.FAILED else None
             self.close()
             return
         super().decide(dead)
@@ -316,7 +316,7 @@ class _Guarded(All):
 
 
 class _Watch(Wait):
-    """Looks at a check whenever one of its inputs changes; the first time that it is true counts.
+    """Watch of a check, which is evaluated whenever one of its inputs changes, until it is true once.
 
     Invariant: it watches exactly the fluents in ``inputs``.
     """
@@ -335,30 +335,30 @@ class _Watch(Wait):
             condition.arm()
 
     def look(self) -> bool:
-        """Return True if the check is true now; raises what the check raises."""
+        """Evaluate the check now, and watch the fluents that it reads; raises what the check raises."""
         reads: dict[BaseFluent[Any], None] = {}
         before, tracked.reads = tracked.reads, reads
         try:
             if isinstance(self.condition, Signal):
-                found = bool(self.condition.value)
+                is_violated = bool(self.condition.value)
                 reads.update(self.condition.sources())
             else:
                 answer = self.condition()
                 _POLICY.at_once("check", self.condition, answer)
-                found = bool(answer)
+                is_violated = bool(answer)
         finally:
             tracked.reads = before
             self.follow(reads)
         if not reads:
             raise PlanStructureError(
-                f"the check of policy {self.name!r} reads no fluent, so nothing tells when to look again\n"
+                f"the check of policy {self.name!r} reads no fluent, so that it would never be evaluated again\n"
                 f"  wrong: Policy({self.name!r}, lambda: world.distance() < 0.1)\n"
                 f"  right: distance = Fluent(read=world.distance); Policy({self.name!r}, distance < 0.1)"
             )
-        return found
+        return is_violated
 
     def follow(self, inputs: dict[BaseFluent[Any], None]) -> None:
-        """Watch these fluents, and no others."""
+        """Watch exactly these fluents."""
         before, self.inputs = self.inputs, inputs
         for source in inputs:
             if source not in before:
@@ -368,7 +368,7 @@ class _Watch(Wait):
                 source.unwatch(self)
 
     def recheck(self) -> None:
-        """Look again, as an input has changed."""
+        """Evaluate the check again after a change of an input."""
         task = self.task
         if self.true or self.error is not None or task is None or task.holds or task.dead:
             return
@@ -380,7 +380,7 @@ class _Watch(Wait):
             self.scheduler.wake(task)
 
     async def wait(self) -> None:
-        """Return when the check has become true."""
+        """Wait until the check is true."""
         self.recheck()
         if not self.true and self.error is None:
             await park(self)

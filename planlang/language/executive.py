@@ -1,7 +1,8 @@
-"""The executive, which grounds what plans describe: its protocol, and a wrapper that records what it answers.
+"""The executive, which grounds the designators of a plan: its protocol, and a wrapper that records its answers.
 
-Whatever an executive answers goes through :class:`planlang.kernel.Recorded` in a run whose trace can be resumed or
-replayed: there the answer is noted, or the recorded one is given. Questions are identified by their text.
+In a run whose trace can be resumed or replayed, all answers of an executive pass through
+:class:`planlang.kernel.Recorded`, which records them or supplies the recorded ones. Questions are identified by their
+text.
 """
 
 from __future__ import annotations
@@ -21,51 +22,51 @@ if TYPE_CHECKING:
 
 
 class Executive(Protocol):
-    """Grounds what plans describe. One is current while a plan runs."""
+    """Interface between plans and a robot with its belief state."""
 
     @property
     def modules(self) -> Sequence[ProcessModule]:
         """The registered process modules."""
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return the class itself and its superclasses, nearest first."""
+        """The class itself and its superclasses, nearest first."""
 
     def revision(self) -> int:
-        """Return how often the belief has changed."""
+        """Number of changes of the belief state."""
 
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; raises LocationUnresolvable (with counts) when there are no more."""
 
     def move_to(self, solution: Solution) -> Action:
-        """Return the base motion that goes to a solution."""
+        """Action that drives the base to a solution."""
 
     def is_at(self, solution: Solution) -> bool:
-        """Return True while the base is where the solution put it."""
+        """Check whether the base is at the pose of a solution."""
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if the condition holds as far as the robot knows."""
+        """Check whether a condition holds in the belief state."""
 
     def before_retry(self) -> Iterable[Action]:
-        """Return actions that bring the robot into a posture from which it can drive to another base pose."""
+        """Actions that bring the robot into a posture in which it can drive to another base pose."""
 
     def held(self) -> Sequence[str]:
-        """Return the names of the objects that the robot holds."""
+        """Names of the objects that the robot holds."""
 
     def releases(self, action: Action) -> bool:
-        """Return True if the action lets go of something: it is not repeated while that is still to be delivered."""
+        """Check whether an action opens a hand, so that it must not be repeated before the object is delivered."""
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Give the executive a way to write its own events (belief changes, solutions) into the trace."""
+        """Set the function by which the executive writes its own events (changes of belief, solutions) to the trace."""
 
 
 current: ContextVar[Executive | None] = ContextVar("executive", default=None)
 
 
 def executive_for(construct: str) -> Executive:
-    """Return the current executive; raises PlanStructureError when the plan runs without one."""
+    """Find the current executive; PlanStructureError if the plan runs without one."""
     executive = current.get()
     if executive is None:
-        serving()  # without a plan there is more to say
+        serving()  # raises the error for code outside a plan
         raise PlanStructureError(
             contrast(
                 f"{construct} needs an executive: run(plan, host=..., executive=...)",
@@ -77,7 +78,7 @@ def executive_for(construct: str) -> Executive:
 
 
 class RecordedExecutive:
-    """Implements :class:`Executive` by another one, asked through a record of its answers."""
+    """Wrapper of an :class:`Executive` that records its answers, or supplies recorded ones."""
 
     def __init__(self, executive: Executive, recorded: Recorded) -> None:
         self._executive = executive
@@ -95,12 +96,12 @@ class RecordedExecutive:
         return modules
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return the class itself and its superclasses, nearest first."""
+        """The class itself and its superclasses, nearest first."""
         question = f"ancestors of {action_type}"
         return tuple(self._recorded.answer(question, lambda: tuple(self._executive.ancestors(action_type))))
 
     def revision(self) -> int:
-        """Return how often the belief has changed."""
+        """Number of changes of the belief state."""
         return int(self._recorded.answer("revision", lambda: self._executive.revision()))
 
     def solutions(self, location: Location) -> Iterator[Solution]:
@@ -108,49 +109,49 @@ class RecordedExecutive:
         return self._each(f"solutions of {location}", lambda: self._executive.solutions(location))
 
     def move_to(self, solution: Solution) -> Action:
-        """Return the base motion that goes to a solution."""
+        """Action that drives the base to a solution."""
         question = f"motion to {solution.base}"
-        moving: Action = self._recorded.answer(question, lambda: self._executive.move_to(solution))
-        return moving
+        motion: Action = self._recorded.answer(question, lambda: self._executive.move_to(solution))
+        return motion
 
     def is_at(self, solution: Solution) -> bool:
-        """Return True while the base is where the solution put it."""
+        """Check whether the base is at the pose of a solution."""
         return self._test(f"at {solution.base}", lambda: self._executive.is_at(solution))
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if the condition holds as far as the robot knows."""
+        """Check whether a condition holds in the belief state."""
         return self._test(f"{condition} holds", lambda: self._executive.holds(condition))
 
     def before_retry(self) -> Iterable[Action]:
-        """Yield actions that bring the robot into a posture from which it can drive to another base pose."""
+        """Yield actions that bring the robot into a posture in which it can drive to another base pose."""
         return self._each("before retrying", lambda: self._executive.before_retry())
 
     def held(self) -> Sequence[str]:
-        """Return the names of the objects that the robot holds."""
+        """Names of the objects that the robot holds."""
         return tuple(self._recorded.answer("held", lambda: tuple(self._executive.held())))
 
     def releases(self, action: Action) -> bool:
-        """Return True if the action lets go of something."""
+        """Check whether an action opens a hand."""
         return self._test(f"{action} releases", lambda: self._executive.releases(action))
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Give the executive a way to write its own events."""
+        """Set the function by which the executive writes its own events to the trace."""
         self._executive.record(write)
 
     def _test(self, question: str, test: Callable[[], bool]) -> bool:
         return bool(self._recorded.answer(question, lambda: bool(test())))
 
     def _each(self, question: str, find: Callable[[], Iterable[Any]]) -> Iterator[Any]:
-        """Yield answers one by one, each asked for when it is needed; None is recorded as their end."""
-        found: Iterator[Any] | None = None
+        """Yield answers one by one, computing each only when it is needed; None is recorded after the last."""
+        answers: Iterator[Any] | None = None
 
         def following() -> Any:
-            nonlocal found
-            found = iter(find()) if found is None else found
-            return next(found, None)
+            nonlocal answers
+            answers = iter(find()) if answers is None else answers
+            return next(answers, None)
 
-        while (one := self._recorded.next_answer(question, following)) is not None:
-            yield one
+        while (answer := self._recorded.next_answer(question, following)) is not None:
+            yield answer
 
 
 def _described(module: RecordedModule) -> list[Any]:

@@ -32,7 +32,7 @@ from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
 from planlang.language.performing import HeldPose, held_pose, perform
-from planlang.language.recovery import Recovery, check_further, matches, recovering
+from planlang.language.recovery import Recovery, check_recoveries, matches, recovering
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 
@@ -57,15 +57,16 @@ _AT_LOCATION = Usage(
 CURABLE = (NavigationFailure, ManipulationPoseUnreachable, ManipulationGoalInCollision, LookingGoalUnreachable)
 """Failures that another base pose can cure."""
 ATTEMPTS = 5
-"""Places that a scope tries unless the plan says otherwise."""
-APART = 0.05
-"""Base poses nearer than this to one that failed count as the same [m]: what is out of reach stays so."""
+"""Default number of base poses that a scope tries."""
+SAME_POSE = 0.05
+"""Distance [m] within which two base poses count as the same, as a target out of reach of one is out of reach of both.
+"""
 AGAIN = 3
-"""Times that a motion of a construct is made again that did not get where it was planned to: as recipes' motions."""
+"""Attempts to repeat a motion that did not reach its goal, the same number as in plans compiled from recipes."""
 NOT_ARRIVED = (ManipulationGoalNotReached, GripperGoalNotReached, NavigationGoalNotReached)
-"""Failures of motions that may go well when they are made again."""
-REPLACED = 10
-"""Times that the base is put back when something else has moved it: more often than chance disturbs a robot."""
+"""Failures of motions that may succeed when repeated."""
+MAX_DISPLACEMENTS = 10
+"""How often the base is moved back when something else has moved it: more often than accidents happen."""
 
 
 async def at_location(
@@ -77,37 +78,38 @@ async def at_location(
     device: Device | None = None,
     by: str | None = None,
 ) -> V:
-    """Go to a base pose of ``location`` from which everything in ``reaching`` can be reached, and run the body there.
+    """Drive to a base pose of ``location`` from which everything in ``reaching`` can be reached, and run the body.
 
-    ``device`` is what reaches; without it the executive decides. If it is another than that of ``location``, it holds
-    for each location in ``reaching``; for an object that raises ValueError, as two arms of one location do. ``by`` is
-    the class of the base motion, which a module for it performs; without it, the executive's.
+    ``device`` is the arm that reaches; by default the executive chooses it. If it differs from that of ``location``, it
+    applies to each location in ``reaching``; objects there raise ValueError then, as a location cannot name two arms.
+    ``by`` is the action class of the base motion, for a module of that class; by default the executive's.
 
-    What a pose has before it, such as a look from elsewhere at what cannot be seen from there, is done first.
+    Actions that a pose requires first, such as a look from elsewhere at an object that is hidden from there, are
+    performed before the drive.
 
-    When the body fails in a way that another base pose can cure, the next is tried, at most ``attempts`` in all.
-    Poses within 5 cm of one that failed at the same revision of the belief are skipped. The base is held: side by
-    side, scopes take turns; a nested scope may move it, and it is moved back. When something else moves it, the body
-    is evaporated and runs again at the same pose, at most 10 times. Once an action that must not be repeated has begun
-    (``perform(..., once=True)``), the body does not run again: its failure is raised. ``recoveries`` are tried around
-    all this, as ``with_failure_handling`` does, with the base free: a recovery may drive.
+    If the body fails in a way that another base pose can cure, the next pose is tried, up to ``attempts`` in all. Poses
+    within 5 cm of one that failed at the same revision of the belief are skipped. The scope holds the base: concurrent
+    scopes take turns, and a nested scope may move the base, which is moved back afterwards. If something else moves it,
+    the body is evaporated and runs again at the same pose, at most 10 times. After an action that must not be repeated
+    has begun (``perform(..., once=True)``), the body does not run again, and its failure is raised. ``recoveries``
+    handle failures of all this, as in ``with_failure_handling``; the base is released then, so that they may drive.
 
-    Raises ObjectUnreachable, or ObjectUndeliverable when something is held, from the last failure, or from
-    LocationUnresolvable when no pose was found at all, or from MissingCapability when the robot lacks what it takes.
+    Raises ObjectUnreachable, or ObjectUndeliverable while an object is held. Its cause is the last failure of the body,
+    LocationUnresolvable if no pose was found at all, or MissingCapability if the robot lacks a capability.
     """
     _AT_LOCATION.branch("body", body)
     _AT_LOCATION.instance("location", location, Location, "a location")
-    attempts = _AT_LOCATION.whole("attempts", attempts, 1, "places")
+    attempts = _AT_LOCATION.whole("attempts", attempts, 1, "base poses")
     _AT_LOCATION.iterable("reaching", reaching, "objects and locations")
     reaching = tuple(reaching)
-    for one in reaching:
-        if not isinstance(one, (Object, Location)):
-            raise _AT_LOCATION.wrong("reaching", [one], "objects and locations")
+    for target in reaching:
+        if not isinstance(target, (Object, Location)):
+            raise _AT_LOCATION.wrong("reaching", [target], "objects and locations")
     if device is not None:
         _AT_LOCATION.instance("device", device, Device, "a device")
     if by is not None:
         _AT_LOCATION.text("by", by)
-    check_further(_AT_LOCATION, recoveries)
+    check_recoveries(_AT_LOCATION, recoveries)
     executive = executive_for("at_location")
     if reaching:
         location = location & _in_reach(reaching, device, location.device)
@@ -117,7 +119,7 @@ async def at_location(
 
 
 async def _inside(executive: Executive, location: Location, by: str | None, body: Branch, attempts: int) -> Any:
-    """Hold the base, and try one pose after another; then go back to the pose of the scope around."""
+    """Hold the base and try one pose after another; finally return to the pose of the enclosing scope."""
     outer = held_pose.get()
     async with using("base") as lease:
         visit = _Visit(executive, location, lease, by)
@@ -132,16 +134,16 @@ async def _inside(executive: Executive, location: Location, by: str | None, body
     return result
 
 
-def _in_reach(wanted: tuple[Object | Location, ...], device: Device | None, other: Device | None) -> Location:
-    """Return where a device reaches all that is wanted, to be joined with a location that names ``other``."""
-    if None in (device, other) or device == other or not all(isinstance(one, Location) for one in wanted):
-        return a_location(in_reach_of=wanted, using=device)
-    each = [replace(one, device=one.device or device) for one in wanted if isinstance(one, Location)]
-    return a_location(in_reach_of=each)
+def _in_reach(targets: tuple[Object | Location, ...], device: Device | None, other: Device | None) -> Location:
+    """Location from which a device reaches all targets, to be combined with a location for the device ``other``."""
+    if None in (device, other) or device == other or not all(isinstance(target, Location) for target in targets):
+        return a_location(in_reach_of=targets, using=device)
+    places = [replace(target, device=target.device or device) for target in targets if isinstance(target, Location)]
+    return a_location(in_reach_of=places)
 
 
 class _Visit:
-    """One entry of at_location: the cursor of solutions and what was tried."""
+    """One execution of at_location, with the iterator of base poses and the poses that failed."""
 
     def __init__(self, executive: Executive, location: Location, lease: Lease, by: str | None) -> None:
         self.executive = executive
@@ -151,18 +153,18 @@ class _Visit:
         self.pose = HeldPose(self._return)
         self.moved = self._has_looked = False
         self._failed: list[Solution] = []
-        self._cursor: Iterator[Solution] | None = None
+        self._solutions: Iterator[Solution] | None = None
         self._revision: int | None = None
         self._solution: Solution | None = None
 
     def leave(self, outer: HeldPose | None) -> None:
-        """Mark the scope around as displaced if the base is elsewhere, and as the last if this one is."""
+        """Tell the enclosing scope whether the base has moved, and whether its body may run again."""
         if outer is not None:
             outer.displaced = outer.displaced or self.moved
             outer.is_last = outer.is_last or self.pose.is_last
 
     async def run(self, body: Branch, attempts: int) -> Any:
-        """Try one base pose after another."""
+        """Run the body at one base pose after another."""
         last: PlanFailure | None = None
         for attempt in range(1, attempts + 1):
             try:
@@ -194,7 +196,7 @@ class _Visit:
         raise self._escalated(last) from last
 
     async def _prepared(self) -> Solution:
-        """Return the next base pose, after a look at what cannot be seen from it; that may lead to another one."""
+        """Find the next base pose and perform the actions that it requires, which may lead to a different pose."""
         while True:
             solution = self._next()
             if solution.provisional:
@@ -207,7 +209,7 @@ class _Visit:
                 return solution
 
     async def _look(self, solution: Solution) -> None:
-        """Do, once, what may show that there is a base pose; that it was not possible says nothing about poses."""
+        """Perform, once, actions that may show whether the base pose exists; ignore it if they fail."""
         if self._has_looked:
             return
         self._has_looked = self.moved = True
@@ -216,11 +218,11 @@ class _Visit:
                 await perform(action)
 
     def _next(self) -> Solution:
-        """Return the next base pose that has not failed; the search starts anew when the belief has changed."""
+        """Find the next base pose that has not failed; a change of belief restarts the search."""
         revision = self.executive.revision()
-        if self._cursor is None or revision != self._revision:
-            self._cursor, self._revision = iter(self.executive.solutions(self.location)), revision
-        for solution in self._cursor:
+        if self._solutions is None or revision != self._revision:
+            self._solutions, self._revision = iter(self.executive.solutions(self.location)), revision
+        for solution in self._solutions:
             if not any(_near(solution, failed) for failed in self._failed):
                 return solution
         raise LocationUnresolvable(designator=str(self.location))
@@ -233,19 +235,18 @@ class _Visit:
 
     async def _visit(self, solution: Solution, body: Branch) -> Any:
         self._solution = solution
-        for _ in range(REPLACED + 1):
+        for _ in range(MAX_DISPLACEMENTS + 1):
             await self._go(solution)
-            watched = _Watched(self, body)
-            result = await watched.execute()
-            if not watched.lost:
+            attended = _BodyAtPose(self, body)
+            result = await attended.execute()
+            if not attended.displaced:
                 return result
             record("displaced", base=solution.base)
             if self.pose.is_last:
-                message = "the base was moved away by something else, and what was done here must not be repeated"
+                message = "something else moved the base away, and an action here must not be repeated"
                 raise NavigationGoalNotReached(message, target=solution.base)
-        raise NavigationGoalNotReached(
-            f"the base was moved away {REPLACED} times by something else", target=solution.base
-        )
+        message = f"something else moved the base away {MAX_DISPLACEMENTS} times"
+        raise NavigationGoalNotReached(message, target=solution.base)
 
     async def _go(self, solution: Solution) -> None:
         self.moved = True
@@ -260,18 +261,18 @@ class _Visit:
         self.lease.touched.discard("base")
 
     def lost(self) -> bool:
-        """Return True if something else than what runs inside has moved the base."""
+        """Check whether the base was moved by anything other than the body."""
         solution = self._solution
         return solution is not None and "base" not in self.lease.touched and not self.executive.is_at(solution)
 
 
-class _Watched(Scope):
-    """The body and, beside it, a watch over the base pose; the body counts when both end together."""
+class _BodyAtPose(Scope):
+    """The body, with a concurrent watch of the base pose; the body takes precedence if both end together."""
 
     transparent = True
-    lost = False
+    displaced = False
     ended: Task | None = None
-    """The body, or the watch if that could not go on."""
+    """The body, or the watch if that failed."""
 
     def __init__(self, visit: _Visit, body: Branch) -> None:
         super().__init__("branch")
@@ -283,14 +284,14 @@ class _Watched(Scope):
         self.start(self._watch, "watch", 1)
 
     async def _watch(self) -> None:
-        gone = WorldFluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
-        gone.vital = False
-        await wait_for(gone)
+        displacement = WorldFluent(read=self.visit.lost, name=f"the base leaving {self.visit.location}")
+        displacement.vital = False
+        await wait_for(displacement)
 
     def decide(self, dead: list[Task]) -> None:
         first = dead[0]
         if first.index == 1 and first.outcome is Status.SUCCEEDED:
-            self.lost = True
+            self.displaced = True
         else:
             self.ended = first
         self.close()
@@ -305,10 +306,10 @@ class _Watched(Scope):
 
 
 async def make_room(executive: Executive) -> None:
-    """Bring the robot into a posture from which it can drive elsewhere, as far as that goes.
+    """Bring the robot into a posture in which it can drive elsewhere, as far as possible.
 
-    A motion that does not arrive is made again. Where an arm has no way, or the base none to make room for it, what
-    comes next is planned with the arm as it is: there may be room once the base has moved.
+    A motion that does not reach its goal is repeated. If there is no path for an arm, or for the base that makes room
+    for it, the arm stays as it is, and the next drive is planned with it: there may be room after the base has moved.
     """
     for motion in executive.before_retry():
         with suppress(ManipulationFailure, NavigationFailure):
@@ -319,11 +320,11 @@ def _near(solution: Solution, failed: Solution) -> bool:
     if solution.revision != failed.revision:
         return False
     dx, dy = solution.base[0] - failed.base[0], solution.base[1] - failed.base[1]
-    return dx * dx + dy * dy <= APART * APART
+    return dx * dx + dy * dy <= SAME_POSE * SAME_POSE
 
 
 def _reference(location: Location) -> str:
-    """Return the name of the object that a location is about, through chains of locations."""
+    """Name of the reference object of a location, through chains of locations."""
     reference: Object | Location = location
     while isinstance(reference, Location):
         if not reference.relations:

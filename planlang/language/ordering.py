@@ -1,4 +1,4 @@
-"""partial_order: steps with orderings between them, everything else side by side."""
+"""partial_order: runs steps concurrently except where orderings relate them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class _PartialOrder(All):
         self._launch()
 
     def _launch(self) -> None:
-        """Start what is ready, the textually first first, as far as there are free slots."""
+        """Start ready steps in textual order, up to the limit."""
         ready, limit, live, inputs, pop = self.ready, self.limit, self.live, self.inputs, heapq.heappop
         while ready and (limit is None or len(live) < limit):
             number = pop(ready)
@@ -98,12 +98,12 @@ async def partial_order(
     *,
     name: str | None = None,
 ) -> dict[str, Any]:
-    """Run steps, each as soon as all steps ordered before it have succeeded; returns step name -> result.
+    """Run each step as soon as all steps ordered before it have succeeded; return step name -> result.
 
-    ``orderings`` are pairs (before, after). A step with a parameter named like a step before it, as that is written or
-    in snake case (``step_a`` or ``step_a_`` for ``StepA``), gets that step's result. At most ``limit`` run at a time;
-    of those that are ready the textually first starts. Fails as ``par``.
-    Raises ValueError for a cycle, an unknown name or a parameter that nothing fills, before anything starts.
+    ``orderings`` are pairs (before, after). A parameter of a step that is named like an earlier step, verbatim or in
+    snake case (``step_a`` or ``step_a_`` for ``StepA``), receives that step's result. At most ``limit`` steps run at a
+    time; of several ready steps the textually first starts. A failure is handled as in ``par``.
+    Raises ValueError for a cycle, an unknown name or a parameter without a value, before any step starts.
     """
     _PARTIAL_ORDER.mapping("steps", steps, "branches")
     _PARTIAL_ORDER.iterable("orderings", orderings, "pairs (before, after) of names")
@@ -119,14 +119,14 @@ async def partial_order(
     for pair in orderings:
         try:
             first, second = pair
-            one, other = rank[first], rank[second]
+            earlier, later = rank[first], rank[second]
         except (KeyError, TypeError, ValueError):
             raise _wrong_pair(pair, steps) from None
         if pair.__class__ is not tuple and isinstance(pair, (str, Set, Mapping)):
             raise _wrong_pair(pair, steps)
-        after[one].append(other)
-        missing[other] += 1
-        if one >= other:
+        after[earlier].append(later)
+        missing[later] += 1
+        if earlier >= later:
             forward = False
     if not forward:  # else there cannot be a cycle
         _refuse_cycle(names, after, missing)
@@ -138,45 +138,45 @@ async def partial_order(
         if code is None or code.co_argcount or code.co_kwonlyargcount:
             before = before or _predecessors(after)
             by_parameter = by_parameter or _by_parameter(rank)
-            found = _inputs(number, step, branch, by_parameter, before)
-            if found:
-                inputs[number] = found
+            if step_inputs := _inputs(number, step, branch, by_parameter, before):
+                inputs[number] = step_inputs
     scope = _PartialOrder(steps, after, missing, inputs, limit, name)
     result: dict[str, Any] = await scope.execute()
     return result
 
 
 def _wrong_pair(pair: object, steps: Mapping[str, Step]) -> WrongType | WrongValue:
-    """Return the error of an ordering that is no pair of names of steps."""
+    """Error for an ordering that is not a pair of step names."""
     if not isinstance(pair, Sequence) or isinstance(pair, str) or len(pair) != 2:
         return _PARTIAL_ORDER.wrong("orderings", [pair], "pairs (before, after) of names")
-    unknown = next(one for one in pair if not isinstance(one, str) or one not in steps)
+    unknown = next(name for name in pair if not isinstance(name, str) or name not in steps)
     message = f"ordering ({pair[0]}, {pair[1]}): no step {unknown!r}; steps: {', '.join(steps)}"
     return _PARTIAL_ORDER.refused("orderings", message, [pair])
 
 
 def _predecessors(after: list[list[int]]) -> list[list[int]]:
-    """Return the predecessors of each step, from the successors of each."""
+    """Invert the lists of successors to lists of predecessors."""
     before: list[list[int]] = [[] for _ in after]
-    for one, later in enumerate(after):
-        for other in later:
-            before[other].append(one)
+    for step, successors in enumerate(after):
+        for successor in successors:
+            before[successor].append(step)
     return before
 
 
 def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) -> None:
+    # Topological sort by Kahn's algorithm: remove steps without predecessors until none is left.
     left = list(missing)
     free = [step for step, number in enumerate(left) if not number]
-    gone = 0
+    removed = 0
     while free:
-        gone += 1
+        removed += 1
         for later in after[free.pop()]:
             left[later] -= 1
             if not left[later]:
                 free.append(later)
-    if gone == len(names):
+    if removed == len(names):
         return
-    # every step that is left has a predecessor that is left: walking backwards must come back
+    # Each remaining step has a remaining predecessor, so walking backwards must come to a step for the second time.
     before = _predecessors(after)
     step = next(step for step, number in enumerate(left) if number)
     walked: dict[int, None] = {}
@@ -184,55 +184,54 @@ def _refuse_cycle(names: list[str], after: list[list[int]], missing: list[int]) 
         walked[step] = None
         step = next(earlier for earlier in before[step] if left[earlier])
     path = list(walked)
-    cycle = [names[one] for one in (step, *reversed(path[path.index(step) :]))]
+    cycle = [names[number] for number in (step, *reversed(path[path.index(step) :]))]
     text = f"cycle in orderings: {' < '.join(cycle)}"
     raise _PARTIAL_ORDER.refused("orderings", text, [*pairwise(cycle)])
 
 
 def _by_parameter(rank: dict[str, int]) -> dict[str, int]:
-    """Return the numbers of steps by the names of parameters that take their results."""
+    """Map the parameter names that receive a step's result to the number of the step."""
     snake = {snake_case(step): number for step, number in reversed(rank.items())}
     return {**{f"{name}_": number for name, number in snake.items()}, **snake, **rank}
 
 
 def _inputs(own: int, step: str, branch: Step, rank: dict[str, int], before: list[list[int]]) -> list[tuple[str, int]]:
-    """Return the parameters of a step that are filled with results of steps before it, and these steps."""
+    """Find the parameters of a step that receive results, with the numbers of the earlier steps."""
     try:
         parameters = inspect.signature(branch).parameters.values()
     except (TypeError, ValueError):
         return []
-    given: Mapping[str, Any] = branch.keywords if isinstance(branch, partial) else {}
-    wanted = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in given]
-    earlier = _ordered_before(own, {rank[p.name] for p in wanted if p.name in rank}, before)
-    for parameter in wanted:
+    bound: Mapping[str, Any] = branch.keywords if isinstance(branch, partial) else {}
+    free = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in bound]
+    earlier = _ordered_before(own, {rank[p.name] for p in free if p.name in rank}, before)
+    for parameter in free:
         if parameter.default is parameter.empty and rank.get(parameter.name) not in earlier:
             message = f"step {step!r} has a parameter {parameter.name!r}, and no step of that name is ordered before it"
-            known = f'[("{parameter.name}", "{step}")]'
+            right = f'[("{parameter.name}", "{step}")]'
             raise WrongValue(
-                contrast(message, _PARTIAL_ORDER.shown("orderings", "[]"), _PARTIAL_ORDER.shown("orderings", known))
+                contrast(message, _PARTIAL_ORDER.shown("orderings", "[]"), _PARTIAL_ORDER.shown("orderings", right))
             )
-    return [(parameter.name, rank[parameter.name]) for parameter in wanted if rank.get(parameter.name) in earlier]
+    return [(parameter.name, rank[parameter.name]) for parameter in free if rank.get(parameter.name) in earlier]
 
 
-def _ordered_before(step: int, asked: set[int], before: list[list[int]]) -> set[int]:
-    """Return the steps in ``asked`` that are ordered before ``step``; near ones are found first."""
-    found: set[int] = set()
-    missing = set(asked)
+def _ordered_before(step: int, candidates: set[int], before: list[list[int]]) -> set[int]:
+    """Select the candidates that are ordered before ``step``; breadth-first, as most are near."""
+    visited: set[int] = set()
+    missing = set(candidates)
     layer = [step]
     while layer and missing:
-        layer = list(dict.fromkeys(one for later in layer for one in before[later] if one not in found))
-        found.update(layer)
+        layer = list(dict.fromkeys(earlier for later in layer for earlier in before[later] if earlier not in visited))
+        visited.update(layer)
         missing.difference_update(layer)
-    return asked - missing
+    return candidates - missing
 
 
 def given(result: Any, otherwise: T) -> T:
-    """Return the result of an earlier step if it is the kind of thing that is needed, else what is known without it.
+    """Choose the designator for a step: the result of an earlier step if it has a suitable type, else ``otherwise``.
 
-    A module may return an Object that says more about what it has found than the plan knew, also where the plan knew
-    a name only, and any Location where it knew one, or only a name for one. A step that makes several things may return
-    a mapping from their names (``{"EggYolk": yolk, "EggShell": shell}``). What returns something else, such as a pose,
-    or nothing, hands on no designator, and ``otherwise`` is used.
+    A suitable result has the type of ``otherwise``: an Object from a module may describe more than the plan knew. For a
+    plain name, any Object or Location will do. A step that makes several things may return a mapping from their names
+    (``{"EggYolk": yolk, "EggShell": shell}``). Other results, such as a pose or None, are ignored.
     """
     if isinstance(result, Mapping):
         result = result.get(otherwise if isinstance(otherwise, str) else getattr(otherwise, "name", None))

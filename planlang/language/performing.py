@@ -1,4 +1,4 @@
-"""Performing actions: finding the process module, taking turns, and stopping the robot on suspension."""
+"""Performing actions: selection of the process module, queues for modules and resources, asynchronous requests."""
 
 from __future__ import annotations
 
@@ -34,43 +34,43 @@ V = TypeVar("V")
 
 
 class HeldPose:
-    """The base pose that the nearest enclosing ``at_location`` holds; :meth:`establish` goes back to it.
+    """The base pose of the nearest enclosing ``at_location``; :meth:`establish` drives back to it.
 
     Invariant: ``displaced`` iff a nested scope has moved the base and left it elsewhere.
 
-    ``failure`` is the one for which the body runs again, None on the first run. ``is_last`` once something was begun
-    that must not be repeated: then the body does not run again.
+    ``failure`` is the reason why the body runs again, None on its first run. ``is_last`` is set when an action begins
+    that must not be repeated: the body does not run again then.
     """
 
-    __slots__ = ("_go", "_now", "_released", "displaced", "failure", "is_last")
+    __slots__ = ("_go", "_released_earlier", "_released_now", "displaced", "failure", "is_last")
 
     def __init__(self, go: Callable[[], Awaitable[None]]) -> None:
         self._go = go
-        self._released: set[Action] = set()
-        self._now: set[Action] = set()
+        self._released_earlier: set[Action] = set()
+        self._released_now: set[Action] = set()
         self.displaced = False
         self.failure: PlanFailure | None = None
         self.is_last = False
 
     def again(self, failure: PlanFailure) -> None:
-        """Note that the body runs again because of a failure."""
-        self._released |= self._now
-        self._now.clear()
+        """Start another run of the body, because of a failure."""
+        self._released_earlier |= self._released_now
+        self._released_now.clear()
         self.failure = failure
 
     def refusal(self, action: Action, executive: Executive) -> ObjectUndeliverable | None:
-        """Return the failure of an action that would let go, a second time, of what is still to be delivered."""
-        held = tuple(executive.held()) if action in self._released else ()
+        """Failure of an action that would open the hand a second time while its object is still to be delivered."""
+        held = tuple(executive.held()) if action in self._released_earlier else ()
         if not held:
             return None
         what = ", ".join(held)
-        refused = ObjectUndeliverable(f"{what} is still held, and {action} would let it go again", what=what)
+        refused = ObjectUndeliverable(f"{what} is still held, and {action} would open the hand again", what=what)
         refused.__cause__ = self.failure
         return refused
 
     def released(self, action: Action) -> None:
-        """Note that an action that lets go has been performed."""
-        self._now.add(action)
+        """Register an action that has opened a hand in this run of the body."""
+        self._released_now.add(action)
 
     async def establish(self) -> None:
         """Drive back to this pose."""
@@ -95,17 +95,16 @@ _PERFORM = Usage(
 
 
 def check_action(usage: Usage, action: Action, name: str | None) -> None:
-    """Refuse what is no action, and what is no name for a request."""
+    """Check the arguments of a request; raises WrongType or WrongValue."""
     usage.instance("action", action, Action, "an action")
     if name is not None:
         usage.text("name", name)
 
 
 def module_for(executive: Executive, action: Action, otherwise: Branch | None = None) -> ProcessModule | None:
-    """Return the module registered for the nearest ancestor of the action's class; of several the first registered.
+    """Find the module for the nearest ancestor of the action's class; of several, the one registered first.
 
-    One that says which actions it ``performs`` is left out for others. None if ``otherwise`` is the plan of a nearer
-    class.
+    Modules whose ``performs`` rejects the action are skipped. None if ``otherwise`` is the plan of a nearer class.
     """
     own = frozenset(_recipes(otherwise))
     for level in levels_above(action.type, executive.ancestors):
@@ -119,7 +118,7 @@ def module_for(executive: Executive, action: Action, otherwise: Branch | None = 
 
 
 def _recipes(branch: object) -> Iterator[str]:
-    """Yield the classes whose plans a branch calls: their IRIs and local names."""
+    """Yield the action classes whose plans a branch calls, as IRIs and local names."""
     if isinstance(branch, partial):
         for part in (branch.func, *branch.args):
             yield from _recipes(part)
@@ -136,24 +135,23 @@ async def perform(
     until: Goal | None = None,
     recoveries: Iterable[Recovery] = (),
 ) -> Any:
-    """Let a process module perform an action; return what the module returns.
+    """Have a process module perform an action; return the module's result.
 
-    ``once``: nothing is known of what the action changes. From its beginning on, a scope around it
-    (:func:`at_location`) tries no other place, and ends with the failure of its body.
+    ``once`` marks an action whose effects are unknown, so that it must not be repeated: from its start on, an enclosing
+    :func:`at_location` tries no other base pose and ends with the failure of its body.
 
-    A module works on one request at a time, first come, first served, and holds the action's resources meanwhile.
-    Evaporation cancels the request; suspension cancels it, and it is made again after waking up. Raises what the
-    module raises, ActionUnresolvable if there is none; a failure that the module does not declare is a programming
+    A module executes one request at a time, first come, first served, and holds the action's resources meanwhile.
+    Evaporation cancels the request; suspension cancels it too, and it is repeated on wake-up. Raises the failure of the
+    module, or ActionUnresolvable if there is no module; a failure that the module does not declare is a programming
     error.
 
-    A module may perform actions itself, by this function: inside of its own, with the resources that this one holds,
-    and with no recoveries but those that it gives.
+    A module may perform further actions with this function. They use the resources of its own request, and only the
+    recoveries that the module passes.
 
-    ``otherwise`` runs instead, and gives the result, where no module is registered for the action's class or an
-    ancestor; if it is the plan of one of these (``@plan(IRI)``), modules for farther ones do not replace it. ``until``
-    is a goal, as ``achieve`` takes it: if it holds nothing is performed, and the result is None;
-    else it holds afterwards, or GoalNotAchieved is raised. ``recoveries`` are tried around all this, as
-    ``with_failure_handling`` does.
+    ``otherwise`` is a branch that replaces the module if none is registered for the action's class or an ancestor. If
+    it is the plan of one of these classes (``@plan(IRI)``), it also takes precedence over modules for farther ones.
+    ``until`` is a goal as in ``achieve``: if it holds, nothing is performed and the result is None; if it does not hold
+    afterwards, GoalNotAchieved is raised. ``recoveries`` handle failures of all this, as in ``with_failure_handling``.
     """
     if otherwise is not None:
         _PERFORM.branch("otherwise", otherwise)
@@ -170,19 +168,20 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
     module = None if executive is None else module_for(executive, action, otherwise)
     if executive is None or module is None:
         if otherwise is not None:
-            return await _instead(action, path_element, partial(called, otherwise))
-        return await _instead(action, path_element, partial(_fail, _unresolvable(action, executive_for("perform"))))
+            return await _without_module(action, path_element, partial(called, otherwise))
+        failure = _unresolvable(action, executive_for("perform"))
+        return await _without_module(action, path_element, partial(_fail, failure))
     resources = tuple(module.resources(action))
     pose = held_pose.get()
     if pose is not None and pose.displaced and "base" not in resources and not _inside_module.get():
-        announce()  # driving back is part of the request: an asynchronous one counts as made
+        announce()  # the drive back is part of the request, so that an asynchronous one counts as queued
         await pose.establish()
     if pose is not None and once:
         pose.is_last = True
     releases = pose is not None and executive.releases(action)
     if pose is not None and releases and (refused := pose.refusal(action, executive)) is not None:
-        # a grasp whose object is to be handed over is not opened a second time: better fail than drop it
-        return await _instead(action, path_element, partial(_fail, refused))
+        # The hand is not opened a second time while it holds an object to be delivered: better fail than drop it.
+        return await _without_module(action, path_element, partial(_fail, refused))
     result = await _Perform(path_element, action, module, resources).execute()
     if pose is not None and releases:
         pose.released(action)
@@ -190,51 +189,51 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
 
 
 def _unresolvable(action: Action, executive: Executive) -> ActionUnresolvable:
-    """Return the failure of an action that no module performs, with the class that may be meant if it is misspelt."""
+    """Failure of an action without a module, with a suggestion if its class is misspelt."""
     failure = ActionUnresolvable(designator=str(action))
-    known = {cls for module in executive.modules for cls in module.actions}
-    if hint := did_you_mean(local_name(action.type), known, alike=0.8):
+    classes = {cls for module in executive.modules for cls in module.actions}
+    if hint := did_you_mean(local_name(action.type), classes, alike=0.8):
         failure.message = f"{failure}{hint}"
     return failure
 
 
-class _Instead(Node):
-    """A step that no module performs."""
+class _WithoutModule(Node):
+    """An action that is performed by a branch, or fails, for want of a module."""
 
     __slots__ = ("action",)
     action: Action
 
 
-async def _instead(action: Action, name: str, body: Branch) -> Any:
-    """Run a body in the place of a module."""
-    own = _Instead(here()[1].node, "perform", name)
+async def _without_module(action: Action, name: str, body: Branch) -> Any:
+    """Run a body in place of a module."""
+    own = _WithoutModule(here()[1].node, "perform", name)
     own.action = action
     return await in_node(own, body, **_described(action))
 
 
 def _described(action: Action) -> dict[str, object]:
-    """Return what is recorded of an action: also the classes above its own that the plan states."""
+    """Details of an action for the trace, including the superclasses that the plan states."""
     stated = [cls for level in stated_levels(action.type) for cls in level][1:]
     return {"action": action, "classes": stated} if stated else {"action": action}
 
 
 def actions_around() -> Iterator[Action]:
-    """Yield the actions that are being performed around the running task, the innermost first."""
+    """Yield the actions in progress around the running task, innermost first."""
     scheduler = running.scheduler
     task = None if scheduler is None else scheduler.current
     node = None if task is None else task.node
     while node is not None:
-        if isinstance(node, (_Instead, _Perform)):
+        if isinstance(node, (_WithoutModule, _Perform)):
             yield node.action
         node = node.parent
 
 
 def is_inner(node: Node) -> bool:
-    """Return True for what a process module does inside of the action that the plan has asked it for."""
-    around = node.parent
-    while around is not None and not isinstance(around, _Perform):
-        around = around.parent
-    return around is not None
+    """Check whether a node belongs to the execution of an action by a process module."""
+    ancestor = node.parent
+    while ancestor is not None and not isinstance(ancestor, _Perform):
+        ancestor = ancestor.parent
+    return ancestor is not None
 
 
 async def _fail(failure: PlanFailure) -> NoReturn:
@@ -258,14 +257,14 @@ class _Perform(Restarting):
 
 
 _inside_module: ContextVar[bool] = ContextVar("inside a process module", default=False)
-"""True where a process module performs actions itself: where the base has to be is its matter, not the plan's."""
-asked: ContextVar[Fluent[bool] | None] = ContextVar("asked", default=None)
-"""Set to true when a request takes its place in the queue of its module, or something has to be done before."""
+"""True inside a process module, which is itself responsible for the base pose of the actions that it performs."""
+request_queued: ContextVar[Fluent[bool] | None] = ContextVar("request queued", default=None)
+"""Set to true when a request enters the queue of its module, or the drive before it begins."""
 
 
 def announce() -> None:
-    """Report that the request of the running task is on its way."""
-    fluent = asked.get()
+    """Mark the request of the running task as queued."""
+    fluent = request_queued.get()
     if fluent is not None:
         fluent.set(True)
 
@@ -297,23 +296,23 @@ _MONITOR = Usage("await monitor", {"request": "await perform_async(action(...))"
 
 
 class Request(Handle):
-    """An asynchronous request. As a handle it can be observed, joined, suspended, woken up and evaporated."""
+    """An asynchronous request, and the handle of its task."""
 
     def __init__(self, action: Action, task: Task) -> None:
         if not isinstance(task, Task):
-            message, code = "a request is made by perform_async()", f"Request({written(action)}, ...)"
+            message, code = "requests are created by perform_async()", f"Request({written(action)}, ...)"
             raise WrongType(contrast(message, code, _PERFORM_ASYNC.shown("action")))
         super().__init__(task.name, task)
         self.action = action
-        self.made = task
+        self.task = task
 
 
 async def with_requests(body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body that may make asynchronous requests with :func:`perform_async`; returns its result.
+    """Run a body that may make asynchronous requests with :func:`perform_async`; return the body's result.
 
-    Requests finish or fail one by one, without effect on the body. When the body has succeeded, those that are left
-    are waited for; then the first failure that was not monitored is raised, later ones as its siblings. When the body
-    fails or is evaporated, the requests that are left are cancelled. A programming error ends everything.
+    Requests finish or fail one by one, without effect on the body. After the body has succeeded, the pending requests
+    are awaited; then the first failure of a request that was not monitored is raised, with later ones as its siblings.
+    If the body fails or is evaporated, pending requests are cancelled. A programming error ends everything.
     """
     _WITH_REQUESTS.branch("body", body)
     scope = _Requests(body)
@@ -326,18 +325,18 @@ async def with_requests(body: Callable[[], Awaitable[V]]) -> V:
 
 
 async def perform_async(action: Action, name: str | None = None) -> Request:
-    """Ask a process module to perform an action, and go on; :func:`monitor` the request for its outcome.
+    """Request an action from a process module without waiting for it; :func:`monitor` returns its outcome.
 
-    Suspending or evaporating the caller does to the request what it does to :func:`perform`. The request does not
-    take part in resources that the caller holds at the time: holding the arm while monitoring a request for the arm
-    is a deadlock.
+    Suspension and evaporation of the caller affect the request as they affect :func:`perform`. The request does not
+    share resources that the caller holds at the time: holding the arm while monitoring a request for the arm is a
+    deadlock.
     """
     check_action(_PERFORM_ASYNC, action, name)
     executive_for("perform_async")
     scope = _requests.get()
     if scope is None or here()[1] is not scope.body_task:
         raise PlanStructureError(
-            "perform_async() outside of a with_requests() block of this branch\n"
+            "perform_async() must be called in the body of with_requests(), and not in another branch inside it\n"
             f"  wrong: request = await perform_async({action})\n"
             "  right: async def body(): request = await perform_async(...); ...; await monitor(request)\n"
             "         await with_requests(body)"
@@ -350,16 +349,16 @@ async def perform_async(action: Action, name: str | None = None) -> Request:
 
 
 async def monitor(request: Request) -> Any:
-    """Wait until an asynchronous request has ended; returns its result, or raises its failure, the same object.
+    """Wait until an asynchronous request has ended; return its result or raise its failure, the same object.
 
-    It waits for no other request, and raises no other's failure.
+    Other requests have no influence.
     """
     _MONITOR.instance("request", request, Request, "a request")
     return await join(request)
 
 
 async def _perform(action: Action, name: str | None, queued: Fluent[bool]) -> Any:
-    asked.set(queued)
+    request_queued.set(queued)
     return await perform(action, name)
 
 
@@ -378,7 +377,7 @@ class _Requests(All):
         """Start a request."""
         if self.over:
             raise PlanStructureError(
-                "perform_async() in the cleanup of its with_requests() block\n"
+                "perform_async() cannot be called in the cleanup of its with_requests()\n"
                 f"  wrong: await perform_async({action})\n"
                 f"  right: await perform({action})"
             )
@@ -393,9 +392,10 @@ class _Requests(All):
 
     def finish(self) -> Any:
         self.raise_failure()
-        lost = [one.made for one in self.requests if one.made.outcome is Status.FAILED and not one.joined]
-        if lost:
-            self.fail(lost)
+        requests = self.requests
+        failed = [each.task for each in requests if each.task.outcome is Status.FAILED and not each.joined]
+        if failed:
+            self.fail(failed)
             self.raise_failure()
         assert self.body_task is not None
         return self.body_task.result

@@ -1,4 +1,4 @@
-"""Plan functions, named in the tree of a run; tasks tagged in them, and handles to observe and to stop them."""
+"""Plan functions, tagged tasks in them, and handles to observe, suspend and evaporate tasks."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ _PLAN = Usage("plan", {"function": "serve"}, {"iri": '"http://example.org/recipe
 
 
 class Plan(Generic[P, R]):
-    """A plan function; calling it gives a coroutine, as with any ``async def``. Made by :func:`plan`."""
+    """A plan function, created by :func:`plan`; a call returns a coroutine, as with any ``async def``."""
 
     def __init__(self, function: Callable[P, Awaitable[R]], iri: str | None) -> None:
         _PLAN.branch("function", function)
         if (
             isinstance(function, FunctionType)
             and not inspect.iscoroutinefunction(function)
-            and _gives_nothing(function)
+            and _always_returns_none(function)
         ):
             name = name_of(function)
-            message = f"a plan is a function written with async def, which {name} is not"
+            message = f"{name} is not an async function; write a plan with async def"
             raise WrongType(contrast(message, f"@plan def {name}(): ...", f"@plan async def {name}(): ..."))
         if iri is not None:
             _PLAN.text("iri", iri)
@@ -51,9 +51,9 @@ class Plan(Generic[P, R]):
         self.name: str = getattr(function, "__name__", "plan")
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Coroutine[Any, Any, R]:
-        """Return the plan as a coroutine; to run it side by side with others pass the plan itself, not a call."""
+        """Make a coroutine of the plan; constructs such as par take the plan itself, not a call."""
         coroutine = self._execute(args, kwargs)
-        coroutine.__qualname__ = coroutine.__name__ = self.name  # type: ignore[attr-defined]  # which every coroutine of Python has
+        coroutine.__qualname__ = coroutine.__name__ = self.name  # type: ignore[attr-defined]  # not in typeshed's Coroutine
         return coroutine
 
     async def _execute(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> R:
@@ -69,7 +69,7 @@ class Plan(Generic[P, R]):
         token = frame.set(own)
         try:
             if isinstance(task.node, Task) and task.node.unused and task.node.base_name == self.name:
-                record("plan", **details)  # the branch is this plan: one node in the tree
+                record("plan", **details)  # the branch is this plan and needs no second node in the tree
                 return await called(self.function, *args, **kwargs)  # type: ignore[no-any-return]
             body = partial(called, self.function, *args, **kwargs)
             return await node("plan", self.name, body, **details)  # type: ignore[no-any-return]
@@ -84,23 +84,23 @@ class Plan(Generic[P, R]):
         self: Plan[Concatenate[Any, Q], R], instance: object, owner: object
     ) -> Callable[Q, Coroutine[Any, Any, R]]: ...
     def __get__(self, instance: object, owner: object) -> Any:
-        """Return the plan, bound to the object whose method it is, if any."""
+        """Bind the plan to an object if it is a method."""
         return self if instance is None else MethodType(self, instance)
 
     def __repr__(self) -> str:
         return f"<plan {self.name}>"
 
 
-def _gives_nothing(function: object) -> bool:
-    """Return True for a function that always returns None; one that a decorator has made may return an awaitable."""
+def _always_returns_none(function: object) -> bool:
+    """Check in the byte code whether a function only returns None; others may return an awaitable, as wrappers do."""
     return isinstance(function, FunctionType) and not any(
-        one.opname == "RETURN_VALUE" and before.opname != "LOAD_CONST"
-        for before, one in itertools.pairwise(dis.get_instructions(function))
+        instruction.opname == "RETURN_VALUE" and previous.opname != "LOAD_CONST"
+        for previous, instruction in itertools.pairwise(dis.get_instructions(function))
     )
 
 
 def innermost_plan() -> str:
-    """Return the path of the innermost plan function in which the running task stands; "" where no plan is running."""
+    """Path of the innermost plan function around the running task; "" if no plan is running."""
     scheduler = running.scheduler
     task = None if scheduler is None else scheduler.current
     node = None if task is None else task.node
@@ -119,10 +119,10 @@ def plan(what: Any = None, /) -> Any:
         return Plan(what, None)
     if what is not None:
         _PLAN.text("iri", what)
-    return functools.partial(_marked, what)
+    return functools.partial(_plan_with_iri, what)
 
 
-def _marked(iri: str | None, function: Callable[P, Awaitable[R]]) -> Plan[P, R]:
+def _plan_with_iri(iri: str | None, function: Callable[P, Awaitable[R]]) -> Plan[P, R]:
     return Plan(function, iri)
 
 
@@ -135,49 +135,49 @@ _ON_SUSPENSION = Usage("async with on_suspension", {"function": "stop"})
 
 
 class Frame:
-    """One entry of a plan function: the tags in it, and what plans inside it have asked for and nobody knew yet."""
+    """Scope of names in one call of a plan function: its tags, and handles of inner plans that await a tag here."""
 
-    __slots__ = ("asked", "outer", "tags")
+    __slots__ = ("outer", "tags", "unresolved")
 
     def __init__(self, outer: Frame | None) -> None:
         self.outer = outer
         self.tags: dict[str, Handle] = {}
-        self.asked: dict[str, dict[Handle, None]] = {}
+        self.unresolved: dict[str, dict[Handle, None]] = {}
 
     def leave(self) -> None:
-        """End the entry: nothing that the plan function has asked for has to be found any more."""
-        around = self.outer
-        while around is not None:
+        """End the call: its handles no longer await tags in outer plans."""
+        outer = self.outer
+        while outer is not None:
             for name, handle in self.tags.items():
-                if name in around.asked:
-                    around.asked[name].pop(handle, None)
-            around = around.outer
+                if name in outer.unresolved:
+                    outer.unresolved[name].pop(handle, None)
+            outer = outer.outer
 
 
 frame: ContextVar[Frame | None] = ContextVar("frame", default=None)
 
 
 class Handle:
-    """A task seen from elsewhere in the plan. It may be asked for before the task has begun."""
+    """Handle of a task, for other parts of the plan. It may exist before the task."""
 
     def __init__(self, name: str, task: Task | None = None) -> None:
         _HANDLE.text("name", name)
         self.name = name
         self._task: Task | None = None
         self.bindings = 0
-        """Number of tasks that it has stood for."""
+        """Number of tasks that the handle was bound to so far."""
         self._status: Fluent[Status] = Fluent(Status.CREATED, f"the status of {name}")
         self._suspensions = 0
         self._evaporated = False
         self.home: Frame | None = None
-        """The plan whose tag this stands for."""
+        """Frame of the plan in which the task is tagged."""
         self.joined = False
-        """True once the task's failure was raised in someone who waited for it."""
+        """True once the task's failure was raised in another task by :func:`join`."""
         if task is not None:
             self.bind(task)
 
     def bind(self, task: Task) -> None:
-        """Stand for this task from now on."""
+        """Bind the handle to a task, with the suspensions and evaporation that were requested before."""
         scheduler = here()[0]
         self._task = task
         self.bindings += 1
@@ -244,14 +244,14 @@ class _Tag(Single):
                 f'  right: par(partial(tag, "{name}", reach), partial(tag, "{name} 2", look))'
             )
         task = self.start(self.body, name, 0)
-        for one in (handle, *self.home.asked.pop(name, ())):
-            if one is handle or not one.live:
-                one.home = self.home
-                one.bind(task)
+        for each in (handle, *self.home.unresolved.pop(name, ())):
+            if each is handle or not each.live:
+                each.home = self.home
+                each.bind(task)
 
 
 async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body as a named task, whose handle ``task(name)`` gives in the same plan; returns its result."""
+    """Run a body as a named task and return its result; ``task(name)`` is its handle in the same plan."""
     _TAG.branch("body", body)
     _TAG.text("name", name)
     own = _frame()
@@ -263,28 +263,28 @@ async def tag(name: str, body: Callable[[], Awaitable[V]]) -> V:
 
 
 def task(name: str) -> Handle:
-    """Return the handle of a tagged task: of the nearest enclosing plan that knows the name.
+    """Find the handle of a tagged task, in the nearest enclosing plan that has the name.
 
-    If none does yet, it will stand for the task that is first tagged so in this plan or one around it.
+    If no plan has it yet, the handle will be bound to the first task of that name in this plan or an enclosing one.
     """
     here()
     _TASK.text("name", name)
     own = _frame()
-    around: Frame | None = own
-    while around is not None:
-        if name in around.tags:
-            return around.tags[name]
-        around = around.outer
+    enclosing: Frame | None = own
+    while enclosing is not None:
+        if name in enclosing.tags:
+            return enclosing.tags[name]
+        enclosing = enclosing.outer
     handle = own.tags[name] = Handle(name)
-    around = own.outer
-    while around is not None:
-        around.asked.setdefault(name, {})[handle] = None
-        around = around.outer
+    enclosing = own.outer
+    while enclosing is not None:
+        enclosing.unresolved.setdefault(name, {})[handle] = None
+        enclosing = enclosing.outer
     return handle
 
 
 async def join(handle: Handle) -> Any:
-    """Wait until the task has ended; returns its result, or raises its failure."""
+    """Wait until the task has ended; return its result or raise its failure."""
     _check_handle("await join", handle)
     over: Signal[bool] = Expression(lambda status: status.final, "final", handle.status)
     over.name = f"the end of task {handle.name!r}"
@@ -301,7 +301,7 @@ async def join(handle: Handle) -> Any:
 
 
 def suspend(handle: Handle) -> bool:
-    """Hold the task and all below it, at once; True if this changed something."""
+    """Suspend the task and all tasks below it, at once; True if this changed anything."""
     _check_handle("suspend", handle)
     if handle._task is not None:
         return cancel.suspend(serving(), handle._task)
@@ -312,7 +312,7 @@ def suspend(handle: Handle) -> bool:
 
 
 def wake_up(handle: Handle) -> bool:
-    """Undo one suspension of the task; True if this changed something."""
+    """Undo one suspension of the task; True if this changed anything."""
     _check_handle("wake_up", handle)
     if handle._task is not None:
         return cancel.wake_up(serving(), handle._task)
@@ -323,7 +323,7 @@ def wake_up(handle: Handle) -> bool:
 
 
 def evaporate(handle: Handle) -> bool:
-    """Evaporate the task and all below it; True if this changed something."""
+    """Evaporate the task and all tasks below it; True if this changed anything."""
     _check_handle("evaporate", handle)
     if handle._task is not None:
         return cancel.evaporate(serving(), handle._task)
@@ -333,10 +333,10 @@ def evaporate(handle: Handle) -> bool:
 
 @asynccontextmanager
 async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
-    """Hold the task while the block of ``async with task_suspended(h):`` runs, and always wake it up."""
+    """Suspend the task during the block of ``async with task_suspended(h):``, and always wake it up afterwards."""
     _check_handle("async with task_suspended", handle)
-    # What is held is the task that the handle stands for, or the first that it will stand for. One that is tagged so
-    # later is not, and may be held by somebody else.
+    # The suspension applies to the present task of the handle, or to the first one that it will be bound to. A later
+    # task is not woken up here, as another part of the plan may have suspended it.
     last = handle.bindings + (handle._task is None)
     suspend(handle)
     try:
@@ -348,8 +348,8 @@ async def task_suspended(handle: Handle) -> AsyncIterator[Handle]:
 
 @asynccontextmanager
 async def on_suspension(function: Callable[[], object]) -> AsyncIterator[None]:
-    """Call the plain function whenever the task gets held inside the block of ``async with on_suspension(f):``."""
-    _ON_SUSPENSION.plain("function", function, "a plain function, which is called at once by the suspender")
+    """Call a plain function whenever the task is suspended inside the block of ``async with on_suspension(f):``."""
+    _ON_SUSPENSION.plain("function", function, "a plain function without await, as suspension takes effect at once")
     owner = here()[1]
     if owner.hooks is None:
         owner.hooks = []
@@ -366,16 +366,16 @@ def _check_handle(function: str, handle: object) -> None:
 
 
 def _frame() -> Frame:
-    found = frame.get()
-    assert found is not None  # run() has set it
-    return found
+    own = frame.get()
+    assert own is not None  # run() has set it
+    return own
 
 
 _RETRY_AFTER_SUSPENSION = Usage("await retry_after_suspension", {"body": "reach"})
 
 
 class Restarting(Single):
-    """One branch, evaporated with its cleanup when the owner is held, and started anew when it is woken up."""
+    """One branch that is evaporated with its cleanup when the owner is suspended, and restarted on wake-up."""
 
     interrupted = False
 
@@ -383,17 +383,17 @@ class Restarting(Single):
         hooks = self.owner.hooks
         if hooks is None:
             hooks = self.owner.hooks = []
-        hooks.append(self._held)
+        hooks.append(self._on_suspension)
         super().begin()
 
-    def _held(self) -> None:
+    def _on_suspension(self) -> None:
         for task in tuple(self.live):
             self.interrupted = cancel.evaporate(self.scheduler, task) or self.interrupted
 
     def decide(self, dead: list[Task]) -> None:
         if self.interrupted and dead[0].outcome is Status.EVAPORATED:
             self.interrupted = False
-            self.start(self.body, self.body_name, 0)  # held as long as the owner is
+            self.start(self.body, self.body_name, 0)  # stays suspended until the owner is woken up
             return
         super().decide(dead)
 
@@ -401,12 +401,12 @@ class Restarting(Single):
         try:
             return await super().execute()
         finally:
-            if self.owner.hooks is not None and self._held in self.owner.hooks:
-                self.owner.hooks.remove(self._held)
+            if self.owner.hooks is not None and self._on_suspension in self.owner.hooks:
+                self.owner.hooks.remove(self._on_suspension)
 
 
 async def retry_after_suspension(body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body; when it is suspended it is evaporated with its cleanup, and runs from the start when woken up."""
+    """Run a body that is evaporated with its cleanup on suspension, and starts again from the beginning on wake-up."""
     _RETRY_AFTER_SUSPENSION.branch("body", body)
     result: V = await Restarting("retry_after_suspension", body).execute()
     return result

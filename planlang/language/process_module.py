@@ -1,6 +1,6 @@
-"""Process modules: the protocol, the mark of classes that planlang finds, and modules around others.
+"""Process modules: the protocol, the decorator by which planlang finds them, and wrappers of modules.
 
-What a module leaves out has the value that the protocol gives it.
+Attributes that a module leaves out have the defaults of the protocol.
 """
 
 from __future__ import annotations
@@ -24,60 +24,60 @@ class ProcessModule(Protocol):
 
     @property
     def name(self) -> str:
-        """Shown in the trace."""
+        """Name of the module in the trace."""
 
     @property
     def actions(self) -> Sequence[str]:
-        """Action classes (local names of the vocabulary) that it performs, descendants included."""
+        """Action classes (local names of the vocabulary) that the module performs, including their subclasses."""
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise; any other exception is a programming error."""
+        """Failure classes that the module may raise; any other exception is a programming error."""
 
     @property
     def physical(self) -> bool:
-        """True if its motions pour and turn things over themselves: these effects are not applied to the true world."""
+        """True if pouring and turning over result from simulated motions, so that they are not applied as effects."""
         return False
 
     @property
     def by_hand(self) -> bool:
-        """True if its hand switches devices itself: this effect is not applied to the true world."""
+        """True if the simulated hand operates switches, so that switching is not applied as an effect."""
         return False
 
     @property
     def once(self) -> bool:
-        """True if what it does outside must not be done again when an interrupted run is repeated.
+        """True if an action with effects outside the world must not be executed again when a run is resumed.
 
-        Then its result is taken from the record. It moves nothing by itself; what it changes, the classes of its
-        actions declare.
+        The recorded result is used then. Such a module moves nothing itself; the classes of its actions declare what
+        they change.
         """
         return False
 
     def performs(self, action: Action) -> bool:
-        """Return True if it performs this action of its classes; one that says so is asked before others."""
+        """Check whether the module performs this action of its classes."""
         return True
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return names of what the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
+        """Names of the resources that the action needs exclusively: "base", "head", "torso", "right_arm", ..."""
 
     async def execute(self, action: Action) -> Any:
-        """Perform the action; on evaporation stop the robot."""
+        """Perform the action; stop the robot on evaporation."""
 
 
 NEEDED = ("name", "actions", "failures", "resources", "execute")
-"""What every module has to say."""
+"""Attributes without defaults."""
 _MARK = "__planlang_process_module__"
 
 
 def process_module(cls: type[M]) -> type[M]:
     """Mark a class as a process module, so that planlang finds it in its file or package.
 
-    The class is called with the robot's platform and gives a :class:`ProcessModule`. Raises TypeError, naming what is
-    missing, for a class that cannot be one.
+    planlang calls the class with the robot's platform to create the module. Raises TypeError if an attribute of
+    :class:`ProcessModule` is missing or malformed.
     """
-    absent = [name for name in NEEDED if not hasattr(cls, name)]
-    if absent:
-        raise TypeError(f"process module {getattr(cls, '__name__', cls)} lacks {', '.join(absent)}")
+    missing = [name for name in NEEDED if not hasattr(cls, name)]
+    if missing:
+        raise TypeError(f"process module {getattr(cls, '__name__', cls)} lacks {', '.join(missing)}")
     actions, failures = cls.actions, cls.failures  # type: ignore[attr-defined]
     if isinstance(actions, str) or not actions or not all(isinstance(name, str) for name in actions):
         raise TypeError(f'actions of {cls.__name__} has to be a tuple of class names, such as ("Pouring",)')
@@ -88,12 +88,12 @@ def process_module(cls: type[M]) -> type[M]:
 
 
 def is_marked(cls: object) -> bool:
-    """Return whether a class itself, not only one that it derives from, is a process module."""
+    """Check whether a class itself, and not only a base class of it, is marked as a process module."""
     return isinstance(cls, type) and vars(cls).get(_MARK) is cls
 
 
 def selects(module: object) -> bool:
-    """Return True if a module, or a class of modules, decides which actions of its classes it performs."""
+    """Check whether a module, or a class of modules, has a ``performs`` of its own."""
     if isinstance(module, WrappedModule):
         return module.selects
     own = getattr(module if isinstance(module, type) else type(module), "performs", ProcessModule.performs)
@@ -101,62 +101,62 @@ def selects(module: object) -> bool:
 
 
 def performs(module: ProcessModule, action: Action) -> bool:
-    """Return True if a module performs an action of its classes."""
+    """Check whether a module performs an action of its classes."""
     return not selects(module) or bool(module.performs(action))
 
 
 class WrappedModule(ProcessModule):
-    """Base of modules that add to another one: forwards all of :class:`ProcessModule` to ``wrapped``."""
+    """Base class of wrappers: forwards all of :class:`ProcessModule` to ``wrapped``."""
 
     def __init__(self, module: ProcessModule) -> None:
         self._module = module
 
     @property
     def wrapped(self) -> ProcessModule:
-        """The module that this one adds to."""
+        """The wrapped module."""
         return self._module
 
     @property
     def name(self) -> str:
-        """Shown in the trace."""
+        """Name of the module in the trace."""
         return self.wrapped.name
 
     @property
     def actions(self) -> Sequence[str]:
-        """Action classes that it performs."""
+        """Action classes that the module performs."""
         return self.wrapped.actions
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise."""
+        """Failure classes that the module may raise."""
         return self.wrapped.failures
 
     @property
     def physical(self) -> bool:
-        """True if its motions pour and turn things over themselves."""
+        """True if pouring and turning over result from simulated motions."""
         return bool(getattr(self.wrapped, "physical", False))
 
     @property
     def by_hand(self) -> bool:
-        """True if its hand switches devices itself."""
+        """True if the simulated hand operates switches."""
         return bool(getattr(self.wrapped, "by_hand", False))
 
     @property
     def once(self) -> bool:
-        """True if what it does outside must not be done again when an interrupted run is repeated."""
+        """True if actions must not be executed again when a run is resumed."""
         return bool(getattr(self.wrapped, "once", False))
 
     @property
     def selects(self) -> bool:
-        """True if it decides which actions of its classes it performs."""
+        """True if the module has a ``performs`` of its own."""
         return selects(self.wrapped)
 
     def performs(self, action: Action) -> bool:
-        """Return True if it performs this action of its classes."""
+        """Check whether the module performs this action of its classes."""
         return performs(self.wrapped, action)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what the action needs exclusively."""
+        """Names of the resources that the action needs exclusively."""
         return tuple(self.wrapped.resources(action))
 
     async def execute(self, action: Action) -> Any:
@@ -165,10 +165,10 @@ class WrappedModule(ProcessModule):
 
 
 class ModuleOnce(WrappedModule):
-    """A process module whose result is taken from the record where it says that it must not be executed again."""
+    """Wrapper that uses the recorded results of a module with ``once`` in a resumed run."""
 
     async def execute(self, action: Action) -> Any:
-        """Perform the action, or give what is recorded of it."""
+        """Perform the action, or return its recorded result."""
         journal = here()[0].recorded
         if isinstance(journal, Journal) and self.once:
             return await journal.once(partial(self.wrapped.execute, action))
@@ -176,20 +176,20 @@ class ModuleOnce(WrappedModule):
 
 
 class RecordedModule(WrappedModule):
-    """A process module whose results are recorded."""
+    """Wrapper that records the answers and results of a module."""
 
     def __init__(self, module: ProcessModule, recorded: Recorded) -> None:
         super().__init__(module)
         self._recorded = recorded
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what the action needs exclusively."""
+        """Names of the resources that the action needs exclusively."""
         question = f"resources of {self.name} for {action}"
         needs = super().resources
         return tuple(self._recorded.answer(question, lambda: needs(action)))
 
     def performs(self, action: Action) -> bool:
-        """Return True if it performs this action of its classes; asked and recorded only if it selects actions."""
+        """Check whether the module performs this action; recorded only if the module :attr:`selects` actions."""
         if not self.selects:
             return True
         decide = super().performs

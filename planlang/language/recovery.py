@@ -1,4 +1,4 @@
-"""Recovery from failures: which failures, what to do about them, how often, and what to raise when that is used up."""
+"""Recovery from failures: rules that match failures, handle them a limited number of times, and say what follows."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _RECOVERY = Usage(
 )
 _EXPLAIN = Usage("explain", {"failure": "failure"})
 _WITH_FAILURE_HANDLING = Usage("await with_failure_handling", {"body": "grasp", "recovery": "Recovery(GraspMissed)"})
-_ALTERNATIVES = "a mapping from keywords of the body to functions that make the values"
+_ALTERNATIVES = "a mapping from keywords of the body to functions that return the values"
 _RECOVERIES = "a list of recoveries"
-_OTHERWISE = "None, a failure class, a function that makes a failure from one, or Return(value)"
+_OTHERWISE = "None, a failure class, a function from failure to failure, or Return(value)"
 _DECIDES = "async def do(failure): ...; return RETRY"
-"""The right form of a function that recovers."""
+"""The right form of a recovery function, for messages."""
 
 
 class _Decision(Enum):
@@ -49,12 +49,12 @@ class _Decision(Enum):
 RETRY = _Decision.RETRY
 """Decision of a recovery: run the body again."""
 PROPAGATE = _Decision.PROPAGATE
-"""Decision of a recovery: let the failure go outward."""
+"""Decision of a recovery: let the failure propagate to the caller."""
 
 
 @dataclass(frozen=True, slots=True)
 class Return(Generic[T]):
-    """Decision of a recovery, or of a body of ``whenever``: leave with this value."""
+    """Decision of a recovery, or of the body of ``whenever``: end the construct with this value."""
 
     value: T
 
@@ -63,28 +63,28 @@ RecoveryResult = _Decision | Return[Any]
 """What a recovery function returns: RETRY, PROPAGATE or ``Return(value)``."""
 Do = Callable[[PlanFailure], Awaitable[RecoveryResult]]
 Otherwise = type[PlanFailure] | Callable[[PlanFailure], PlanFailure] | Return[Any]
-_AS_DO_SAYS: Any = object()
-"""Default of ``otherwise``, which no recovery keeps."""
+_FROM_DO: Any = object()
+"""Default of ``otherwise``: the attribute of ``do``, see :class:`Recovery`."""
 
 
 async def retry(failure: PlanFailure) -> RecoveryResult:
-    """Run the body again, and do nothing before."""
+    """Recovery function that only runs the body again."""
     return RETRY
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """A rule for failures of the classes ``on``: what to do about them, how often, and what then.
+    """A rule for failures of the classes ``on``: how to handle them, how often, and what follows the last attempt.
 
-    ``do`` is an async function of the failure. It is called after the body is fully unwound, at most ``attempts``
-    times per entry, and returns a ``RecoveryResult``: RETRY, ``Return(value)`` or PROPAGATE. It does not retry once
-    ``within`` seconds of active time have passed since entry.
-    ``alternatives``: keyword -> function that makes an iterable; the body gets the first value of each as keyword
-    argument, and with each retry by this recovery the next. When attempts, time or alternatives are used up, ``do``
-    is not called and ``otherwise`` decides: None lets the failure propagate, a failure class or a function of the
-    failure gives what is raised from it, ``Return(value)`` leaves with a value. Left out, it is the attribute
-    ``otherwise`` of ``do``, which strategies have that always end in the same failure
-    (:func:`planlang.recovery_strategy`); without that attribute it is None.
+    ``do`` is an async function of the failure. It is called after the body is fully unwound, at most ``attempts`` times
+    for each execution of the construct, and returns a ``RecoveryResult``: RETRY, ``Return(value)`` or PROPAGATE. It is
+    no longer called after ``within`` [s] of plan time, without suspensions, since the start of the construct.
+    ``alternatives`` maps keyword arguments of the body to functions that return iterables: the first run gets the first
+    value of each, and every retry by this recovery the next one. When attempts, time or alternatives are used up,
+    ``otherwise`` applies instead of ``do``: None lets the failure propagate, a failure class or a function of the
+    failure makes the failure that is raised from it, and ``Return(value)`` ends the construct with a value. The default
+    is the attribute ``otherwise`` of ``do``, which strategies with a fixed final failure have
+    (:func:`planlang.recovery_strategy`), or None.
     """
 
     on: type[PlanFailure] | tuple[type[PlanFailure], ...]
@@ -92,16 +92,16 @@ class Recovery:
     attempts: int = field(default=1, kw_only=True)
     within: float | None = field(default=None, kw_only=True)
     alternatives: Mapping[str, Callable[[], Iterable[Any]]] | None = field(default=None, kw_only=True)
-    otherwise: Otherwise | None = field(default=_AS_DO_SAYS, kw_only=True)
+    otherwise: Otherwise | None = field(default=_FROM_DO, kw_only=True)
 
     def __post_init__(self) -> None:
         _RECOVERY.branch("do", self.do)
         if not takes(self.do, 1):
             name = written(self.do)
-            message = f"{name} cannot be called with the failure; a recovery function takes it, and nothing else"
+            message = f"{name} does not take the failure; a recovery function has the failure as its only parameter"
             right = _DECIDES.replace("do(", f"{name}(" if name.isidentifier() else "do(")
             raise WrongType(contrast(message, _RECOVERY.shown("do", name), right))
-        if self.otherwise is _AS_DO_SAYS:
+        if self.otherwise is _FROM_DO:
             object.__setattr__(self, "otherwise", getattr(self.do, "otherwise", None))
         for kind in self.on if isinstance(self.on, tuple) else (self.on,):
             if not (isinstance(kind, type) and issubclass(kind, PlanFailure)):
@@ -133,12 +133,12 @@ def _values(key: str, make: Callable[[], Iterable[Any]]) -> Iterator[Any]:
     values = make()
     if not is_iterable(values):
         code = written(values)
-        raise _RECOVERY.wrong("alternatives", {key: make}, f"{_ALTERNATIVES}; {key!r} gave {code}")
+        raise _RECOVERY.wrong("alternatives", {key: make}, f"{_ALTERNATIVES}; {key!r} returned {code}")
     return iter(values)
 
 
 class _Entry:
-    """One recovery during one entry of with_failure_handling."""
+    """State of a recovery during one execution of with_failure_handling."""
 
     def __init__(self, recovery: Recovery) -> None:
         self.recovery = recovery
@@ -157,21 +157,21 @@ class _Entry:
         self.late = True
 
     def next_values(self) -> dict[str, Any] | None:
-        """Return the next value of each alternative, or None when one of them has no more."""
-        found: dict[str, Any] = {}
+        """Take the next value of each alternative; None if one of them is exhausted."""
+        chosen: dict[str, Any] = {}
         for key, values in self.values.items():
             try:
-                found[key] = next(values)
+                chosen[key] = next(values)
             except StopIteration:
                 return None
-        return found
+        return chosen
 
 
 async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: Recovery) -> V:
-    """Run a body; a failure is handled by the first recovery, in textual order, that is for its class.
+    """Run a body; the first recovery, in textual order, that matches the class of a failure handles it.
 
-    The counters are per entry, so the body runs at most 1 + sum of all ``attempts`` times. What ``do`` raises goes
-    outward, with the failure as its cause.
+    Attempts are counted anew in each execution, so the body runs at most 1 + sum of all ``attempts`` times. A failure
+    of ``do`` propagates to the caller, with the original failure as its cause.
     """
     _WITH_FAILURE_HANDLING.branch("body", body)
     for recovery in recoveries:
@@ -181,25 +181,25 @@ async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: 
 
 
 def recovering(body: Callable[[], Awaitable[V]], recoveries: tuple[Recovery, ...]) -> Awaitable[V]:
-    """Run a body, with recoveries if there are any: what the recoveries of other constructs stand for."""
+    """Run a body with the recoveries, if any, that another construct was given."""
     if not recoveries:
         return called(body)  # type: ignore[no-any-return]
     return with_failure_handling(body, *recoveries)
 
 
 def recoveries_of(usage: Usage, recoveries: Iterable[Recovery]) -> tuple[Recovery, ...]:
-    """Return what a construct was given as ``recoveries``; raises for what is none, and for alternatives."""
+    """Check the argument ``recoveries`` of a construct; raises WrongType, or WrongValue for alternatives."""
     usage.iterable("recoveries", recoveries, _RECOVERIES)
-    found = tuple(recoveries)
-    for recovery in found:
+    checked = tuple(recoveries)
+    for recovery in checked:
         if not isinstance(recovery, Recovery):
             raise usage.wrong("recoveries", [recovery], _RECOVERIES)
         _check_keywords(usage, recovery, usage.shown("recoveries", "[Recovery(..., alternatives=...)]"))
-    return found
+    return checked
 
 
-def check_further(usage: Usage, recoveries: Iterable[Recovery]) -> None:
-    """Refuse what a construct was given after its body if that is no recovery, or has alternatives."""
+def check_recoveries(usage: Usage, recoveries: Iterable[Recovery]) -> None:
+    """Check the recoveries after the body of a construct; raises WrongType, or WrongValue for alternatives."""
     for recovery in recoveries:
         usage.instance("recovery", recovery, Recovery, "a Recovery")
         _check_keywords(usage, recovery, usage.shown("recovery", "Recovery(..., alternatives=...)"))
@@ -207,7 +207,7 @@ def check_further(usage: Usage, recoveries: Iterable[Recovery]) -> None:
 
 def _check_keywords(usage: Usage, recovery: Recovery, wrong: str) -> None:
     if recovery.alternatives is not None:
-        message = f"alternatives are keywords of a body, which {usage.name} calls without any"
+        message = f"alternatives are keyword arguments of a body, and {usage.name} passes none to its body"
         raise WrongValue(contrast(message, wrong, "await with_failure_handling(body, Recovery(..., alternatives=...))"))
 
 
@@ -240,13 +240,13 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
         if evaporating():
             record("recovery", decision="evaporated", failure=failure)
             raise failure
-        decided = await _recover(failure, entries, keywords)
-        if isinstance(decided, Return):
-            return decided.value
+        decision = await _recover(failure, entries, keywords)
+        if isinstance(decision, Return):
+            return decision.value
 
 
 async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[str, Any]) -> Return[Any] | None:
-    """Return the value to leave the construct with, or None when the body shall run again."""
+    """Handle a failure; None if the body is to run again, else the result of the construct."""
     number = next((n for n, entry in enumerate(entries) if matches(failure, entry.recovery.on)), None)
     if number is None:
         record("recovery", decision="none", failure=failure)
@@ -259,7 +259,7 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         return _otherwise(recovery.otherwise, failure)
     entry.used += 1
     try:
-        decision = await _asked(recovery, failure)
+        decision = await _call_do(recovery, failure)
     except PlanFailure as raised:
         record("recovery", recovery=number, decision="failed", used=entry.used, failure=raised)
         if raised is not failure and raised.__cause__ is None:
@@ -272,23 +272,23 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         record("recovery", recovery=number, decision="propagate", used=entry.used, failure=failure)
         raise failure
     if decision is not RETRY:
-        message = f"the recovery for {type(failure).__name__} returned {written(decision)}; it has to return "
+        message = f"the recovery for {type(failure).__name__} returned {written(decision)}; it must return "
         raise WrongType(contrast(f"{message}RETRY, PROPAGATE or Return(value)", "async def do(failure): ...", _DECIDES))
     record("recovery", recovery=number, decision="retry", used=entry.used, failure=failure)
-    if evaporating():  # ``do`` has swallowed its evaporation
+    if evaporating():  # do() has swallowed Evaporated
         raise failure
     await take_attempt("with_failure_handling")
     keywords.update(values)
     return None
 
 
-def _asked(recovery: Recovery, failure: PlanFailure) -> Awaitable[RecoveryResult]:
-    asked = recovery.do(failure)
-    if hasattr(asked, "__await__"):
-        return asked
+def _call_do(recovery: Recovery, failure: PlanFailure) -> Awaitable[RecoveryResult]:
+    result = recovery.do(failure)
+    if hasattr(result, "__await__"):
+        return result
     name = type(failure).__name__
-    code = asked.name if isinstance(asked, _Decision) else written(asked)
-    message = f"do of the Recovery for {name} returned {code} at once; do is a function written with async def"
+    code = result.name if isinstance(result, _Decision) else written(result)
+    message = f"do of the Recovery for {name} returned {code} without being async; write it with async def"
     raise WrongType(contrast(message, _RECOVERY.shown("do", written(recovery.do)), _DECIDES))
 
 
@@ -300,26 +300,26 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
     make: Callable[[PlanFailure], PlanFailure] = getattr(otherwise, "caused_by", otherwise)
     raised = make(failure)
     if not isinstance(raised, PlanFailure):
-        message = f"otherwise gave {written(raised)}; what is raised instead of a failure is a plan failure"
+        message = f"otherwise returned {written(raised)}; it must return a plan failure"
         wrong = _RECOVERY.shown("otherwise", "lambda failure: None")
         raise WrongType(contrast(message, wrong, _RECOVERY.shown("otherwise"))) from failure
     raise raised from failure
 
 
 def explain(failure: BaseException) -> str:
-    """Return several lines: the failure, where in the plan, what it was raised from, what else failed with it.
+    """Format a failure in several lines: where it arose in the plan, its causes, and its simultaneous failures.
 
-    The first line also says why a location could not be found, if that is what it was raised from.
-    What was raised again and again on its way outward is stated once.
+    If the cause is a location that could not be found, the first line says why. A failure that was raised again on its
+    way to the caller is listed once.
     """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
     lines: list[str] = []
     links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
-    stated = list({(type(link), str(link)): link for link in reversed(links)}.values())[::-1]
-    for number, link in enumerate(stated):
+    distinct = list({(type(link), str(link)): link for link in reversed(links)}.values())[::-1]
+    for number, link in enumerate(distinct):
         lead = "" if number == 0 else "because of "
         lines.extend(_explain_one(link, lead, "  " * number))
-    reasons = (link.because() for link in stated[1:] if isinstance(link, LocationUnresolvable))
+    reasons = (link.because() for link in distinct[1:] if isinstance(link, LocationUnresolvable))
     if sentence := next(filter(None, reasons), ""):
         lines[0] += f"; {sentence}"
     return "\n".join(lines)
@@ -342,15 +342,15 @@ def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:
 
 
 def matches(failure: BaseException, kinds: type[PlanFailure] | tuple[type[PlanFailure], ...]) -> bool:
-    """Return True if a failure is of a kind; a composite one is if it has members and every leaf is."""
+    """Check whether a failure belongs to one of the classes; a composite failure does if all its leaves do."""
     if isinstance(failure, kinds):
         return True
-    open_: list[BaseException] = [failure]
-    while open_:
-        one = open_.pop()
-        if isinstance(one, kinds):
+    pending: list[BaseException] = [failure]
+    while pending:
+        member = pending.pop()
+        if isinstance(member, kinds):
             continue
-        if not isinstance(one, CompositeFailure) or not one.failures:
+        if not isinstance(member, CompositeFailure) or not member.failures:
             return False
-        open_.extend(one.failures)
+        pending.extend(member.failures)
     return True

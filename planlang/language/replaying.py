@@ -1,8 +1,8 @@
-"""Replaying a run from its trace: the plan decides anew, on the inputs that it was given before.
+"""Replay of a run from its trace: the plan is executed again on its recorded inputs.
 
-Nothing moves and no time passes: what the executive answered, what process modules did and returned, what the world
-was read to be and what calls in threads gave is taken from the trace. The first record that the plan does not write
-again is where it would now do something else.
+Nothing moves and no real time passes: the answers of the executive, the results of process modules, the values of world
+fluents and the results of calls in threads come from the trace. The first record that the plan does not write again
+shows where it would act differently now.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from planlang.runs.replay_check import RecordedOrder, ReplayCheck, ReplayHost, R
 
 @dataclass(frozen=True)
 class Replay:
-    """The result of a replay. ``lines``: how many records were repeated, of ``of``."""
+    """Result of a replay: ``lines`` of the ``of`` records were repeated."""
 
     difference: Different | None
     lines: int
     of: int
     outcome: str | None
-    """The outcome of the recorded run; None if the record ends before."""
+    """Outcome of the recorded run; None if the trace ends before the plan."""
 
     @property
     def equal(self) -> bool:
-        """True if all that is recorded was repeated."""
+        """True if all records were repeated."""
         return self.difference is None
 
     def __str__(self) -> str:
         if self.difference is None:
-            end = "" if self.outcome is not None else ", where the record ends before the plan does"
+            end = "" if self.outcome is not None else ", and the trace ends before the plan"
             return f"equal to the end: {self.of} lines{end}"
         return str(self.difference)
 
@@ -54,19 +54,21 @@ _REPLAY = Usage("replay", {"plan": "serve", "recorded": "recorded"})
 
 
 def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
-    """Run a plan on what is recorded of an earlier run of it, and compare; stops at the first difference.
+    """Run a plan on the recorded inputs of an earlier run, and compare them up to the first difference.
 
-    Raises ValueError when such a run cannot be replayed: it was not ``resumable``, or in real time.
+    Raises ValueError if the run cannot be replayed: it was not ``resumable``, or it was in real time.
     """
     _REPLAY.branch("plan", plan)
     header = recorded.header
     rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
     if header.get("resumable") is not True:
-        raise ValueError("the trace has not the plan's inputs: it was not written with resumable=True")
+        raise ValueError("the trace does not contain the plan's inputs: it was not written with resumable=True")
     if header.get("real_time"):
-        raise ValueError("a run in real time can be resumed, not replayed: what threads did to it is not in its trace")
+        raise ValueError(
+            "a run in real time can be resumed, but not replayed: its trace does not contain the actions of threads"
+        )
     if type(rate) is not int or type(seed) is not int:
-        raise ValueError("the header of the trace does not tell rate and seed")
+        raise ValueError("the header of the trace has no rate and seed")
     trace = ReplayCheck(recorded)
     order = RecordedOrder(trace, all_=schedule is not None)
     scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, choice=order, observer=trace)
@@ -80,7 +82,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
         if line is not None and line.event != "drained":
             trace.differ(f"nothing: {error}")
         trace.over = True
-    except (ReplayOver, KeyboardInterrupt, Exception):  # what the plan ends with is in its records
+    except (ReplayOver, KeyboardInterrupt, Exception):  # the outcome of the plan is compared in its records
         pass
     if not trace.over and trace.next() is not None:
         trace.differ("nothing: the plan has ended")
@@ -90,7 +92,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
 
 
 class _ReplayedExecutive(RecordedExecutive):
-    """Answers what was recorded; there is no executive behind it that could be asked."""
+    """Executive that only has recorded answers."""
 
     def __init__(self, trace: ReplayCheck, order: RecordedOrder) -> None:
         super().__init__(cast(Executive, None), trace)
@@ -99,33 +101,33 @@ class _ReplayedExecutive(RecordedExecutive):
 
     @property
     def modules(self) -> Sequence[_ReplayedModule]:
-        """Process modules of the names that were there."""
+        """Stand-ins for the recorded process modules."""
         return [
             _ReplayedModule(str(name), tuple(actions), tuple(map(failure_class, failures)), self._trace, self._order)
             for name, actions, failures in self._trace.answer("modules", _nothing)
         ]
 
-    # Of an action that was not performed then, two questions have no recorded answer. That it begins is the difference
-    # to be reported, so they are answered somehow.
+    # For an action that was not performed before, these two questions have no recorded answer. Any answer will do, as
+    # the start of that action is the difference to report.
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return what was recorded, or else the class itself."""
+        """The recorded superclasses, by default only the class itself."""
         return super().ancestors(action_type) if self._trace.knows(f"ancestors of {action_type}") else (action_type,)
 
     def releases(self, action: Action) -> bool:
-        """Return what was recorded, or else False."""
+        """The recorded answer, by default False."""
         return self._trace.knows(f"{action} releases") and super().releases(action)
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Write nothing: events of the executive are not compared."""
+        """Write nothing, as events of the executive are not compared."""
 
 
 def _nothing() -> NoReturn:
-    raise NotImplementedError  # a replay asks nobody
+    raise NotImplementedError  # a replay uses recorded answers only
 
 
 class _ReplayedModule:
-    """A process module that does again what is recorded of a request: takes its time, its resources, and ends so."""
+    """Process module that repeats a recorded request, with its duration, resources and result."""
 
     physical = by_hand = once = False
 
@@ -141,17 +143,17 @@ class _ReplayedModule:
         self._trace, self._order = trace, order
 
     def performs(self, action: Action) -> bool:
-        """Return what was recorded, True if nobody asked."""
+        """The recorded answer, by default True."""
         question = f"{self.name} performs {action}"
         return bool(self._trace.answer(question, _nothing)) if self._trace.knows(question) else True
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return what was recorded."""
+        """The recorded resources, by default none."""
         question = f"resources of {self.name} for {action}"
         return tuple(self._trace.answer(question, _nothing)) if self._trace.knows(question) else ()
 
     async def execute(self, action: Action) -> Any:
-        """Let pass what is recorded inside of the request; then its result or failure."""
+        """Repeat the records inside the request, then return its result or raise its failure."""
         trace = self._trace
         _, task = here()
         path = task.path
@@ -162,7 +164,7 @@ class _ReplayedModule:
         try:
             await work.do(inside)
             while end is None or trace.lines[end].event != "performed":
-                await park("its evaporation, or what is not recorded")
+                await park("its evaporation")
             await trace.turn(end)
         except Evaporated:
             with shield(), suppress(ReplayOver):
@@ -176,15 +178,15 @@ class _ReplayedModule:
 
 
 class _Work:
-    """Replay of a request, record by record."""
+    """Replay of the records inside a request."""
 
     def __init__(self, trace: ReplayCheck) -> None:
         self._trace = trace
         self._leases: dict[tuple[str | None, tuple[str, ...]], Lease] = {}
-        self._begun: dict[str | None, int] = {}
+        self._start_steps: dict[str | None, int] = {}
 
     async def do(self, inside: list[int]) -> None:
-        """Go through the records at these places, each in its turn; done ones are taken off."""
+        """Repeat the records at these places, each in its turn, and remove them from the list."""
         trace = self._trace
         while inside:
             place = inside[0]
@@ -194,40 +196,40 @@ class _Work:
             trace.take()
             if line.event == "acquired":
                 await self._acquire(line)
-            elif line.event == "released" and (lease := self._leases.pop(_leased(line), None)) is not None:
+            elif line.event == "released" and (lease := self._leases.pop(_lease_key(line), None)) is not None:
                 self._arbiter.release(lease)
             elif line.record.get("kind") == "perform":
                 if line.event == "started":
-                    self._begun[line.path] = line.step
+                    self._start_steps[line.path] = line.step
                 else:
                     name = str(line.record.get("name")).partition("#")[0]
-                    charge("spent", name, line.step - self._begun.get(line.path, line.step))
+                    charge("spent", name, line.step - self._start_steps.get(line.path, line.step))
 
     async def _acquire(self, line: Line) -> None:
         scheduler, task = here()
         self._arbiter = scheduler.service(Arbiter)
-        lease = Lease(self._arbiter, scheduler, task, _leased(line)[1], holding())
+        lease = Lease(self._arbiter, scheduler, task, _lease_key(line)[1], holding())
         await self._arbiter.acquire(lease)
-        self._leases[_leased(line)] = lease
+        self._leases[_lease_key(line)] = lease
 
     def release(self) -> None:
-        """Give back what is still held."""
+        """Release the resources that are still held."""
         for lease in self._leases.values():
             self._arbiter.release(lease)
         self._leases.clear()
 
 
-def _leased(line: Line) -> tuple[str | None, tuple[str, ...]]:
+def _lease_key(line: Line) -> tuple[str | None, tuple[str, ...]]:
     return line.path, tuple(map(str, line.record.get("resources", ())))
 
 
 def _request(trace: ReplayCheck, path: str) -> tuple[list[int], int | None]:
-    """Return the places of the records in a request that begins here, and of its end; None if it is not recorded."""
+    """Find the indices of the records inside a request that begins here, and of its end; None if it has no end."""
     inside: list[int] = []
     below = f"{path}/"
     held = 0
     first = trace.place
-    while first and trace.lines[first - 1].event in BOOKKEEPING:  # of the request, and passed by already
+    while first and trace.lines[first - 1].event in BOOKKEEPING:  # records of the request that the check has skipped
         first -= 1
     for place in range(first, len(trace.lines)):
         line = trace.lines[place]
@@ -243,16 +245,16 @@ def _request(trace: ReplayCheck, path: str) -> tuple[list[int], int | None]:
 
 
 def _cut_short(trace: ReplayCheck, inside: list[int]) -> list[int]:
-    """Take from the places what evaporation of the request has brought about; it comes when that does."""
+    """Split off the records that the evaporation of the request has caused, which are repeated at its evaporation."""
     evaporated = {
         trace.lines[place].path: trace.lines[place].step
         for place in inside
         if trace.lines[place].record.get("status") == "evaporated"
     }
-    when = max(evaporated.values(), default=None)
+    last_step = max(evaporated.values(), default=None)
     for number, place in enumerate(inside):
         line = trace.lines[place]
-        if line.step == when and line.event in ("released", "ended") and evaporated.get(line.path) == when:
+        if line.event in ("released", "ended") and line.step == last_step == evaporated.get(line.path):
             ending = inside[number:]
             del inside[number:]
             return ending
@@ -260,7 +262,7 @@ def _cut_short(trace: ReplayCheck, inside: list[int]) -> list[int]:
 
 
 def _after(trace: ReplayCheck, path: str) -> int:
-    """Return the place of the record with which a request gives back its resources."""
+    """Index of the record with which a request releases its resources."""
     for place in range(trace.place, len(trace.lines)):
         line = trace.lines[place]
         if line.path == path and line.event in ("released", "ended"):
@@ -269,6 +271,6 @@ def _after(trace: ReplayCheck, path: str) -> int:
 
 
 def _shown_result(trace: ReplayCheck, line: Line) -> Any:
-    """Return what the records tell of a result that did not survive JSON."""
+    """Result in the record of the end, for one that could not be stored."""
     ends = [later for later in trace.lines[trace.place :] if later.path == line.path and later.event == "ended"]
     return ends[0].record.get("result") if ends else None

@@ -1,7 +1,7 @@
-"""Resources: what only one part of a plan may have at a time, granted in order of asking.
+"""Resources: exclusive use of parts of the robot, granted first come, first served.
 
-A resource held by a part of the plan can be asked for again inside that part; what runs side by side inside it takes
-turns there. So a scope may hold the base while the steps in it, one at a time, move it.
+A part of a plan that holds a resource may lend it to requests inside itself, which take turns. So a scope can hold the
+base while the steps in it move it one at a time.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class _Lock:
 
 
 class Lease(Wait):
-    """A request for resources, and what was granted: all at once or nothing."""
+    """A request for resources, which are granted all at once."""
 
     def __init__(
         self, arbiter: Arbiter, scheduler: Scheduler, task: Task, names: tuple[str, ...], outer: Lease | None
@@ -39,20 +39,20 @@ class Lease(Wait):
         self.locks = [arbiter.lock(name, outer) for name in self.names]
         self.granted = False
         self.touched: set[str] = set()
-        """Resources of this lease that were granted again inside."""
+        """Resources of this lease that were lent to requests inside it."""
         self._arbiter = arbiter
         self.scheduler = scheduler
         self.task = task
 
-    def around(self) -> Iterator[Lease]:
-        """Yield the leases inside of which this one was asked for, the innermost first."""
+    def enclosing(self) -> Iterator[Lease]:
+        """Yield the enclosing leases, innermost first."""
         outer = self.outer
         while outer is not None:
             yield outer
             outer = outer.outer
 
     def recheck(self) -> None:
-        """Take the turn, if it is this one's and it is no longer held."""
+        """Grant what has become possible, as the task of this lease is no longer held."""
         self._arbiter.grant()
 
     def __str__(self) -> str:
@@ -61,14 +61,14 @@ class Lease(Wait):
 
 
 class Arbiter:
-    """Grants resources first come, first served; a request never waits for one that asked later."""
+    """Grants resources first come, first served; a request never waits for a later one."""
 
     def __init__(self) -> None:
         self._locks: dict[str, _Lock] = {}
         self._waiting: dict[Lease, None] = {}
 
     def lock(self, name: str, outer: Lease | None) -> _Lock:
-        """Return the lock of a resource as seen from inside ``outer``."""
+        """Find the lock of a resource for a request inside ``outer``."""
         while outer is not None:
             if name in outer.inner:
                 return outer.inner[name]
@@ -92,17 +92,17 @@ class Arbiter:
             raise
 
     def grant(self) -> None:
-        """Grant what is free to those who wait, in order; tasks that are held do not get a turn.
+        """Grant free resources to waiting requests, in order; requests of held tasks are passed over.
 
-        A request does not wait for an earlier one that itself waits for a lease around this request: that lease ends
-        only after it.
+        A request does not wait for an earlier one that waits for a lease around this request, as that lease ends only
+        after this request.
         """
-        earlier: dict[_Lock, list[set[Lease]]] = {}  # of each request that goes on waiting, the leases it waits for
+        earlier: dict[_Lock, list[set[Lease]]] = {}  # leases that each earlier request still waits for
         for lease in tuple(self._waiting):
             if lease.task.holds:
                 continue
-            around = set(lease.around())
-            ahead = [needs for lock in lease.locks for needs in earlier.get(lock, ()) if around.isdisjoint(needs)]
+            enclosing = set(lease.enclosing())
+            ahead = [needs for lock in lease.locks for needs in earlier.get(lock, ()) if enclosing.isdisjoint(needs)]
             needs = {lock.holder for lock in lease.locks if lock.holder is not None}
             if not needs and not ahead:
                 del self._waiting[lease]
@@ -116,7 +116,7 @@ class Arbiter:
                     earlier.setdefault(lock, []).append(needs.union(*ahead))
 
     def release(self, lease: Lease) -> None:
-        """Give back, and let others have their turn."""
+        """Release the resources of a lease and grant them to waiting requests."""
         for lock in lease.locks:
             lock.holder = None
         self.grant()
@@ -129,11 +129,11 @@ _USING = Usage("async with using", {"name": '"left_arm"'})
 
 
 class using:  # noqa: N801 - used like a function: async with using("left_arm", "base")
-    """``async with using("left_arm", "base") as lease:`` holds resources until the block ends, evaporation included.
+    """``async with using("left_arm", "base") as lease:`` holds resources until the block ends in any way.
 
-    They are granted all at once, first come, first served, so that statements which name all they need cannot block
-    each other. Two that ask for more inside, in opposite order, can: DeadlockError says who waits for what, and who
-    has it.
+    They are granted all at once, first come, first served, so that blocks that name all their resources cannot deadlock
+    with each other. Nested blocks that request resources in opposite order can: DeadlockError lists who waits for which
+    resource, and who holds it.
     """
 
     def __init__(self, *names: str) -> None:
@@ -160,11 +160,11 @@ class using:  # noqa: N801 - used like a function: async with using("left_arm", 
 
 
 def holding() -> Lease | None:
-    """Return the innermost lease of the running task."""
+    """Innermost lease of the running task."""
     return _lease.get()
 
 
 def _touch(lease: Lease, name: str) -> None:
-    for outer in lease.around():
+    for outer in lease.enclosing():
         if name in outer.inner:
             outer.touched.add(name)

@@ -1,4 +1,4 @@
-"""run: a plan, on a host, with an executive, to its end."""
+"""run: executes a plan on a host, with an executive."""
 
 from __future__ import annotations
 
@@ -40,18 +40,18 @@ RUN = Usage(
 )
 SCHEDULE = "None for first come, first served, the number >= 0 of a random stream, or a list of choices"
 PARTS = ("modules", "ancestors", "revision", "record")
-"""Parts that every executive has; the others are for plans that use locations or conditions."""
+"""Attributes that every executive has; the others are needed only for locations and conditions."""
 
 
 def _for_plan_authors(function: Callable[P, V]) -> Callable[P, V]:
-    """Ask for the host, and keep planlang's own frames out of the traceback of what leaves the run."""
+    """Report a missing host, and remove planlang's own frames from the tracebacks of exceptions."""
 
     @functools.wraps(function)
     def run(*arguments: P.args, **named: P.kwargs) -> V:
         try:
             if "host" not in named:
                 plan = written(arguments[0]) if arguments else "serve"
-                message = "run needs a host, which lets plan time pass"
+                message = "run needs a host, which advances plan time"
                 raise WrongType(contrast(message, f"run({plan})", f"run({plan}, host=VirtualHost())"))
             return function(*arguments, **named)
         except BaseException as error:
@@ -77,18 +77,18 @@ def run(
 ) -> V:
     """Run a plan and return its result.
 
-    ``seed`` feeds :func:`planlang.rng`; ``schedule`` picks among tasks that can run: None is first come, first
-    served, a number a stream of random choices, a list the choices themselves. The same plan, world, seed and
-    schedule give the same trace, byte for byte. ``on_start`` is called in its task when a node of the tree begins;
-    what it raises is what the node fails with.
+    ``seed`` seeds :func:`planlang.rng`. ``schedule`` orders the tasks that can run: None is first come, first served, a
+    number seeds random choices, a list contains the choices. Equal plan, world, seed and schedule give equal traces,
+    byte for byte. ``on_start`` is called, in the task, when a node of the tree begins; if it raises, the node fails
+    with that error.
 
-    ``resumable``: the trace notes each step of the top-level plan that has completed, with its result and the state
-    in which the executive has left the world, so that the run can be resumed. ``resume`` is such a trace's past: its
-    completed steps give their recorded results instead of running, and plan time goes on where it stood; the trace
-    begins with what the past keeps. The world has to be as it was left: see ``planlang.runs.restore``.
+    With ``resumable`` the trace stores each completed step of the top-level plan, with its result and the state of the
+    world after it, so that the run can be resumed. ``resume`` is the past of such a trace: completed steps return their
+    recorded results instead of running, plan time continues from there, and the new trace begins with the records of
+    the past. The world must be in the recorded state: see ``planlang.runs.restore``.
 
-    Raises what leaves the plan; DeadlockError, StepLimit, NoProgress or StuckTask when it cannot go on, with the
-    tasks and lines; KeyboardInterrupt after Ctrl-C, when all cleanups have run.
+    Raises the failure or error of the plan; DeadlockError, StepLimit, NoProgress or StuckTask, with tasks and lines, if
+    it cannot continue; KeyboardInterrupt after Ctrl-C, when all cleanups have run.
     """
     RUN.branch("plan", plan)
     for part in ("rate", "jumps", "advance"):
@@ -100,7 +100,7 @@ def run(
     _check(executive, trace, on_start)
     RUN.instance("resumable", resumable, bool, "True or False")
     if resume is not None:
-        RUN.instance("resume", resume, Past, "what an earlier run left")
+        RUN.instance("resume", resume, Past, "the past of an earlier run")
     scheduler = Scheduler(host, seed=seed, choice=source_of(schedule), observer=trace, max_steps=max_steps)
     scheduler.on_start = on_start
     header = known(plan, host, seed, schedule)
@@ -118,13 +118,13 @@ def run(
     recording = None
     if executive is not None:
         recording = RecordedExecutive(executive, journal)
-        recording.modules  # noqa: B018 - the first answer of a run: by it a replay tells that there was an executive
+        recording.modules  # noqa: B018 - recorded as the first answer, so that a replay knows of the executive
     try:
         result: V = _inside(scheduler, plan, recording)
     except PlanStructureError:
         raise
     except Exception:
-        journal.check_repeated()  # a plan that fails since it does something else fails for that
+        journal.check_repeated()  # a deviation from the record is a better explanation than the error that it caused
         raise
     journal.check_repeated()
     return result
@@ -135,18 +135,18 @@ def _inside(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive:
 
 
 def _schedule(schedule: Any) -> Schedule:
-    """Return a schedule, a number of whatever class as int; raises WrongType or WrongValue for what is none."""
+    """Check a schedule and convert numbers of any integer type to int; raises WrongType or WrongValue."""
     number = whole_number(schedule)
     if number is not None and number < 0:
         raise RUN.wrong("schedule", schedule, SCHEDULE, WrongValue)
-    known = schedule is None or isinstance(schedule, Sequence) or hasattr(schedule, "choose")
-    if number is None and (isinstance(schedule, (str, type)) or not known):
+    is_valid = schedule is None or isinstance(schedule, Sequence) or hasattr(schedule, "choose")
+    if number is None and (isinstance(schedule, (str, type)) or not is_valid):
         raise RUN.wrong("schedule", schedule, SCHEDULE)
     return schedule if number is None else number
 
 
 def _check(executive: object, trace: object, on_start: object) -> None:
-    """Refuse what cannot be meant by these arguments of :func:`run`."""
+    """Check the types of arguments of :func:`run`."""
     for part in PARTS if executive is not None else ():
         if isinstance(executive, type) or not hasattr(executive, part):
             raise RUN.wrong("executive", executive, "an executive: a robot's, or a scripted one")
@@ -157,7 +157,7 @@ def _check(executive: object, trace: object, on_start: object) -> None:
 
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
-    """Return the header of a run's trace."""
+    """Header of a run's trace."""
     marked = plan
     while isinstance(marked, functools.partial):
         marked = marked.func
@@ -167,7 +167,7 @@ def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: S
 
 
 def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executive: Executive | None) -> Any:
-    """Run a plan with what surrounds it; for a context of its own."""
+    """Run a plan with its executive and top-level frame; call it in a context of its own."""
     current.set(executive)
     frame.set(Frame(None))
     if executive is not None:

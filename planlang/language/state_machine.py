@@ -1,4 +1,4 @@
-"""state_machine: recipes with states and loops."""
+"""state_machine: states, transitions and loops."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from planlang.language.recovery import matches
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, written
 
 Outcome = str | Enum
-"""The result of a state, which chooses the next one."""
+"""The result of a state, which selects the next state."""
 Case = Outcome | type[PlanFailure]
 _STATE_MACHINE = Usage(
     "await state_machine",
@@ -40,15 +40,15 @@ async def state_machine(
     *,
     name: str | None = None,
 ) -> Any:
-    """Run states one after another until an end state has run; returns what that one returned.
+    """Run one state after another up to an end state; return the result of the end state.
 
     A state is a branch that returns its outcome, a string or an Enum member; end states may return anything.
-    ``transitions`` maps (state, outcome) and (state, failure class) to the next state. A failure takes the first case
-    of its state, in textual order, that is for its class; without one it goes outward as itself. ``max_visits``
-    bounds the visits of each state: one more is BudgetExceeded.
+    ``transitions`` maps (state, outcome) and (state, failure class) to the next state. A failure takes the first
+    transition of its state, in textual order, that matches its class; without one it propagates to the caller.
+    ``max_visits`` limits the visits of each state: one more raises BudgetExceeded.
 
-    Raises TransitionMissing for an outcome without a case; ValueError, before anything starts, for a state that is
-    not in ``states`` and for an end state to which no transitions lead.
+    Raises TransitionMissing for an outcome without a transition; ValueError, before any state starts, for a state that
+    is not in ``states`` and for an end state that cannot be reached.
     """
     _STATE_MACHINE.mapping("states", states, "branches")
     _STATE_MACHINE.instance("transitions", transitions, Mapping, "a mapping (state, outcome) -> next state")
@@ -103,7 +103,7 @@ async def _visit(
 
 def _after(cases: Mapping[Case, str], state: str, outcome: object) -> str:
     if not isinstance(outcome, (str, Enum)):
-        message = f"state {state!r} returned {outcome!r}; a state returns its outcome, a string or an Enum member"
+        message = f"state {state!r} returned {outcome!r}; it must return its outcome, a string or an Enum member"
         raise WrongType(contrast(message, "async def look(): ...", 'async def look(): ...; return "found"'))
     target = cases.get(outcome)
     if target is None:
@@ -118,36 +118,35 @@ def _after_failure(cases: Mapping[Case, str], failure: PlanFailure) -> str | Non
 def _cases(
     states: Mapping[str, Branch], transitions: Transitions, start: str, ends: tuple[str, ...]
 ) -> dict[str, dict[Case, str]]:
-    """Return the cases of each state; raises WrongValue for transitions that cannot work."""
-    known = f"states: {', '.join(states)}"
+    """Group the transitions by state; raises WrongValue for transitions that cannot work."""
+    listed = f"states: {', '.join(states)}"
     if not ends:
         raise _STATE_MACHINE.refused("end", "a state machine needs an end state", ends)
-    for role, state in (("start", start), *(("end", one) for one in ends)):
+    for role, state in (("start", start), *(("end", end) for end in ends)):
         if not isinstance(state, str) or state not in states:
-            raise _STATE_MACHINE.refused(role, f"no {role} state {written(state)}; {known}", state)
+            raise _STATE_MACHINE.refused(role, f"no {role} state {written(state)}; {listed}", state)
     cases: dict[str, dict[Case, str]] = {state: {} for state in states}
     for key, target in transitions.items():
         if not isinstance(key, tuple) or len(key) != 2:
-            raise _refused(transitions, f"a transition is for a state and an outcome, not for {written(key)}; {known}")
+            message = f"the key of a transition must be (state, outcome), not {written(key)}; {listed}"
+            raise _refused(transitions, message)
         state, case = key
         text = f"transition ({_word(state)}, {_word(case)}) -> {_word(target)}"
-        for one in (state, target):
-            if not isinstance(one, str) or one not in states:
-                raise _refused(transitions, f"{text}: no state {written(one)}; {known}")
+        for name in (state, target):
+            if not isinstance(name, str) or name not in states:
+                raise _refused(transitions, f"{text}: no state {written(name)}; {listed}")
         if isinstance(case, type):
             if not issubclass(case, PlanFailure):
-                raise _refused(
-                    transitions, f"{text}: a state can be left by plan failures, which {case.__name__} is not"
-                )
+                raise _refused(transitions, f"{text}: {case.__name__} is not a subclass of PlanFailure")
         elif not isinstance(case, (str, Enum)):
-            raise _refused(transitions, f"{text}: an outcome is a string or an Enum member")
+            raise _refused(transitions, f"{text}: an outcome must be a string or an Enum member")
         elif state in ends:
-            raise _refused(transitions, f"{text}: {state!r} is an end state, which is left by failures only")
+            raise _refused(transitions, f"{text}: {state!r} is an end state, which can be left by a failure only")
         cases[state][case] = target
-    entered = {*reached((start,), lambda state: cases[state].values())}
-    lost = [state for state in ends if state not in entered]
-    if lost:
-        text = f"no transitions lead from {start!r} to the end state {', '.join(map(repr, lost))}"
+    reachable = {*reached((start,), lambda state: cases[state].values())}
+    unreachable = [state for state in ends if state not in reachable]
+    if unreachable:
+        text = f"no transitions lead from {start!r} to the end state {', '.join(map(repr, unreachable))}"
         raise _refused(transitions, text)
     return cases
 

@@ -1,4 +1,4 @@
-"""The task tree of a run, read from its trace, and its exports: text, JSON Lines, dot, Mermaid."""
+"""Task tree of a run, read from its trace, with exports to text, JSON Lines, dot and Mermaid."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ _READ = Usage("TaskTree.read", {"path": '"run.jsonl"'})
 
 
 class TaskTree(RunTree):
-    """All nodes of a run; ``roots`` has one, the top-level plan."""
+    """Task tree of a run; ``roots`` contains the top-level plan."""
 
     @classmethod
     def of(cls, trace: Trace | Iterable[Mapping[str, Any]]) -> TaskTree:
-        """Return the tree of a trace that keeps its records, or of the records themselves.
+        """Build the tree of a trace in memory, or of its records.
 
-        Raises ValueError for a trace that was written to a file: read that with :meth:`read`.
+        Raises ValueError for a trace that was written to a file; use :meth:`read` for files.
         """
         if not isinstance(trace, Trace):
-            _OF.iterable("trace", trace, "a trace that keeps its records, or the records")
+            _OF.iterable("trace", trace, "a trace in memory, or its records")
             return cls(trace)
         if not trace.events:
             raise ValueError(
-                "this trace keeps no records\n"
+                "this trace has no records in memory\n"
                 '  wrong: TaskTree.of(Trace.at("run.jsonl"))\n'
                 '  right: TaskTree.read("run.jsonl"), or Trace() without a file'
             )
@@ -37,9 +37,9 @@ class TaskTree(RunTree):
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> TaskTree:
-        """Return the tree of a trace file; a last line that was cut off in a crash is left out.
+        """Read the tree of a trace file, without a last line that was cut off by a crash.
 
-        Raises ValueError, with file and line, for what is no trace.
+        Raises ValueError, with file and line, if the file is not a trace.
         """
         _READ.instance("path", path, (str, os.PathLike), "the path of a trace file")
         if path == "":
@@ -51,11 +51,11 @@ class TaskTree(RunTree):
 
     @cached_property
     def nodes(self) -> dict[str, TaskNode]:
-        """The nodes by path, in order of beginning."""
+        """The nodes by path, in order of their start."""
         return {node.path: node for node in self.numbered.values()}
 
     def __iter__(self) -> Iterator[TaskNode]:
-        """Yield the nodes from the root, children in order of beginning."""
+        """Yield the nodes from the root, children in order of their start."""
         stack = list(reversed(self.roots))
         while stack:
             node = stack.pop()
@@ -63,15 +63,15 @@ class TaskTree(RunTree):
             stack.extend(reversed(node.children))
 
     def __str__(self) -> str:
-        """Return the tree as indented text, a line per node: when and how it ran, and where a failure arose."""
+        """Format the tree as indented text, one line per node: start, duration, status, and where a failure arose."""
         return tree_of(self.roots)
 
     def json_lines(self) -> str:
-        """Return a JSON object per node, parents first: path, parent, kind, name, status, start, end [s], and more."""
+        """Export a JSON object per node, parents first: path, parent, kind, name, status, start, end [s], and more."""
         return "".join(json.dumps(node.record(), ensure_ascii=False) + "\n" for node in self)
 
     def dot(self) -> str:
-        """Return a graph for Graphviz's ``dot``; colour shows the status."""
+        """Export a graph for Graphviz's ``dot``; colours show the status."""
         numbers = {node: number for number, node in enumerate(self)}
         lines = ["digraph plan {", '  node [shape=box, style=filled, fontname="sans-serif"];']
         for node, number in numbers.items():
@@ -81,7 +81,7 @@ class TaskTree(RunTree):
         return "\n".join([*lines, "}", ""])
 
     def mermaid(self) -> str:
-        """Return a flowchart for Mermaid, as Markdown renderers show it; colour shows the status."""
+        """Export a flowchart for Mermaid, which Markdown renderers show; colours show the status."""
         numbers = {node: number for number, node in enumerate(self)}
         lines = ["flowchart TD"]
         lines += [f"  classDef {status} fill:{colour},color:#000" for status, colour in _COLOURS.items()]
@@ -93,14 +93,14 @@ class TaskTree(RunTree):
 
 
 def tree_of(nodes: Iterable[TaskNode]) -> str:
-    """Return the trees of the roots among some nodes as indented text: when and how each ran, and where it failed."""
+    """Format the trees of the root nodes among ``nodes`` as indented text, see :meth:`TaskTree.__str__`."""
     lines: list[str] = []
     stack = [(node, 0) for node in reversed([*nodes]) if node.parent is None]
     while stack:
         node, depth = stack.pop()
         children = node.children
         if node.kind == "perform" and len(children) == 1 and children[0].kind == "branch":
-            children = children[0].children  # the module's own node adds nothing
+            children = children[0].children  # skip the node of the module, which adds no information
         arose_below = bool(node.reason) and any(child.reason == node.reason for child in children)
         text = node.summary().split(" with ", 1)[0] if arose_below else node.summary()
         lines.append(f"{'  ' * depth}{_title(node)}: {text}")
@@ -120,7 +120,7 @@ _COLOURS = {"succeeded": "#c8e6c9", "failed": "#ffcdd2", "evaporated": "#e0e0e0"
 
 
 def _lines(node: TaskNode) -> Iterator[str]:
-    """Yield the lines of a node's label."""
+    """Yield the lines of the label of a node."""
     yield node.name if node.kind in ("branch", node.name.partition("#")[0]) else f"{node.kind} {node.name}"
     if node.start is None:
         yield f"{node.status}, never begun"
@@ -135,7 +135,7 @@ def _dot_text(text: str) -> str:
 
 
 def _mermaid_text(text: str) -> str:
-    """Return a text with numeric entities for all but letters, digits, and signs without meaning in Mermaid."""
+    """Escape all characters but letters, digits and those without meaning in Mermaid as numeric entities."""
     return "".join(
-        one if one.isalnum() or one in " _-.,:/()" else "<br>" if one == "\n" else f"#{ord(one)};" for one in text
+        char if char.isalnum() or char in " _-.,:/()" else "<br>" if char == "\n" else f"#{ord(char)};" for char in text
     )

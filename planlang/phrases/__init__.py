@@ -1,7 +1,7 @@
 """Locations as phrases of controlled English: "in reach of the patient with the right arm and not blocking the door".
 
-General layout: ``lexicon`` has the words and the nouns, ``location.lark`` how they are put together; ``reading`` turns
-a phrase into a location, and explains errors; ``writing`` turns a location into a phrase that means the same.
+``lexicon`` has the vocabulary, ``location.lark`` the grammar; ``reading`` parses a phrase to a location and explains
+errors; ``writing`` formats a location as an equivalent phrase.
 """
 
 from planlang.phrases.lexicon import Lexicon

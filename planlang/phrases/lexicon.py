@@ -1,4 +1,4 @@
-"""The words of phrases: forms of relations, grasps and bounds, and nouns, which mean a class or a thing of a map."""
+"""Vocabulary of phrases: relations, grasps, bounds, and nouns for classes and for things of a map."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ GRASP_FORMS: dict[str, tuple[str, ...]] = {
     "tilted": ("at a tilt", "with a tilted grasp"),
     "top": ("from the top", "from above", "with a top grasp"),
 }
-"""Grasp -> its forms; all of :data:`planlang.designators.GRASPS`."""
+"""Forms of each grasp in :data:`planlang.designators.GRASPS`."""
 
 ENDS = ("and", "but", "with", "from", "at", "called")
-"""Words that no noun contains: after a noun something else begins with them."""
+"""Words that cannot be part of a noun, because they start whatever may follow one."""
 
 ARTICLES = ("the", "a", "an", "any")
-"""Words that stand before a noun and in none."""
+"""Words before a noun, which cannot be part of one."""
 
 LIMITS = {"at most": "within", "up to": "within", "at least": "beyond", "more than": "beyond", "less than": "within"}
-"""Words before the greatest or the least length -> the bound of the relation."""
+"""Words before a length -> the bound of the relation."""
 
 LONGEST, DEEPEST = 20_000, 20
-"""Characters of a phrase, and places within each other, that are read at most."""
+"""Limits for the length of a phrase [characters] and for nested places."""
 
 assert GRASP_FORMS.keys() == set(GRASPS)
 
@@ -52,20 +52,20 @@ _WORD = re.compile(r"[^\W\d](?:[\w.:-]*\w)?")
 class Lexicon:
     """Meanings of nouns.
 
-    ``things`` are keyed by name, ``classes`` by words, each of which means one class, or a thing by its label.
+    ``things`` maps names to things; ``classes`` maps words to the one class, or labelled thing, that they mean.
     """
 
     things: Mapping[str, Object] = field(default_factory=dict)
     classes: Mapping[str, Object] = field(default_factory=dict)
     present: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Last words of several classes of things -> words of those classes: "bottle" for drinking and wine bottles."""
+    """Ambiguous last words -> the words of the classes: "bottle" for drinking and wine bottles."""
     _written: Mapping[Object, str] = field(default_factory=dict)
     _there: frozenset[str] = frozenset()
-    """Classes, above those of things too, that things belong to."""
+    """Classes of the things, superclasses included."""
 
     @staticmethod
     def of(ontology: Ontology, things: Mapping[str, Object] | None = None) -> Lexicon:
-        """Return all classes of an ontology and the things of a map, by name, label, and what they are also called."""
+        """Make the lexicon of an ontology's classes and a map's things: by name, label and ``alsoCalled``."""
         things = dict(things or {})
         persons = {*ontology.subclasses("Person"), *ontology.subclasses("Person-Individual")}
         used = dict.fromkeys(thing.type for thing in things.values())
@@ -87,10 +87,11 @@ class Lexicon:
         called: Mapping[str, Sequence[str]] | None = None,
         there: Collection[str] = (),
     ) -> Lexicon:
-        """Return the nouns of classes by local name, each with its kind of designator; those of things count more.
+        """Make a lexicon of classes, given by local name with their kind of designator.
 
-        ``called`` are further words for classes, and for things by their IRIs; ``there`` are the classes, above those
-        of things too, that things belong to. Words of no such class may be the last words of one.
+        ``called`` has further words for classes by name, and for things by IRI. ``there`` are the classes of the
+        things, superclasses included; ambiguous words mean one of these first. The last words of such a class, "bottle"
+        of "drinking bottle", mean it too, unless they name another such class.
         """
         things, called = dict(things or {}), called or {}
         used = dict.fromkeys(thing.type for thing in things.values())
@@ -123,9 +124,9 @@ class Lexicon:
         return Lexicon(things, classes, present, written, frozenset((*there, *used)))
 
     def meaning(self, words: str, *, named: bool) -> Object | tuple[str, ...]:
-        """Return what a noun means; the words of all that it could mean if that is not exactly one.
+        """Look up a noun; if it is ambiguous, return the words of all candidates, and () if it is unknown.
 
-        ``named``: without article, so that the thing of that name goes before the class.
+        ``named``: it has no article, so the thing of that name takes precedence over the class.
         """
         said = plain(words)
         thing, cls = self.things.get(words), self.classes.get(said)
@@ -134,11 +135,11 @@ class Lexicon:
         return self.present.get(said, ())
 
     def wording(self, what: Object) -> str | None:
-        """Return the words that mean exactly this designator, the shortest there are; None if no words do."""
+        """Return the shortest words that mean exactly this designator; None if there are none."""
         return self._written.get(what)
 
     def similar(self, words: str) -> str | None:
-        """Return the known noun that looks most like words that are none: of a map rather one for something in it."""
+        """Find the known noun most similar to unknown words; nouns for things of the map come first."""
         there = (name for name, what in self.classes.items() if what.type in self._there)
         is_thing = words[-1:].isdigit()  # bottle7 is a thing's name, and no class was meant
         for known in ((*there, *self.present, *self.things), () if is_thing and self.things else self.classes):
@@ -148,12 +149,12 @@ class Lexicon:
         return None
 
     def known(self) -> Iterable[str]:
-        """Return what to tell somebody who looks for nouns: the things of the map, or else the classes."""
+        """Nouns to suggest: the things of the map or, without a map, the classes."""
         return self.things or self.classes
 
 
 def _add(classes: dict[str, Object], worded: Iterable[tuple[str, Object]], used: Collection[str]) -> None:
-    """Add words that mean one class or thing, or one of those in use, unless they mean something already."""
+    """Add words with one meaning, or one in use on the map, unless they are taken."""
     meant: dict[str, dict[Object, None]] = {}
     for words, what in worded:
         meant.setdefault(words, {})[what] = None
@@ -164,12 +165,12 @@ def _add(classes: dict[str, Object], worded: Iterable[tuple[str, Object]], used:
 
 
 def _whole(name: str) -> str:
-    """Return "drinking bottle" for DrinkingBottle."""
+    """Convert DrinkingBottle to "drinking bottle"."""
     return " ".join(_PIECES.findall(local_name(name))).lower()
 
 
 def _head(name: str) -> str:
-    """Return "bed" for Bed-PieceOfFurniture."""
+    """Convert Bed-PieceOfFurniture to "bed"."""
     return _whole(local_name(name).partition("-")[0])
 
 
@@ -179,12 +180,12 @@ def _speakable(words: str) -> bool:
 
 
 def forms() -> dict[str, str]:
-    """Return how relations are said: each form with the name of its relation."""
+    """Map each form to the name of its relation."""
     return {form: name for name, relation in RELATIONS.items() for form in relation.forms}
 
 
 def opposites() -> dict[str, str]:
-    """Return what says the opposite of a relation, "blocking" of what is not clear of something, with its name."""
+    """Map the forms of complements to the relation: "blocking" to ``clear_of``."""
     return {
         form.removeprefix("not "): name
         for name, relation in RELATIONS.items()
@@ -194,16 +195,16 @@ def opposites() -> dict[str, str]:
 
 
 def viewpoints() -> tuple[str, ...]:
-    """Return what says from where something is seen, which also stands behind another relation without "and"."""
+    """Forms of viewpoints, such as "seen from", which may follow another relation without "and"."""
     return tuple(form for form, name in forms().items() if RELATIONS[name].sense("thing") is Sense.VIEWPOINT)
 
 
 def pattern(forms: tuple[str, ...]) -> str:
-    """Return a regular expression for any of the forms, the longest first, with any space between the words."""
+    """Make a regular expression for any of the forms, longest first, with any whitespace between words."""
     ordered = sorted(forms, key=lambda form: (-len(form), form))
     return "|".join(r"\s+".join(map(re.escape, form.split())) for form in ordered)
 
 
 def plain(text: str) -> str:
-    """Return lower case, one space between words."""
+    """Convert to lower case with single spaces."""
     return " ".join(text.lower().split())

@@ -1,4 +1,4 @@
-"""Phrase -> location; and diagnostics that tell what could stand where a phrase cannot be read."""
+"""Parser from phrases to locations, with diagnostics that say what the grammar expects."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ _COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
 
 
 def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Location:
-    """Return the location that a phrase tells; ``file`` is what messages call the place where it stands.
+    """Parse a phrase to a location; ``file`` is its origin in diagnostics.
 
-    A comment begins with ``#`` and ends with its line. Raises BadInput with all mistakes that were found.
+    ``#`` starts a comment until the end of the line. Raises BadInput with all errors found.
     """
     if len(phrase) > LONGEST:
         raise BadInput(
@@ -52,7 +52,7 @@ def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "p
 
 
 def read_thing(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Object:
-    """Return the thing that a noun with or without article tells, e.g. "the bottle"; raises BadInput as above."""
+    """Parse a noun with or without article, e.g. "the bottle"; raises BadInput like :func:`read_location`."""
     tree = _parsed(phrase[:LONGEST], "only_thing", file)
     reader = _Reader(lexicon or Lexicon(), file)
     thing = reader.thing(_trees(tree)[0], tree, named=len(tree.children) == 1)
@@ -70,13 +70,13 @@ def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
 
 
 def parser() -> Lark:
-    """Return the parser of phrases, with the words of all relations that there are now."""
+    """Return the parser for all relations registered so far."""
     return _parser(tuple(forms()), tuple(opposites()))
 
 
 @cache
 def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
-    """Return the parser of phrases in which relations, and what says their opposites, are said like this."""
+    """Build the parser for these forms of relations and of complements."""
     grammar = files("planlang.phrases").joinpath("location.lark").read_text(encoding="utf-8")
     tables = {
         "RELATION": tuple(form for form in said if not form.startswith("not ")),
@@ -91,19 +91,19 @@ def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
 
 
 class _Reader:
-    """Makes locations of trees and collects the errors."""
+    """Converts parse trees to locations and collects errors."""
 
     def __init__(self, lexicon: Lexicon, file: str) -> None:
         self.lexicon, self.file = lexicon, file
         self.found: list[Diagnostic] = []
 
     def wrong(self, code: str, message: str, where: Tree[Token] | Token, help: str | None = None) -> None:
-        """Note a mistake at a word."""
+        """Record an error at a word."""
         token = where if isinstance(where, Token) else next(where.scan_values(lambda _: True))
         self.found.append(error(code, message, Span(self.file, token.line or 1, token.column or 1), help))
 
     def location(self, tree: Tree[Token], depth: int) -> Location:
-        """Return a conjunction."""
+        """Convert a conjunction."""
         relations: dict[Relation, None] = {}
         device: Device | None = None
         grasp: str | None = None
@@ -132,7 +132,7 @@ class _Reader:
         return Location(tuple(relations), None, device, grasp)
 
     def clause(self, tree: Tree[Token], depth: int) -> Relation | None:
-        """Return one relation."""
+        """Convert a relation with its reference."""
         said, reference = _trees(tree)
         before = len(tree.children) > 2
         relation = self.said(said)
@@ -142,7 +142,7 @@ class _Reader:
         return replace(relation, reference=what, negated=relation.negated != before)
 
     def said(self, tree: Tree[Token]) -> Relation | None:
-        """Return a relation to nothing yet."""
+        """Convert the words of a relation; its reference is a placeholder."""
         nothing = Object("Thing")
         match tree.data, tree.children:
             case "relation", [word]:
@@ -172,7 +172,7 @@ class _Reader:
         return None if None in bounds.values() else Relation(name, what, bounds.get("within"), bounds.get("beyond"))
 
     def measure(self, tree: Tree[Token]) -> dict[str, float | None]:
-        """Return bounds by name."""
+        """Convert a range or limit to bounds."""
         tokens = [token for token in tree.children if isinstance(token, Token)]
         if tree.data == "limit":
             return {LIMITS[plain(tokens[0])]: self.length(tokens[1])}
@@ -182,7 +182,7 @@ class _Reader:
         return {"beyond": least, "within": most}
 
     def length(self, token: Token) -> float | None:
-        """Return metres."""
+        """Convert a length to metres."""
         try:
             return metres(str(token))
         except ValueError as problem:
@@ -191,7 +191,7 @@ class _Reader:
             return None
 
     def reference(self, tree: Tree[Token], depth: int, said: Tree[Token]) -> Object | Location | None:
-        """Return a thing, or a place told by relations; ``said`` is the relation to it."""
+        """Convert a thing or a nested place; ``said`` is the relation to it."""
         inner = _trees(tree)[-1]
         if tree.data == "thing":
             return self.thing(inner, said, named=len(tree.children) == 1)
@@ -204,12 +204,12 @@ class _Reader:
         return None if relation is None else Location((relation,))
 
     def thing(self, noun: Tree[Token], said: Tree[Token], *, named: bool) -> Object | None:
-        """Return what a noun means; ``named``: it has no article."""
+        """Look up a noun; ``named``: it has no article."""
         words, kind, name, iri = _parts(noun)
         if name is not None:
             if plain(words) not in ("", *KINDS):
                 help = f"before a class in brackets: {', '.join(KINDS)}"
-                self.wrong("P002", f"{words!r} is no kind of thing", noun, help)
+                self.wrong("P002", f"{words!r} is not a kind of thing", noun, help)
             return kind(name, iri)
         meant = self.lexicon.meaning(words, named=named)
         if isinstance(meant, Object):
@@ -218,7 +218,7 @@ class _Reader:
         return None
 
     def device(self, manner: Tree[Token]) -> Device | None:
-        """Return what reaches."""
+        """Convert an arm or hand."""
         noun = _trees(manner)[-1]
         words, _, name, iri = _parts(noun)
         if name is not None:
@@ -233,22 +233,22 @@ class _Reader:
 
 
 def _trees(tree: Tree[Token], data: str | None = None) -> list[Tree[Token]]:
-    """Return the parts of a tree that are trees themselves, of one rule if said."""
+    """Return the subtrees, optionally of one grammar rule."""
     return [part for part in tree.children if isinstance(part, Tree) and data in (None, part.data)]
 
 
 def _parts(noun: Tree[Token]) -> tuple[str, type[Object], str | None, str | None]:
-    """Return words, kind, class in brackets, IRI."""
+    """Split a noun into words, kind, class in brackets and IRI."""
     words = " ".join(str(part) for part in noun.children if isinstance(part, Token))
     inside = {str(part.data): str(part.children[-1])[1:-1] for part in noun.children if isinstance(part, Tree)}
     return words, KINDS.get(plain(words), Object), inside.get("exact"), inside.get("called")
 
 
 _MOST = 24
-"""Nouns that are listed at most."""
+"""Maximum number of nouns in a message."""
 _ALIKE = 0.7
 _GOES_ON = ("AND", "BUT", "COMMA", "WITH", "GRASP", "RPAR", "$END")
-"""Terminals that may follow the possible end of a noun."""
+"""Terminals that may follow a noun."""
 SPOKEN: Mapping[str, str] = {
     **dict.fromkeys(("NOT", "RELATION", "OPPOSITE", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
     "LENGTH": "a length",
@@ -265,11 +265,11 @@ SPOKEN: Mapping[str, str] = {
     "RPAR": "')'",
     "$END": "the end",
 }
-"""Terminal of the grammar -> what it is to whoever writes a phrase, in the order in which they are listed."""
+"""Terminals of the grammar in the words of messages, in the order of listing."""
 
 
 def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
-    """Return the diagnostic for a place at which the grammar does not go on."""
+    """Explain a syntax error."""
     offset = problem.pos_in_stream if problem.pos_in_stream is not None else len(phrase)
     at_end = (isinstance(problem, UnexpectedToken) and problem.token.type == "$END") or not phrase[offset:].strip()
     if at_end:
@@ -299,7 +299,7 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
 def unknown_noun(
     words: str, several: Sequence[str], noun: Tree[Token], said: Tree[Token], lexicon: Lexicon, file: str
 ) -> Diagnostic:
-    """Return the diagnostic for a noun that means nothing, or not one thing only; ``said`` is the relation to it."""
+    """Explain an unknown or ambiguous noun; ``said`` is the relation to it."""
     span = _at(noun, file)
     if several:
         return error("P007", f"{words!r} could mean several classes", span, f"say which: {', '.join(several)}")
@@ -315,7 +315,7 @@ def unknown_noun(
     listed = ", ".join(known[:_MOST]) + (f" and {len(known) - _MOST} more" if len(known) > _MOST else "")
     guess = lexicon.similar(words)
     if inner is not None:
-        help = f"relations are joined by 'and': ... and {inner} ..."
+        help = f"join relations with 'and': ... and {inner} ..."
     elif guess is not None:
         help = f"did you mean {guess!r}? there are: {listed}"
     else:
@@ -324,10 +324,10 @@ def unknown_noun(
 
 
 def unknown_device(words: str, noun: Tree[Token], file: str) -> Diagnostic:
-    """Return the diagnostic for something that nothing can be reached with."""
+    """Explain a noun after "with" that is not an arm."""
     close = get_close_matches(plain(words), list(DEVICES), n=1, cutoff=_ALIKE)
     guess = f"did you mean {close[0]!r}? " if close else ""
-    return error("P002", f"{words!r} is no arm of a robot", _at(noun, file), f"{guess}arms: {', '.join(DEVICES)}")
+    return error("P002", f"{words!r} is not an arm of a robot", _at(noun, file), f"{guess}arms: {', '.join(DEVICES)}")
 
 
 def _unknown_relation(said: str, guess: str | None, span: Span) -> Diagnostic:
@@ -336,7 +336,7 @@ def _unknown_relation(said: str, guess: str | None, span: Span) -> Diagnostic:
 
 
 def _clause_before(phrase: str, offset: int) -> int | None:
-    """Return where the clause begins that is broken off at an offset; None if nothing of it is there."""
+    """Find the start of the clause that is incomplete at an offset; None if it is empty."""
     start = 0
     for match in re.finditer(r"(?:\b(?:and|but|not|a\s+place)\b|[,(])\s*", phrase[:offset], re.IGNORECASE):
         start = match.end()
@@ -350,7 +350,7 @@ def _at(tree: Tree[Token], file: str) -> Span:
 
 
 def _most_similar(words: Sequence[str]) -> tuple[str, str | None]:
-    """Return the words that stand for a relation, and the form that looks most like them."""
+    """Split off the words in the place of a relation, and find the most similar form."""
     best: tuple[float, str, str | None] = (_ALIKE, words[0], None)
     for number in range(1, min(5, len(words) + 1)):
         said = plain(" ".join(words[:number]))
@@ -369,11 +369,11 @@ def _relations() -> str:
 
 
 def _expected(problem: UnexpectedInput, before: str) -> set[str]:
-    """Return the terminals that could stand there, ``before`` being what is read already."""
+    """Return the terminals that the grammar accepts after the text ``before``."""
     if isinstance(problem, UnexpectedToken):
         return set(problem.accepts or problem.expected)
     allowed = set(getattr(problem, "allowed", None) or ())
-    if "RPAR" in allowed:  # what the lexer knows of: it has no end, and does not count parentheses
+    if "RPAR" in allowed:  # the lexer neither knows the end of input nor counts parentheses
         bare = re.sub("<[^<>]*>", "", before)
         allowed = allowed if bare.count("(") > bare.count(")") else allowed - {"RPAR"} | {"$END"}
     return allowed
@@ -397,8 +397,8 @@ _ADVICE = {
     "an arm": "for example: with the right arm",
     "'to'": "for example: 30 cm to 1 m left of the bed; at most 1 m left of the bed",
     "a name in <...>": (
-        "names stand in brackets, whole IRIs too: the person called <patient1>; without 'called' a thing of the map is "
-        "told by its name alone: in reach of patient1"
+        "write names and IRIs after 'called' in brackets: the person called <patient1>; for a thing of the map its "
+        "name is enough: in reach of patient1"
     ),
 }
 

@@ -1,4 +1,4 @@
-"""Location -> phrase."""
+"""Formatter from locations to phrases."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ _REACHING = ("in_reach_of", "in_center_of")
 
 
 def write_location(location: Location, lexicon: Lexicon | None = None) -> str:
-    """Return the phrase that :func:`planlang.phrases.read_location` reads as this location, with the same lexicon.
+    """Format a location as a phrase that :func:`planlang.phrases.read_location` parses back with the same lexicon.
 
-    Nouns that the lexicon does not have are written in brackets. Raises ValueError for what no phrase says: a posture,
-    or a name with spaces or brackets.
+    Nouns that the lexicon does not have are written in brackets. Raises ValueError for a posture, and for a name with
+    spaces or brackets.
     """
     return _location(location, lexicon or Lexicon())
 
 
 def write_relation(relation: Relation, lexicon: Lexicon | None = None) -> str:
-    """Return the phrase of one relation, as :func:`write_location` writes it; ValueError as there."""
+    """Format one relation; raises ValueError like :func:`write_location`."""
     return _clause(relation, lexicon or Lexicon())
 
 
 def write_thing(what: Object, lexicon: Lexicon | None = None) -> str:
-    """Return the words for a thing, a person or an arm, as :func:`write_location` writes them; ValueError as there."""
+    """Format a thing, a person or an arm; raises ValueError like :func:`write_location`."""
     return _device(what) if isinstance(what, Device) else _noun(what, lexicon or Lexicon())
 
 
 def _location(location: Location, lexicon: Lexicon) -> str:
     if not location.relations:
-        raise ValueError(f"{location} is no place that a phrase could tell")
+        raise ValueError(f"{location} has no relations, so no phrase describes it")
     clauses = [_clause(relation, lexicon) for relation in location.relations]
     manner = ""
     if location.device is not None:
@@ -66,11 +66,11 @@ def _said(relation: Relation) -> str:
             return f"at least {_length(least)} {form}"
         case Relation(within=float(most), beyond=float(least)):
             return f"{_length(least)} to {_length(most)} {form}"
-    raise ValueError(f"the bounds of {relation} are no lengths in metres")
+    raise ValueError(f"the bounds of {relation} are not lengths in metres")
 
 
 def _length(metres: float) -> str:
-    """Return centimetres below one metre; the very same number when it is read again."""
+    """Format in centimetres below one metre; parsing gives exactly the same number."""
     value = Decimal(repr(metres))
     value, unit = (value * 100, "cm") if value < 1 else (value, "m")
     text = f"{value:f}" if abs(value.adjusted()) < 12 or not value else f"{value.normalize():e}".replace("+", "")
@@ -104,5 +104,5 @@ def _device(device: Device) -> str:
 
 def _exact(name: str) -> str:
     if not name or any(character.isspace() or character in "<>" for character in name):
-        raise ValueError(f"{name!r} is no name: it is empty, or has spaces or brackets")
+        raise ValueError(f"{name!r} cannot be written as a name: it is empty, or has spaces or brackets")
     return f"<{name}>"

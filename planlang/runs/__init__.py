@@ -1,9 +1,9 @@
-"""Runs that are recorded: their traces, what a resumed run takes over, and the check of a replay.
+"""Recorded runs: traces, resumption of interrupted runs, and replays.
 
-General layout, each file importing only those above it: ``codec`` (values as JSON), ``recorded_run`` (a trace that is
-read back, and the part that can be taken over), ``run_tree`` (its nodes), ``trace`` (written as a run goes on),
-``repeating`` (an interrupted run, run again to its last record), ``journal`` (a run that can be resumed),
-``replay_check``. They implement the Observer and the Recorded of
+General layout, each file importing only those above it: ``codec`` (values as JSON), ``recorded_run`` (reads a trace,
+and finds the part that a resumed run can reuse), ``run_tree`` (the nodes of a trace), ``trace`` (writes one),
+``repeating`` (repeats an interrupted run up to its last record), ``journal`` (records a resumable run, and resumes
+it), ``replay_check`` (compares a replay with a trace). They implement the Observer and the Recorded of
 :mod:`planlang.kernel`.
 """
 

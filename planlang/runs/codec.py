@@ -1,11 +1,11 @@
-"""Values as JSON: :func:`encode` shortens them for readers of a trace, :func:`dump` and :func:`load` lose nothing.
+"""Values as JSON: :func:`encode` shortens them for readers of a trace; :func:`dump` and :func:`load` are lossless.
 
-What ``dump`` writes can be read back as the same value of the same types, or is refused.
-JSON's own types stand for themselves. Tuples, numbers that are not finite, members of an Enum and the value types of
+``dump`` writes only values that ``load`` restores with the same types; it refuses all others. JSON's own types are
+written as they are. Tuples, numbers that are not finite, members of an Enum and the value types of
 :mod:`planlang.designators`, :mod:`planlang.motion_constraints`, :mod:`planlang.geometry.matrices` and
-:mod:`planlang.protocols` are objects with a key that begins with ``$``. Nothing else survives. Reading makes no object
-of any other class and imports nothing: a member of an Enum, and a class of motion constraints, are looked up among
-those that the program has defined already.
+:mod:`planlang.protocols` become objects with a key that begins with ``$``. For safety, reading creates objects of no
+other class and imports nothing: Enums and classes of motion constraints are looked up among those that the program has
+already defined.
 """
 
 from __future__ import annotations
@@ -39,25 +39,25 @@ from planlang.misuse import PlanStructureError
 from planlang.plan_failure import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
-"""Lists and objects nested deeper do not survive: far from where Python's own recursion ends."""
+"""Maximum nesting of lossless values, well below Python's recursion limit."""
 SCHEMA = 4
-"""Version of traces: 2 had the state of a random stream as ``numbers`` where 3 has the count of its ``draws``."""
+"""Version of the trace format. From 3 on, a random stream is stored by the number of its ``draws``."""
 PLAIN = frozenset({str, int, bool, type(None)})
-"""Classes of values that stand for themselves in JSON."""
+"""Classes of values that are written to JSON as they are."""
 LONGEST = 256
-"""Longer sequences are written as their length: an image of bytes is no news in a trace, a list of poses is."""
+"""Maximum length of sequences in a trace; for longer ones, such as images, only the length is written."""
 DEEPEST_SHOWN = 20
-"""So are sequences, sets and mappings inside as many others: results of nested constructs repeat each other."""
+"""Maximum nesting of containers in a trace, as results of nested constructs repeat each other; deeper ones likewise."""
 LONGEST_TEXT = 1000
-"""Characters of a failure's message or place that are written: each construct that it passes repeats it."""
+"""Maximum characters of a failure's message or place in a trace, as every construct that it passes repeats them."""
 
 
 class Lost(ValueError):
-    """A value does not survive JSON; the message says which and why."""
+    """A value cannot be stored losslessly; the message names it and the reason."""
 
 
 class Exact:
-    """A value as JSON that the trace writes as it is, without shortening anything."""
+    """A JSON value that the trace writes without shortening."""
 
     __slots__ = ("json",)
 
@@ -66,7 +66,7 @@ class Exact:
 
 
 def dump(value: object, depth: int = 0) -> Any:
-    """Return the value as JSON, from which :func:`load` makes an equal one; raises Lost if there is no such JSON."""
+    """Convert a value to JSON from which :func:`load` restores an equal one; Lost if that is impossible."""
     kind = value.__class__
     if value is None or kind is bool or kind is int:
         return value
@@ -91,7 +91,7 @@ def dump(value: object, depth: int = 0) -> Any:
 
 
 def load(json: object) -> Any:
-    """Return the value that was written; raises ValueError for what :func:`dump` cannot have written."""
+    """Restore a value written by :func:`dump`; ValueError for any other JSON."""
     if isinstance(json, list):
         return [load(item) for item in json]
     if not isinstance(json, dict):
@@ -107,20 +107,20 @@ def load(json: object) -> Any:
         case {"$enum": str(path), "name": str(name), **rest} if not rest:
             return _member(path, name)
         case {"$": str(name), **inside}:
-            return _made(name, inside)
-    raise ValueError(f"{marks[0]} is no value that was written")
+            return _make(name, inside)
+    raise ValueError(f"unknown kind of value {marks[0]}")
 
 
 def dump_failure(failure: BaseException) -> Any:
-    """Return a failure with its fields, place, members, attachments and causes; raises Lost if one does not survive.
+    """Convert a failure with its fields, place, members, attachments and causes to JSON; Lost if that is impossible.
 
-    Of a cause that is no plan failure only class and message are kept.
+    Of other exceptions, only class and message are stored.
     """
     return _dump_failure(failure, 0)
 
 
 def load_failure(json: Any) -> BaseException:
-    """Return an equal failure; raises ValueError for what :func:`dump_failure` cannot have written."""
+    """Restore a failure written by :func:`dump_failure`; ValueError for any other JSON."""
     failure: BaseException
     match json:
         case {"type": str(name), "fields": dict(inside)}:
@@ -129,7 +129,7 @@ def load_failure(json: Any) -> BaseException:
         case {"type": str(name), "message": str(message)}:
             failure = _other(name, message)
         case _:
-            raise ValueError("this is no failure that was written")
+            raise ValueError("not a failure: it needs type and fields, or type and message")
     cause = json.get("cause")
     failure.__cause__ = None if cause is None else load_failure(cause)
     failure.__suppress_context__ = True
@@ -137,12 +137,12 @@ def load_failure(json: Any) -> BaseException:
 
 
 def failure_class(name: str) -> type[PlanFailure]:
-    """Return the class of failures of that full name; ValueError if the program has not defined one."""
+    """Find a failure class by its full name; ValueError if the program has not defined it."""
     kinds: tuple[type[PlanFailure], ...] = (PlanFailure, *_subclasses(PlanFailure))
     for kind in kinds:
         if f"{kind.__module__}.{kind.__qualname__}" == name:
             return kind
-    raise ValueError(f"there is no failure {name}")
+    raise ValueError(f"unknown failure class {name}")
 
 
 def _text(value: Any) -> str:
@@ -164,20 +164,20 @@ def _key(key: Any) -> str:
 def _member(path: str, name: str) -> Enum:
     for kind in _subclasses(Enum):
         if f"{kind.__module__}.{kind.__qualname__}" == path and name in kind.__members__:
-            found: Enum = kind[name]
-            return found
-    raise ValueError(f"there is no {path} with a member {name}")
+            member: Enum = kind[name]
+            return member
+    raise ValueError(f"unknown member {name} of {path}")
 
 
 def _subclasses(kind: type[Any]) -> Iterator[type[Any]]:
-    """Return all classes below one, the newest first: a plan that is imported again defines its classes again."""
+    """Yield all subclasses, the newest first, as a plan that is imported again defines its classes again."""
     for below in reversed(kind.__subclasses__()):
         yield below
         yield from _subclasses(below)
 
 
 def _floats(value: object, number: int) -> bool:
-    return isinstance(value, tuple) and len(value) == number and all(type(one) in (int, float) for one in value)
+    return isinstance(value, tuple) and len(value) == number and all(type(item) in (int, float) for item in value)
 
 
 _DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, FixedPose, Action, Situation, Condition)
@@ -191,31 +191,33 @@ _MODULES = (
 
 @cache
 def _checks() -> dict[type[Any], Callable[[Any], bool]]:
-    """Return value types -> whether the fields are of the types that they should be."""
+    """Map the value types to functions that check the types of their fields."""
     from planlang.geometry import Pose
-    from planlang.protocols import Configuration, Solution  # which need NumPy, as most plans do not
+    from planlang.protocols import Configuration, Solution  # imported late, as they need NumPy and most plans do not
 
     return {
-        Pose: lambda one: _floats(one.position, 3) and _floats(one.orientation, 4),
-        Configuration: lambda one: _floats(one.base, 3) and isinstance(one.joints, dict),
-        Solution: lambda one: _floats(one.base, 3) and isinstance(one.revision, int) and isinstance(one.detail, dict),
-        **dict.fromkeys(_DESIGNATORS, lambda one: True),  # they refuse what makes no sense themselves
+        Pose: lambda pose: _floats(pose.position, 3) and _floats(pose.orientation, 4),
+        Configuration: lambda config: _floats(config.base, 3) and isinstance(config.joints, dict),
+        Solution: lambda found: (
+            _floats(found.base, 3) and isinstance(found.revision, int) and isinstance(found.detail, dict)
+        ),
+        **dict.fromkeys(_DESIGNATORS, lambda designator: True),  # their constructors check the fields
     }
 
 
-def _made(name: str, inside: Mapping[str, Any]) -> Any:
+def _make(name: str, inside: Mapping[str, Any]) -> Any:
     fillers = (kind for kind in _subclasses(Filler) if kind.__module__ in _MODULES)
     kind = next((kind for kind in (*_checks(), *fillers) if kind.__name__ == name), None)
     if kind is None:
-        raise ValueError(f"there is no value type {name}")
+        raise ValueError(f"unknown value type {name}")
     if set(inside) != {field.name for field in fields(kind)}:
-        raise ValueError(f"these are not the fields of a {name}")
+        raise ValueError(f"wrong field names for {name}")
     try:
         value = kind(**{key: load(item) for key, item in inside.items()})
     except PlanStructureError:
-        raise ValueError(f"a field of a {name} is of another type") from None
-    if kind in _checks() and not _checks()[kind](value):  # a filler refuses what makes no sense itself
-        raise ValueError(f"a field of a {name} is of another type")
+        raise ValueError(f"a field of {name} has the wrong type") from None
+    if kind in _checks() and not _checks()[kind](value):  # constructors of fillers check their fields
+        raise ValueError(f"a field of {name} has the wrong type")
     return value
 
 
@@ -252,28 +254,28 @@ def _dump_failure(failure: BaseException, depth: int) -> Any:
 
 
 def _other(name: str, message: str) -> Exception:
-    """Return an exception that is no plan failure: one of Python's own, or another class that is called so."""
+    """Restore an exception that is not a plan failure: one of Python's own, or a new class of that name."""
     kind = getattr(builtins, name, None)
-    known = kind if isinstance(kind, type) and issubclass(kind, Exception) else Exception
-    if known is kind:
+    base = kind if isinstance(kind, type) and issubclass(kind, Exception) else Exception
+    if base is kind:
         with suppress(TypeError):
             simple: Exception = kind(message)
             if str(simple) == message:
                 return simple
     body = {"__init__": lambda self: None, "__str__": lambda self: message}
-    other: Exception = type(name, (known,), body)()
+    other: Exception = type(name, (base,), body)()
     return other
 
 
 def _failure(name: str, inside: Mapping[str, Any]) -> PlanFailure:
     kind = failure_class(name)
-    known = {field.name for field in fields(kind)} - {*_ATTACHED, "failures"}
-    if not known >= set(inside):
-        raise ValueError(f"these are not the fields of {name}")
+    names = {field.name for field in fields(kind)} - {*_ATTACHED, "failures"}
+    if not names >= set(inside):
+        raise ValueError(f"wrong field names for {name}")
     failure = kind.__new__(kind)
     Exception.__init__(failure)
     failure.siblings, failure.cleanup_failures, failure.where = (), (), None
-    for field in known:
+    for field in names:
         setattr(failure, field, load(inside[field]) if field in inside else None)
     return failure
 
@@ -285,31 +287,31 @@ def _attach(failure: PlanFailure, rest: Mapping[str, Any]) -> None:
         case [str(path), str(file), int(line), (int() | None) as revision]:
             failure.where = Where(path, file, line, revision)
         case _:
-            raise ValueError("this is no place of a failure")
+            raise ValueError("where of a failure has to be path, file, line and revision")
     if any(field.name == "failures" for field in fields(failure)):
-        vars(failure)["failures"] = tuple(map(_plan_failure, _listed(rest, "members")))
-    attach_cleanup(failure, map(_plan_failure, _listed(rest, "cleanup")))
+        vars(failure)["failures"] = tuple(map(_plan_failure, _list_in(rest, "members")))
+    attach_cleanup(failure, map(_plan_failure, _list_in(rest, "cleanup")))
     siblings = []
-    for pair in _listed(rest, "siblings"):
+    for pair in _list_in(rest, "siblings"):
         match pair:
             case [str(name), other]:
                 siblings.append((name, _plan_failure(other)))
             case _:
-                raise ValueError("this is no failure of another branch")
+                raise ValueError("siblings of a failure have to be pairs of name and failure")
     failure.siblings = tuple(siblings)
 
 
-def _listed(rest: Mapping[str, Any], key: str) -> list[Any]:
-    found = rest.get(key, [])
-    if not isinstance(found, list):
-        raise ValueError(f"{key} of a failure are no list")
-    return found
+def _list_in(rest: Mapping[str, Any], key: str) -> list[Any]:
+    items = rest.get(key, [])
+    if not isinstance(items, list):
+        raise ValueError(f"{key} of a failure has to be a list")
+    return items
 
 
 def _plan_failure(json: object) -> PlanFailure:
     failure = load_failure(json)
     if not isinstance(failure, PlanFailure):
-        raise ValueError(f"{type(failure).__name__} is no plan failure")
+        raise ValueError(f"{type(failure).__name__} is not a plan failure")
     return failure
 
 
@@ -317,11 +319,11 @@ def _plan_failure(json: object) -> PlanFailure:
 
 
 def encode(value: object, depth: int = 0) -> Any:
-    """Return a JSON value. Designators become their text, sets are sorted, unknown types their qualified name."""
+    """Convert a value to JSON for readers: designators to text, sets sorted, other types to their qualified names."""
     kind = value.__class__
     if kind in PLAIN:
         return value
-    if kind is list or kind is tuple:  # as below, but without asking abstract classes, which costs ten times as much
+    if kind is list or kind is tuple:  # as below, but without checks of abstract classes, which cost ten times as much
         items: Sequence[Any] = value  # type: ignore[assignment]
         if depth >= DEEPEST_SHOWN or len(items) > LONGEST:
             return {"length": len(items)}
@@ -372,7 +374,7 @@ def _encode_object(value: object, depth: int) -> Any:
 
 
 def _encode_failure(error: BaseException) -> dict[str, Any]:
-    """Return type, message, place, members and the chain of causes."""
+    """Type, message, place, members and causes of an exception."""
     links = list(error.chain()) if isinstance(error, PlanFailure) else [error]
     outer: dict[str, Any] | None = None
     for link in reversed(links):
@@ -385,7 +387,8 @@ def _encode_failure(error: BaseException) -> dict[str, Any]:
             if link.cleanup_failures:
                 record["cleanup"] = [_summary(other) for other in link.cleanup_failures]
         if isinstance(link, CompositeFailure):
-            record["members"] = {name: _summary(one) for name, one in zip(link.names, link.failures, strict=True)}
+            pairs = zip(link.names, link.failures, strict=True)
+            record["members"] = {name: _summary(member) for name, member in pairs}
         if outer is not None:
             record["cause"] = outer
         outer = record
@@ -398,6 +401,6 @@ def _summary(failure: BaseException) -> str:
 
 
 def _shortened(text: str) -> str:
-    """Return the text; the middle of a long one is left out: a failure is written again by each node that it leaves."""
+    """Cut out the middle of a long text."""
     left_out = len(text) - LONGEST_TEXT
     return text if left_out <= 0 else f"{text[: LONGEST_TEXT // 2]} ... {left_out} ... {text[-LONGEST_TEXT // 2 :]}"

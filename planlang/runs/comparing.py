@@ -1,4 +1,4 @@
-"""Whether two records of runs are equal."""
+"""Comparison of records of two runs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import re
 from typing import Any
 
 SAME = 1e-9
-"""Difference up to which numbers are equal: processors differ by 1e-14, decisions by 1e-6 or more
+"""Tolerance for numbers: the same run differs by 1e-14 between processors, different decisions by 1e-6 or more
 (docs/reference/trace.md)."""
 _DECIMAL = re.compile(r"-?\d+\.\d+(?:e-?\d+)?")
 
 
 def agree(recorded: Any, found: Any) -> bool:
-    """Return whether two details of records are equal, numbers to 1e-9, also where they stand in texts."""
+    """Check whether two values of records are equal, with a tolerance of 1e-9 for numbers, also for those in texts."""
     match recorded, found:
         case float(), float():
             return math.isclose(recorded, found, rel_tol=SAME, abs_tol=SAME) or repr(recorded) == repr(found)

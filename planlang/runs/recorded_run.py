@@ -1,8 +1,8 @@
-"""A trace that was written, read back: its records with their places in the tree, and what a resumed run takes over.
+"""A trace read back: its records with their nodes, and the past that a resumed run starts from.
 
-That is all up to the last step of the top-level plan that completed. Such a step is recorded with its result and with
-what it left behind: draws from random streams, fluents set, budgets used. One whose result does not survive JSON is
-recorded as lost; what can be taken over ends before it.
+The past ends with the last completed step of the top-level plan. A completed step is recorded with its result and its
+effects: draws from random streams, changed fluents, used budgets. A step whose result cannot be stored in JSON is
+recorded as lost; the past ends before it.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from planlang.kernel.schedule import checked_draws
+from planlang.kernel.schedule import parse_draws
 from planlang.records import dataclass
 from planlang.runs.codec import SCHEMA, Exact, load, load_failure
 
 LONGEST_LINE = 20_000_000
-"""Bytes of one line of a trace that are read at most."""
+"""Maximum length of a line of a trace [bytes]."""
 
 
 class DamagedTrace(ValueError):
-    """A file is no trace, or a line of it is damaged; ``line`` counts from 1."""
+    """A file is not a trace, or a line of it is damaged; ``line`` counts from 1."""
 
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
@@ -33,24 +33,24 @@ class DamagedTrace(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """A node of the tree: its name and the node around it. Kept so, nodes in nodes take no more room than others."""
+    """A node of the tree: its name and its parent. Full paths would take quadratic memory in deep trees."""
 
     name: str
-    around: Place | None
+    parent: Place | None
 
     @property
     def path(self) -> str:
-        """Return the names from the root, joined by ``/``."""
-        names, place = [self.name], self.around
+        """Names from the root, joined by ``/``."""
+        names, place = [self.name], self.parent
         while place is not None:
             names.append(place.name)
-            place = place.around
+            place = place.parent
         return "/".join(reversed(names))
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One record: its line in the file, counted from 1, and the node it is about, if it is about one."""
+    """A record with its line in the file, counted from 1, and its node, if it has one."""
 
     number: int
     record: Mapping[str, Any]
@@ -58,7 +58,7 @@ class Line:
 
     @property
     def path(self) -> str | None:
-        """Return the path of the node."""
+        """Path of the node."""
         return None if self.place is None else self.place.path
 
     @property
@@ -68,13 +68,13 @@ class Line:
 
     @property
     def event(self) -> str:
-        """Return the name of the event."""
+        """Name of the event."""
         return str(self.record["event"])
 
 
 @dataclass(slots=True)
 class RecordedRun:
-    """The records of a run, the header first. ``torn``: the last line was cut off and is left out."""
+    """The records of a run, the header first. ``torn`` is true if the last line was cut off and is left out."""
 
     lines: list[Line]
     torn: bool = False
@@ -91,7 +91,7 @@ class RecordedRun:
 
     @property
     def outcome(self) -> str | None:
-        """Return the outcome of the plan: "succeeded", "failed" or "evaporated"; None if the record ends before."""
+        """Outcome of the plan: "succeeded", "failed" or "evaporated"; None if the trace ends before the plan."""
         root = next((line.path for line in self.lines if line.event == "started"), None)
         for line in reversed(self.lines):
             if line.event == "ended" and line.path == root:
@@ -106,12 +106,12 @@ class RecordedRun:
 
     @staticmethod
     def of(events: Sequence[Mapping[str, Any]]) -> RecordedRun:
-        """Make a run of the records that a trace has kept; raises DamagedTrace."""
+        """Make a recorded run from records in memory; raises DamagedTrace."""
         return RecordedRun(_lines(events))
 
 
 def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
-    """Return the records in a file, unchecked, and whether the last was cut off; raises OSError, DamagedTrace."""
+    """Read the records of a file, unchecked, and whether the last line was cut off; raises OSError, DamagedTrace."""
     texts: list[bytes] = []
     with Path(path).open("rb") as file:
         while text := file.readline(LONGEST_LINE + 1):
@@ -126,23 +126,25 @@ def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
         except (ValueError, RecursionError) as problem:
             if torn and number == len(texts) and number > 1:
                 return records, True
-            raise DamagedTrace(f"this is no JSON: {_reason(problem)}", number) from None
+            raise DamagedTrace(f"not JSON: {_reason(problem)}", number) from None
     return records, False
 
 
 def _reason(problem: Exception) -> str:
-    return getattr(problem, "msg", None) or ("too deeply nested" if isinstance(problem, RecursionError) else "no UTF-8")
+    if message := getattr(problem, "msg", None):
+        return str(message)
+    return "too deeply nested" if isinstance(problem, RecursionError) else "not UTF-8"
 
 
 def checked_records(records: Iterable[object]) -> Iterator[tuple[int, Mapping[str, Any]]]:
-    """Yield the records, counted from 1, each with its step and event, the header first; raises DamagedTrace."""
+    """Check and yield the records with their line numbers from 1, the header first; raises DamagedTrace."""
     number = step = 0
     for number, record in enumerate(records, 1):
         match record:
             case {"step": int(now), "event": str()} if not isinstance(now, bool) and now >= 0:
                 pass
             case _:
-                raise DamagedTrace("this is no record of a trace: it has no step and event", number)
+                raise DamagedTrace("not a record of a trace: it has no step and event", number)
         assert isinstance(record, Mapping)
         if number == 1:
             _check_header(record)
@@ -164,10 +166,10 @@ def _check_header(record: Mapping[str, Any]) -> None:
         raise DamagedTrace("a trace begins with its header", 1)
     if record.get("schema") != SCHEMA:
         versions = record.get("versions")
-        by = versions.get("planlang") if isinstance(versions, dict) else None
-        writer = "the version of planlang that wrote it" if by is None else f"planlang {by}, which wrote it"
+        version = versions.get("planlang") if isinstance(versions, dict) else None
+        writer = "the version of planlang that wrote it" if version is None else f"planlang {version}, which wrote it"
         raise DamagedTrace(
-            f"it is written in schema {record.get('schema')!r}, and this version reads schema {SCHEMA}: read it with "
+            f"the trace has schema {record.get('schema')!r}, and this version reads schema {SCHEMA}: read it with "
             f"{writer}, or run the plan again",
             1,
         )
@@ -178,7 +180,7 @@ def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> 
         return None
     node = record["node"]
     if not isinstance(node, int):
-        raise DamagedTrace("a node is given by its number", number)
+        raise DamagedTrace("node has to be a number", number)
     if node not in places:
         match record:
             case {"node": int(), "parent": None, "name": str(name)}:
@@ -186,24 +188,24 @@ def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> 
             case {"node": int(), "parent": int(parent), "name": str(name)} if parent in places:
                 places[node] = Place(name, places[parent])
             case _:
-                raise DamagedTrace("the record is about a node that has not started", number)
+                raise DamagedTrace("the node of this record has not started", number)
     return places[node]
 
 
 BOOKKEEPING = frozenset({"completed", "resumed", "world", "answer", "performed", "outside"})
-"""Events that no node of a plan writes when it runs again."""
+"""Events that a plan does not write when its completed steps are skipped or replayed."""
 SPANS = frozenset({"started", "ended"})
 _FRAME = frozenset({"step", "event", "node", "parent", "kind", "name"})
 
 
 def details(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a record tells besides when, what and where."""
+    """Content of a record without step, event and node."""
     return {key: value for key, value in record.items() if key not in _FRAME}
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """A step that completed: when, with which result or failure, and what it left behind."""
+    """A completed step: its time, result or failure, and effects."""
 
     path: str
     step: int
@@ -218,12 +220,12 @@ class Done:
 
 
 class Past:
-    """The part of a recorded run that a resumed run takes over.
+    """The part of a recorded run that a resumed run does not execute again.
 
-    ``done``: completed steps by path. ``kept``: the records that the resumed run's trace begins with, the header
-    first. ``again``: paths of steps that had begun and not completed, which run again. ``until``: plan time at which
-    the plan goes on [world steps]. ``left``: state of the world and the robot's belief then, None if it was not
-    recorded. ``lost``: why the past ends before a step that completed, if it does.
+    ``done``: completed steps by path. ``kept``: the records at the start of the resumed run's trace, the header first.
+    ``again``: paths of steps that had begun but not completed, which run again. ``left``: state of the world and of the
+    robot's belief at the end of the past, None if it was not recorded. ``lost``: path and reason of a completed step
+    before which the past ends because its result could not be stored, None if there is none.
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
@@ -234,7 +236,7 @@ class Past:
         self.choices: Any = None
         self.lost: str | None = None
         self.last: Done | None = None
-        """The completed step after which the plan goes on; None if that is the beginning."""
+        """The completed step after which the plan continues; None for the beginning."""
         cut = 0
         for place, line in enumerate(recorded.lines):
             if line.event != "completed" or line.place is None:
@@ -250,15 +252,15 @@ class Past:
         before = recorded.lines[: cut + 1]
         self.kept = [line for line in before if not self._dropped(line)]
         self.nodes = max((int(line.record.get("node", 0)) for line in before), default=0)
-        """The highest number that a node has been given."""
+        """The highest number of a node."""
         self.calls = max((call_of(line) for line in self.kept if line.event == "called"), default=0)
-        """The highest number that a call in a thread has been given."""
+        """The highest number of a call in a thread."""
         self.order = [done for path, done in self.done.items() if not self._inside_done(path)]
-        """Steps that are taken over, in the order of their completion, without those inside of other such steps."""
+        """Completed steps in the order of their ends, without those inside other completed steps."""
         self._values: dict[tuple[str | None, str], list[Line]] = {}
         self._calls: dict[str | None, list[Any]] = {}
-        """Numbers of calls that were not asked for yet, by node."""
-        self._asked: dict[str, Line] = {}
+        """Numbers of the calls in each node that were not repeated yet."""
+        self._answers: dict[str, Line] = {}
         for line in self.kept:
             match line.event:
                 case "world":
@@ -266,61 +268,63 @@ class Past:
                 case "called":
                     self._calls.setdefault(line.path, []).append(line.record.get("call"))
                 case "answer":
-                    self._asked.setdefault(str(line.record.get("asked")), line)
+                    self._answers.setdefault(str(line.record.get("asked")), line)
 
     def expected(self) -> list[Line]:
-        """Return the kept records that the plan writes again on its way to where it goes on."""
-        found = []
+        """List the kept records that the plan writes again while it repeats its past."""
+        lines = []
         for line in self.kept:
             path = line.path
             if path is None or line.event in BOOKKEEPING or self._inside_done(path):
                 continue
             if path in self.done and line.event not in SPANS:  # its body does not run again
                 continue
-            found.append(line)
-        return found
+            lines.append(line)
+        return lines
 
     def answers(self) -> dict[str, Any]:
-        """Return question -> how it was answered last, as :func:`outcome_of` tells it."""
-        asked = (line.record for line in self.kept if line.event == "answer")
-        return {str(record.get("asked")): outcome_of(record) for record in asked}
+        """Map each question to its last answer, in the form of :func:`outcome_of`."""
+        records = (line.record for line in self.kept if line.event == "answer")
+        return {str(record.get("asked")): outcome_of(record) for record in records}
 
     def value_of(self, path: str | None, number: int, now: int) -> Line | None:
-        """Return the record of a world fluent's value, by the node in which it was first read and its number."""
+        """Find the value of a world fluent at step ``now``, by the node in which it was first read and its number."""
         lines = self._values.get((path, str(number)), [])
         place = bisect_right(lines, now, key=lambda line: line.step)
         return lines[place - 1] if place else None
 
     def call(self, path: str) -> tuple[int, Line]:
-        """Return number and outcome of the next call in a thread that was made in a node."""
+        """Take number and outcome of the next recorded call in a thread from a node."""
         numbers = self._calls.get(path, [])
         while numbers:
             number = numbers.pop(0)
-            if f"call {number}" in self._asked:
-                return int(str(number)), self._asked[f"call {number}"]
+            if f"call {number}" in self._answers:
+                return int(str(number)), self._answers[f"call {number}"]
         raise DamagedTrace("a call in a thread is not recorded", 1)
 
     def _inside_done(self, path: str) -> bool:
-        return any(around in self.done for around in _around(path))
+        return any(ancestor in self.done for ancestor in _ancestors(path))
 
     def _dropped(self, line: Line) -> bool:
         if line.path is None or not self.again:
             return False
-        return (line.path in self.again and line.event != "started") or any(a in self.again for a in _around(line.path))
+        if line.path in self.again and line.event != "started":
+            return True
+        return any(ancestor in self.again for ancestor in _ancestors(line.path))
 
 
-def _around(path: str) -> Iterator[str]:
-    """Return the paths of the nodes around a node, the nearest first."""
+def _ancestors(path: str) -> Iterator[str]:
+    """Yield the paths of the ancestors of a node, nearest first."""
     while (end := path.rfind("/")) >= 0:
         path = path[:end]
         yield path
 
 
 def call_of(line: Line) -> int:
-    """Return the number of a call in a thread."""
+    """Number of a call in a thread; raises DamagedTrace."""
     number = line.record.get("call")
     if not isinstance(number, int):
-        raise DamagedTrace("a call in a thread is given by its number", line.number)
+        raise DamagedTrace("call has to be a number", line.number)
     return number
 
 
@@ -334,7 +338,7 @@ def _done(line: Line) -> Done:
             line.number,
             load(record.get("value")),
             failure,
-            checked_draws(record["draws"]) and record["draws"] if "draws" in record else None,
+            parse_draws(record["draws"]) and record["draws"] if "draws" in record else None,
             load(_mapping(record, "fluents")),
             _counts(record, "spent"),
             _counts(record, "used"),
@@ -344,28 +348,28 @@ def _done(line: Line) -> Done:
 
 
 def _mapping(record: Mapping[str, Any], key: str) -> dict[str, Any]:
-    found = record.get(key, {})
-    if not isinstance(found, dict):
-        raise ValueError(f"{key} is no mapping")
-    return found
+    mapping = record.get(key, {})
+    if not isinstance(mapping, dict):
+        raise ValueError(f"{key} has to be a mapping")
+    return mapping
 
 
 def _counts(record: Mapping[str, Any], key: str) -> dict[str, int]:
-    found = _mapping(record, key)
-    if not all(type(number) is int and number >= 0 for number in found.values()):
-        raise ValueError(f"{key} are whole numbers")
-    return found
+    counts = _mapping(record, key)
+    if not all(type(number) is int and number >= 0 for number in counts.values()):
+        raise ValueError(f"{key} has to contain whole numbers")
+    return counts
 
 
 def _paths(line: Line) -> tuple[str, ...]:
-    found = line.record.get("open", [])
-    if not isinstance(found, list) or not all(isinstance(path, str) for path in found):
-        raise DamagedTrace("open steps are given by their paths", line.number)
-    return tuple(found)
+    paths = line.record.get("open", [])
+    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+        raise DamagedTrace("open has to be a list of paths", line.number)
+    return tuple(paths)
 
 
 def outcome_of(record: Mapping[str, Any]) -> Any:
-    """Return how a question was answered, for comparing: its value, failure or that it did not survive, as JSON."""
+    """Answer of a record as JSON, for comparison: its value, its failure, or why it could not be stored."""
     return {
         key: value.json if isinstance(value, Exact) else value
         for key, value in record.items()
@@ -374,7 +378,7 @@ def outcome_of(record: Mapping[str, Any]) -> Any:
 
 
 def value_in(line: Line) -> Any:
-    """Return the value that a record tells; raises the failure that it tells, or DamagedTrace."""
+    """Restore the value of a record, or raise its failure; DamagedTrace if it cannot be read."""
     record = line.record
     try:
         if "failure" not in record:
@@ -386,29 +390,29 @@ def value_in(line: Line) -> Any:
 
 
 def differences(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Return what is recorded otherwise than it is now: key -> (recorded, now), for the keys of ``now``."""
+    """Map each key of ``now`` whose recorded value differs to (recorded value, present value)."""
     return {key: (recorded.get(key), value) for key, value in now.items() if recorded.get(key) != value}
 
 
 def refuse_other(past: Past, now: Mapping[str, Any]) -> None:
-    """Raise ValueError if the past is that of another run than one with ``now`` in its header."""
+    """Raise ValueError if a run with the header ``now`` cannot resume the past."""
     if past.recorded.header.get("resumable") is not True:
-        raise ValueError("the trace does not tell which steps have completed: it was not written with resumable=True")
-    found = differences(past.recorded.header, now)
-    if found:
-        changes = "; ".join(f"{key} was {before!r} and is {after!r}" for key, (before, after) in found.items())
-        raise ValueError(f"the trace is that of another run: {changes}")
+        raise ValueError("the trace does not contain completed steps: it was not written with resumable=True")
+    changed = differences(past.recorded.header, now)
+    if changed:
+        changes = "; ".join(f"{key} was {before!r} and is {after!r}" for key, (before, after) in changed.items())
+        raise ValueError(f"the trace belongs to a different run: {changes}")
 
 
 def restore(executive: object, past: Past) -> bool:
-    """Bring world and belief to where the past left them; False if the past or the executive cannot tell.
+    """Restore the state of world and belief at the end of the past; False if the past or the executive lacks it.
 
-    Raises ValueError when what was recorded does not fit.
+    Raises ValueError if the recorded state does not fit the world.
     """
-    back = getattr(executive, "restore", None)
+    restore_state = getattr(executive, "restore", None)
     if past.last is None:
         return True
-    if back is None or past.left is None:
+    if restore_state is None or past.left is None:
         return False
-    back(past.left)
+    restore_state(past.left)
     return True

@@ -1,7 +1,7 @@
-"""Running an interrupted run again up to its last record, and on from there.
+"""Repetition of an interrupted run: the plan is run again up to its last record, and continues from there.
 
-Nothing is written before all records are repeated: the first that differs ends the run. Calls to the outside that had
-returned are not made again; they are answered from their records.
+The first record that differs ends the run, before anything is written. Calls to the outside that had returned are not
+made again; their recorded results are used.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from planlang.runs.trace import FROM_OUTSIDE, Different, Earlier, Trace, shown
 
 
 class Repetition:
-    """The records of an interrupted run that are repeated: all, up to where it was told to end.
+    """The records of an interrupted run that are repeated: all before an interrupt from outside, if there was one.
 
-    Raises DamagedTrace if what a call to the outside gave cannot be read.
+    Raises DamagedTrace if the result of a call to the outside cannot be read.
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
-        told = (place for place, line in enumerate(recorded.lines) if line.event in FROM_OUTSIDE)
+        interrupts = (index for index, line in enumerate(recorded.lines) if line.event in FROM_OUTSIDE)
         self.recorded = recorded
-        self.kept: Sequence[Line] = recorded.lines[: next(told, len(recorded.lines))]
+        self.kept: Sequence[Line] = recorded.lines[: next(interrupts, len(recorded.lines))]
         self.nodes = max((int(line.record.get("node", 0)) for line in self.kept), default=0)
         self.expected = [line for line in self.kept if line.event not in ("header", "resumed")]
         answers = (line for line in self.kept if line.event == "answer")
@@ -37,18 +37,18 @@ class Repetition:
             for line in answers
             if (asked := str(line.record.get("asked"))).startswith(OUTSIDE)
         }
-        """What calls to the outside gave."""
+        """Results of calls to the outside, by path and question."""
         self.calls = max((call_of(line) for line in self.kept if line.event == "called"), default=0)
-        """The highest number that a call has been given."""
+        """The highest number of a call."""
 
     @property
     def skipped(self) -> Line | None:
-        """The record with which an earlier resumption took steps over without running them, None if none did."""
+        """The record of an earlier resumption that skipped completed steps, if there is one."""
         return next((line for line in self.kept if line.event == "resumed" and "repeated" not in line.record), None)
 
     @property
     def in_flight(self) -> list[Line]:
-        """The records of what had begun outside, and not ended, when the run was cut off: it is done again."""
+        """The records of calls to the outside that had not ended when the run was cut off; they are made again."""
         ended = {str(line.record.get("call")) for line in self.kept if line.event == "returned"}
         calls = [line for line in self.kept if line.event == "called" and str(line.record.get("call")) not in ended]
         modules = [line for line in self.kept if line.event == "outside" and (line.path, ONCE) not in self.answers]
@@ -56,20 +56,20 @@ class Repetition:
 
     @property
     def lost(self) -> Line | None:
-        """The record of the first call to the outside whose result did not survive JSON, None if all did."""
+        """The record of the first call to the outside whose result could not be stored, if there is one."""
         return next((line for line in self.answers.values() if "lost" in line.record), None)
 
 
 ONCE = "once"
-"""The question that the result of a process module answers that must not be executed again."""
+"""Question under which the result of a process module with ``once`` is recorded."""
 OUTSIDE = (ONCE, "call ")
-"""How questions begin that are answered by the outside."""
+"""Prefixes of questions that are answered by calls to the outside."""
 
 
 class RepeatedTrace(Trace):
-    """Compares what a run writes with what is recorded of it; behind that it is the trace that ``go_on`` returns.
+    """Trace that compares a run with its records, and after the last one writes to the trace that ``go_on`` returns.
 
-    The first difference ends the run, before anything is written. Listeners hear of all records.
+    The first difference ends the run, before anything is written. Listeners receive all records.
     """
 
     is_compared = True
@@ -80,24 +80,24 @@ class RepeatedTrace(Trace):
         self._go_on = go_on
         self._root: Node
         self._is_over = False
-        """True when nothing is compared any more, and nothing written."""
+        """True after a difference or an interrupt: nothing is compared or written any more."""
         self._expected = repetition.expected
         self._place = 0
         self._inner: Trace | None = None
 
     def write_header(self, **known: object) -> None:
-        """Write nothing: the header is that of the recorded run, with which the caller has compared its own."""
+        """Write nothing, as the caller has compared the header with the recorded one."""
         self._pass(0)
 
     def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
-        """Hand differences, and what goes wrong in writing, to ``fail``."""
+        """Start the trace; differences and errors of writing are passed to ``fail``."""
         super().begin(root, fail)
         self._root = root
         if self._inner is not None:
             self._inner.begin(root, fail)
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
-        """Compare or write that a node of the tree begins."""
+        """Compare or write the start of a node."""
         if self._inner is None:
             super().started(step, node, **details)
         else:
@@ -106,7 +106,7 @@ class RepeatedTrace(Trace):
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
-        """Compare or write that a node of the tree ends."""
+        """Compare or write the end of a node."""
         if self._inner is None:
             super().ended(step, node, outcome, result, failure)
         else:
@@ -122,7 +122,7 @@ class RepeatedTrace(Trace):
             self._compare(step, event, node, more)
 
     def end(self) -> None:
-        """Write through; raises Different if the run has ended before its records have."""
+        """Flush the trace; raises Different if the run has ended before its records."""
         super().end()
         if self._inner is not None:
             self._inner.end()
@@ -130,49 +130,46 @@ class RepeatedTrace(Trace):
             self._differ("nothing: the plan has ended")
 
     def sync(self) -> None:
-        """Let what was written so far survive a crash of the machine."""
+        """Write the trace to disk, so that it survives a crash of the machine."""
         if self._inner is not None:
             self._inner.sync()
 
     def close(self) -> None:
-        """Close the trace that goes on, if it does."""
+        """Close the trace that is written, if there is one."""
         if self._inner is not None:
             self._inner.close()
 
     # -- the outside
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """Return the recorded number of a call and what gives its recorded result, if it had returned."""
+        """Number of a call as recorded, and a function that returns its recorded result, or makes it if it had none."""
         if self._inner is not None:
             return max(number, self.repetition.calls + 1), function
-        coming = self._expected[self._place].record.get("call", number)
-        line = self.repetition.answers.get((node.path, f"call {coming}"))
-        return coming, partial(self._asked, function) if line is None else partial(value_in, line)
+        recorded_number = self._expected[self._place].record.get("call", number)
+        line = self.repetition.answers.get((node.path, f"call {recorded_number}"))
+        return recorded_number, partial(self._call_again, function) if line is None else partial(value_in, line)
 
-    def _asked(self, function: Callable[[], Any]) -> Any:
-        """Call what had not returned; raises RunError for what the recorded run did not call."""
+    def _call_again(self, function: Callable[[], Any]) -> Any:
+        """Make a call that had not returned; RunError if the run has deviated from its records."""
         self._check_outside()
         return function()
 
     def _check_outside(self) -> None:
         if self._is_over:
-            raise RunError(
-                "nothing outside is asked any more: the run does not repeat what is recorded, or was stopped"
-            )
+            raise RunError("calls to the outside are not made: the run deviates from its records, or was stopped")
 
     def once(self, node: Node) -> Line | None:
-        """Return the record of what a module gave that is not executed again; what it did then is not expected.
+        """Recorded result of a process module with ``once``; records from inside its execution are not repeated.
 
-        None if it had not ended; raises RunError for what the recorded run did not do.
+        None if it had not ended; RunError if the run has deviated from its records.
         """
         self._check_outside()
         line = None if self._inner is not None else self.repetition.answers.get((node.path, ONCE))
         if line is None:
             return None
         ahead = self._expected[self._place :]
-        inside = (one for one in ahead if one.number < line.number and _is_in(one.path, node.path))
-        passed = {one.number for one in inside}
-        self._expected = [one for one in ahead if one.number not in passed]
+        inside = {each.number for each in ahead if each.number < line.number and _is_in(each.path, node.path)}
+        self._expected = [each for each in ahead if each.number not in inside]
         self._place = 0
         return line
 
@@ -182,7 +179,7 @@ class RepeatedTrace(Trace):
         line = self._expected[self._place]
         inside = json.loads(json.dumps({key: encode(value) for key, value in more.items()}))
         path = None if node is None else node.path
-        if (line.step, line.event, line.path) != (step, event, path) or not agree(_told(line.record), inside):
+        if (line.step, line.event, line.path) != (step, event, path) or not agree(_content(line.record), inside):
             self._differ(shown({"step": step, "event": event, "path": path, **inside}))
             return
         if node is not None:
@@ -192,7 +189,7 @@ class RepeatedTrace(Trace):
         self._pass(step)
 
     def _pass(self, step: int) -> None:
-        """Go on if the records are at their end."""
+        """Continue the run after the last record."""
         if self._place < len(self._expected):
             return
         self._inner = inner = self._go_on(self.repetition)
@@ -210,22 +207,22 @@ class RepeatedTrace(Trace):
 
 
 def _checked(line: Line) -> Line:
-    """Return the record of an answer; raises DamagedTrace if it cannot be given again."""
+    """Check that the answer in a record can be restored; raises DamagedTrace."""
     try:
         value_in(line)
     except DamagedTrace:
         raise
-    except Exception:  # the failure that it tells
+    except Exception:  # the recorded failure
         pass
     return line
 
 
-def _told(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a record tells beside its frame, which is smaller for what happens in no node."""
+def _content(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of a record without its frame, which is smaller for records outside of nodes."""
     if "node" in record:
         return details(record)
     return {key: value for key, value in record.items() if key not in ("step", "event")}
 
 
-def _is_in(path: str | None, around: str) -> bool:
-    return path is not None and (path == around or path.startswith(f"{around}/"))
+def _is_in(path: str | None, ancestor: str) -> bool:
+    return path is not None and (path == ancestor or path.startswith(f"{ancestor}/"))

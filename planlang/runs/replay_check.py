@@ -1,7 +1,7 @@
-"""A trace that is compared, record by record, with one that was written before; and the host and order of a replay.
+"""Comparison of a replay with a trace, record by record; with the host and the schedule of the replay.
 
-The records of a run are in one order, and a replay follows it: what comes from outside comes when the records say
-so, and of the tasks that can run the one whose record is next runs first, where the order is not the plan's own.
+A replay follows the order of the records. Inputs from outside arrive at their recorded places, and among the tasks that
+can run, the one with the next record runs first, unless the plan itself determines the order.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from planlang.runs.trace import Different, Trace, shown
 
 
 class ReplayOver(BaseException):
-    """The records are at their end, or the first difference was found: nothing is compared any more."""
+    """Raised to end a replay after its last record, or at the first difference."""
 
 
 class Opaque(Exact):
-    """A result that did not survive JSON: it can be handed on, and is shown as before."""
+    """Stand-in for a result that could not be stored: a plan can pass it on, and the trace shows it as before."""
 
     __slots__ = ()
 
 
 class ReplayCheck(Trace):
-    """Compares what a replay writes with the records of a run.
+    """Trace that compares a replay with the records of a run.
 
-    ``place`` is where the next record is that the plan has to write; what came from outside before it has been
-    given. ``difference`` is the first one.
+    ``place`` is the index of the next record that the plan has to write; inputs recorded before it have been supplied.
+    ``difference`` is the first one, if any.
     """
 
     scheduler: Scheduler
@@ -51,12 +51,13 @@ class ReplayCheck(Trace):
         self.place = 0
         self.difference: Different | None = None
         self.over = False
-        self._heard = 0
+        self._read = 0
+        """Number of records whose answers are in ``_answers``."""
         self._answers: dict[str, Line] = {}
         self._series: dict[str, list[Line]] = {}
         self._turns: list[tuple[int, Task]] = []
         self._again: dict[str, int] = {}
-        """Paths of the steps that a resumed run began again -> place of the record that tells so."""
+        """Index of the record of each step that a resumed run began again, by path."""
         for place, line in enumerate(self.lines):
             if line.event == "resumed":
                 self._again.update(dict.fromkeys(map(str, line.record.get("again", ())), place))
@@ -65,16 +66,16 @@ class ReplayCheck(Trace):
     # -- the next record
 
     def next(self) -> Line | None:
-        """Return the next record that the plan or a process module has to write; None at the end."""
+        """The next record that the plan or a process module has to write; None at the end."""
         return self.lines[self.place] if self.place < len(self.lines) else None
 
     def step_after(self, now: int) -> int | None:
-        """Return the first step later than ``now`` of which something is recorded."""
+        """First step after ``now`` with a record, None if there is none."""
         place = bisect_right(self.lines, now, lo=min(self.place, len(self.lines)), key=lambda line: line.step)
         return self.lines[place].step if place < len(self.lines) else None
 
     def take(self) -> None:
-        """Go on to the record after the next, which has been written."""
+        """Advance after the next record was written, and wake the tasks that waited for this."""
         self.place += 1
         self._pass()
         due = [turn for turn in self._turns if turn[0] <= self.place]
@@ -84,26 +85,26 @@ class ReplayCheck(Trace):
                 self.scheduler.wake(task)
 
     def _pass(self) -> None:
-        """Go on to the next record that is compared."""
+        """Advance to the next record that is compared."""
         while self.place < len(self.lines):
             line = self.lines[self.place]
             if line.event not in BOOKKEEPING and line.event != "header" and (line.path or line.event in ENDINGS):
                 return
             self.place += 1
 
-    def _hear(self) -> None:
-        """Note the answers that were given by now."""
+    def _read_answers(self) -> None:
+        """Collect the answers recorded up to the present place and step."""
         now = self.scheduler.now
-        while self._heard < self.place and self.lines[self._heard].step <= now:
-            line = self.lines[self._heard]
+        while self._read < self.place and self.lines[self._read].step <= now:
+            line = self.lines[self._read]
             if line.event == "answer":
                 question = str(line.record.get("asked"))
                 self._answers[question] = line
                 self._series.setdefault(question, []).append(line)
-            self._heard += 1
+            self._read += 1
 
     async def turn(self, place: int, behind: int = 0) -> None:
-        """Wait until its step has come and all records before a place have been written, and as many ``behind`` it."""
+        """Wait for the step of the record at ``place``, for all records before it, and for ``behind`` from it on."""
         scheduler, task = here()
         step = self.lines[place].step if place < len(self.lines) else scheduler.now
         if step > scheduler.now:
@@ -114,12 +115,12 @@ class ReplayCheck(Trace):
             try:
                 await park("its turn in the recorded run")
             finally:
-                self._turns = [one for one in self._turns if one is not turn]
+                self._turns = [each for each in self._turns if each is not turn]
 
     # -- comparing
 
     def write(self, step: int, event: str, node: Node | None = None, /, **more: object) -> None:
-        """Compare one record."""
+        """Compare a record with the next recorded one."""
         if self.over or event in BOOKKEEPING or (node is None and event not in ENDINGS):
             return
         line = self.next()
@@ -137,7 +138,7 @@ class ReplayCheck(Trace):
             self.differ({"step": step, "event": event, "path": path, **inside})
 
     def differ(self, found: Mapping[str, Any] | str) -> None:
-        """Note the first difference: what was found in place of the next record."""
+        """End the comparison with the first difference: ``found`` instead of the next record."""
         line = self.next()
         assert line is not None
         if self.difference is None and not self.over:
@@ -150,31 +151,31 @@ class ReplayCheck(Trace):
     # -- planlang.kernel.observer.Recorded
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """Return what was answered last."""
+        """The last recorded answer."""
         if not self.knows(question):
             self._unknown(question)
         return self.value(self._answers[question])
 
     def knows(self, question: str) -> bool:
-        """Return whether a question was asked by now."""
-        self._hear()
+        """Check whether an answer to a question is recorded up to now."""
+        self._read_answers()
         return question in self._answers
 
     def was_asked(self, question: str) -> bool:
-        """Return whether a question is recorded, at any time of the run."""
+        """Check whether an answer to a question is recorded anywhere in the run."""
         return any(line.event == "answer" and line.record.get("asked") == question for line in self.lines)
 
     def next_answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """Return the next of the answers."""
-        self._hear()
+        """The next recorded answer."""
+        self._read_answers()
         lines = self._series.get(question, [])
         if not lines:
             self._unknown(question)
         return self.value(lines.pop(0))
 
     def sample(self, fluent: BaseFluent[Any], read: Callable[[], Any]) -> Any:
-        """Return the value that was recorded for this step."""
-        node, number = self.keys.of(fluent) or (None, 0)  # a process module's own are not recorded, nor asked for here
+        """The value recorded for this step."""
+        node, number = self.keys.of(fluent) or (None, 0)  # modules are not executed, so their fluents are not read here
         lines = self._worlds.get((None if node is None else node.path, number), [])
         place = bisect_right(lines, self.scheduler.now, key=lambda line: line.step)
         if not place:
@@ -182,27 +183,27 @@ class ReplayCheck(Trace):
         return self.value(lines[place - 1])
 
     def call(self, node: Node, number: int, function: Callable[[], Any]) -> tuple[int, Callable[[], Any]]:
-        """Return the recorded number, and a function that gives what the call gave."""
+        """The recorded number of a call, and a function that returns its recorded result."""
         line = self.next()
         if line is not None and line.event == "called" and line.path == node.path:
             number = int(line.record.get("call", number))
         return number, lambda: self.next_answer(f"call {number}", function)
 
     def body(self, node: Node, body: Body) -> Body:
-        """Return the body; that of a branch that a resumed run began again waits until it did."""
+        """Choose the body; a branch that a resumed run began again waits for that record."""
         place = self._again.get(node.path) if self._again and isinstance(node, Task) else None
         return body if place is None else partial(self._later, place, body)
 
     async def _later(self, place: int, body: Body) -> Any:
-        await self.turn(place, behind=2)  # that it was resumed, and the end of what was taken over last
+        await self.turn(place, behind=2)  # the record "resumed", and the end of the last completed step
         return await body()
 
     def step_ends(self, step: int) -> bool:
-        """Return False: the host of the replay lets time pass."""
+        """False, as the host of the replay advances time."""
         return False
 
     def attach(self, scheduler: Scheduler) -> None:
-        """Replay with this scheduler."""
+        """Set the scheduler of the replay, and collect the recorded values of world fluents."""
         self.scheduler = scheduler
         self.keys = FluentKeys(scheduler)
         self._worlds: dict[tuple[str | None, int], list[Line]] = {}
@@ -210,7 +211,7 @@ class ReplayCheck(Trace):
             if line.event == "world":
                 number = line.record.get("number", 0)
                 if type(number) is not int:
-                    raise ValueError(f"line {line.number} tells of no watch: its number is {str(number)[:40]}")
+                    raise ValueError(f"line {line.number}: number has to be a whole number, not {str(number)[:40]}")
                 self._worlds.setdefault((line.path, number), []).append(line)
 
     def _unknown(self, question: str) -> None:
@@ -220,7 +221,7 @@ class ReplayCheck(Trace):
         raise ReplayOver
 
     def value(self, line: Line, shown: Callable[[Line], Any] = lambda line: line.record["lost"]) -> Any:
-        """Return the value that a record tells, or raise its failure; ``shown`` tells of one that did not survive."""
+        """Restore the value of a record, or raise its failure; ``shown`` describes a value that could not be stored."""
         if "lost" in line.record:
             return Opaque(shown(line))
         try:
@@ -235,7 +236,7 @@ ENDINGS = frozenset({"interrupted", "drained"})
 
 
 class ReplayHost:
-    """Time as the records say: from one recorded step to the next."""
+    """Host that advances from one recorded step to the next."""
 
     jumps = True
 
@@ -246,7 +247,7 @@ class ReplayHost:
         self._now = 0
 
     def advance(self, steps: int) -> int:
-        """Go on to the next step of which something is recorded, at most ``steps``; returns how many have passed."""
+        """Advance to the next recorded step, by at most ``steps``; return the number of steps passed."""
         trace = self._trace
         line = trace.next()
         if trace.over or line is None or line.event == "drained":
@@ -265,16 +266,16 @@ class ReplayHost:
 
 
 class RecordedOrder:
-    """Lets the task whose record is next run first, if it is a process module's; with ``all_``, whosever it is."""
+    """Schedule in which the task with the next record runs first: tasks of process modules, or with ``all_`` all."""
 
     def __init__(self, trace: ReplayCheck, *, all_: bool) -> None:
         self._trace = trace
         self._all = all_
         self.modules: set[str] = set()
-        """Paths of the tasks in which process modules work."""
+        """Paths of the tasks that execute process modules."""
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Return the place of that task."""
+        """Choose the innermost task around the next record, else the first task."""
         line = self._trace.next()
         if line is None or line.path is None:
             return 0

@@ -1,4 +1,4 @@
-"""The tree of a run, as its trace tells it: the one reader of records, from which all that ask about a run read."""
+"""The tree of a run, built from its trace: the only reader of records for queries about runs."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from planlang.runs.recorded_run import BOOKKEEPING, details
 
 @dataclass(frozen=True, slots=True)
 class Happened:
-    """A record of something in a node, or about the run as a whole, that is neither a start nor an end."""
+    """An event of a node, or of the run as a whole, that is neither a start nor an end."""
 
     step: int
     """Plan time in world steps."""
     event: str
     details: dict[str, Any]
     place: int = -1
-    """Place of the record in the trace."""
+    """Index of the record in the trace."""
 
 
 @dataclass(eq=False)
 class TaskNode:
-    """A construct, branch, tag, plan function, perform or state of a run; each run of it is a node of its own.
+    """One execution of a construct, branch, tag, plan function, action or state.
 
-    ``status`` is succeeded, failed or evaporated; running if the trace ends before it. ``start`` and ``end`` are plan
-    time [s], None if it never began or has not ended. ``parameters`` is what the trace tells about the start, and
-    ``failure`` its record of a failure: type, message, cause, members.
+    ``status`` is succeeded, failed or evaporated; running if the trace ends before the node. ``start`` and ``end`` are
+    plan time [s], None if it never began or has not ended. ``parameters`` are the details of the start record, and
+    ``failure`` is the record of a failure: type, message, cause, members.
     """
 
     name: str
@@ -45,20 +45,20 @@ class TaskNode:
     end: float | None = None
     children: list[TaskNode] = field(default_factory=list)
     number: int = 0
-    """Its number in the trace, from 1 on."""
+    """Number in the trace, from 1."""
     begun: int | None = None
     ended: int | None = None
     """Plan time of start and end in world steps."""
     first: int = -1
-    """Place of the record in the trace that tells of the start, or of the end of what never began."""
+    """Index of the start record in the trace, or of the end record if the node never began."""
     last: int = sys.maxsize
-    """Place of the record that tells of the end."""
+    """Index of the end record."""
     repeats: list[float] = field(default_factory=list)
-    """Times at which a with_failure_handling ran its body [s]."""
+    """Times [s] at which a with_failure_handling started its body."""
     happened: list[Happened] = field(default_factory=list)
-    """What happened in it: the solutions of a location, recoveries, resources that were taken, ..."""
+    """Other events of the node: solutions of a location, recoveries, acquired resources, ..."""
     is_request: bool = False
-    """True for the node of a process module that performs an action."""
+    """True for the execution of an action by a process module."""
 
     @property
     def path(self) -> str:
@@ -71,46 +71,46 @@ class TaskNode:
         return "/".join(reversed(names))
 
     def _outward(self) -> Iterator[TaskNode]:
-        """Yield this step, the one around it, and so on."""
-        step: TaskNode | None = self
-        while step is not None:
-            yield step
-            step = step.parent
+        """Yield this node and its ancestors, nearest first."""
+        node: TaskNode | None = self
+        while node is not None:
+            yield node
+            node = node.parent
 
     @property
     def inner(self) -> bool:
-        """True for what a process module does inside of the action that the plan has asked it for."""
+        """True inside the execution of an action by a process module."""
         outward = self._outward()
         next(outward)
-        return any(step.is_request for step in outward)
+        return any(node.is_request for node in outward)
 
     def called(self, query: str) -> bool:
-        """Return True if a name, ``parent/name``, or class of action means this step; ``#2``: the second."""
+        """Check whether a query refers to this node: a name, ``parent/name`` or class of action; ``#2``: the second."""
         if self.action is not None and query in (self.action, *map(local_name, self.parameters.get("classes", ()))):
             return True
-        names = (part for step in self._outward() for part in reversed(step.name.split("/")))
+        names = (part for node in self._outward() for part in reversed(node.name.split("/")))
         return all(
-            (name := next(names, None)) is not None and want in (name, name.split("#", 1)[0])
-            for want in reversed(query.split("/"))
+            (name := next(names, None)) is not None and part in (name, name.split("#", 1)[0])
+            for part in reversed(query.split("/"))
         )
 
     def within(self, other: TaskNode) -> bool:
-        """Return True if this step is inside the other one."""
-        return self is not other and any(step is other for step in self._outward())
+        """Check whether this node is inside another one."""
+        return self is not other and any(node is other for node in self._outward())
 
     @property
     def reason(self) -> str:
-        """Return why it ended as it did: ``TYPE: MESSAGE`` of its failure; empty if it has none."""
+        """``TYPE: MESSAGE`` of the node's failure; empty if it has none."""
         return "" if self.failure is None else f"{self.failure['type']}: {self.failure['message']}"
 
     @property
     def action(self) -> str | None:
-        """The class of the performed action, by its local name."""
+        """Local name of the class of the performed action."""
         text = self.parameters.get("action")
         return local_name(text.split("(", 1)[0]) if isinstance(text, str) else None
 
     def summary(self, longest: int | None = None) -> str:
-        """Return when and how it ran, in a line; the message of a failure is cut to ``longest`` characters."""
+        """Times and status in one line; the message of a failure is cut to ``longest`` characters."""
         if self.start is None:
             return f"{self.status} before it began"
         span = f"{self.start:g} s" if self.start == self.end else f"{self.start:g} to {self.end or 0:g} s"
@@ -127,8 +127,8 @@ class TaskNode:
         return f"<{self.path}: {self.summary()}>"
 
     def record(self) -> dict[str, Any]:
-        """Return a JSON object, keys in a fixed order; result and failure where there is one."""
-        found: dict[str, Any] = {
+        """The node as a JSON object, keys in a fixed order, without absent parameters, result and failure."""
+        exported: dict[str, Any] = {
             "path": self.path,
             "parent": None if self.parent is None else self.parent.path,
             "kind": self.kind,
@@ -139,18 +139,18 @@ class TaskNode:
         }
         for key, value in (("parameters", self.parameters), ("result", self.result), ("failure", self.failure)):
             if value not in (None, {}):
-                found[key] = value
-        return found
+                exported[key] = value
+        return exported
 
 
 class RunTree:
-    """The nodes of a run by their numbers, which are those of the trace, in order of beginning."""
+    """The nodes of a run by their numbers in the trace, in order of their start."""
 
     def __init__(self, records: Iterable[Mapping[str, Any]] = ()) -> None:
         self.numbered: dict[int, TaskNode] = {}
         self.roots: list[TaskNode] = []
         self.belief: list[Happened] = []
-        """How the belief changed, and where things are believed to be since."""
+        """Changes of the belief state, such as new poses of objects."""
         self.rate = 1.0
         """World steps per second of plan time."""
         self._read = 0
@@ -158,20 +158,20 @@ class RunTree:
             self.add(record)
 
     def go_on(self, records: Sequence[Mapping[str, Any]]) -> None:
-        """Read on in a trace that has become longer."""
+        """Read the new records of a trace that has grown."""
         while self._read < len(records):
             self.add(records[self._read])
 
     def add(self, record: Mapping[str, Any]) -> TaskNode | None:
-        """Read the next record; return the node that it is about, None if it is about none."""
+        """Read the next record; return its node, None if it has none."""
         place, self._read = self._read, self._read + 1
         event, number = record["event"], record.get("node")
         if event == "header":
             self.rate = float(record["rate"])
         if number is None:
             if event == "belief":
-                told = {key: value for key, value in record.items() if key not in ("step", "event")}
-                self.belief.append(Happened(record["step"], event, told, place))
+                content = {key: value for key, value in record.items() if key not in ("step", "event")}
+                self.belief.append(Happened(record["step"], event, content, place))
             return None
         node, time = self.numbered.get(number) or self._new(number, record), record["step"] / self.rate
         if event == "started":

@@ -1,6 +1,6 @@
-"""The trace of a run: one JSON object per line, keys in a fixed order, nothing that differs from run to run.
+"""The trace of a run: one JSON object per line, keys in a fixed order, equal bytes for equal runs.
 
-That of a resumed run begins with the records that it takes over; the plan repeats them, and goes on behind them.
+The trace of a resumed run begins with the records of its past, which the plan repeats before it continues.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Listener = Callable[[Mapping[str, Any], Node | None], object]
 
 def _check_header(header: object) -> None:
     if header is not None:
-        _AT.instance("header", header, Mapping, "a mapping of what the caller knows")
+        _AT.instance("header", header, Mapping, "a mapping, such as versions")
 
 
 class Earlier(Protocol):
-    """What the trace of a run that goes on begins with."""
+    """Records at the start of the trace of a continued run."""
 
     @property
     def kept(self) -> Sequence[Line]:
@@ -41,22 +41,23 @@ class Earlier(Protocol):
 
     @property
     def nodes(self) -> int:
-        """The highest number that a node has been given."""
+        """The highest number of a node."""
 
 
 class Trace:
-    """Writes what happens, line by line, to a text file or a list.
+    """Writes the events of a run, line by line, to a text file or a list.
 
-    Every record begins with ``step`` (plan time in world steps) and ``event``; the first one is the header. What
-    happens in a node of the tree has its number as ``node`` and its path element as ``name``; when a node starts or
-    ends, ``parent`` is the number of the node around it and ``kind`` what it is. Numbers count from 1, the root, in the
-    order in which nodes come; so a record is as long at any depth. ``planlang.runs.with_paths`` gives back the paths.
+    Every record begins with ``step`` (plan time in world steps) and ``event``; the first one is the header. A record of
+    a node has its number as ``node`` and its path element as ``name``; records of starts and ends also have ``parent``,
+    the number of the parent node, and ``kind``. Numbers count from 1, the root, in order of appearance, so that the
+    length of a record does not grow with the depth; ``planlang.runs.with_paths`` restores the paths.
 
-    Without ``out`` the records are kept in ``events``. ``header`` is what the caller knows: versions, hashes.
+    Without ``out`` the records are stored in ``events``. ``header`` has further entries of the header, such as versions
+    and hashes.
     """
 
     is_compared = False
-    """True if records are compared with recorded ones in :meth:`write`, so that all have to go through it."""
+    """True if :meth:`write` compares records, so that all of them have to pass through it."""
 
     def __init__(
         self, out: TextIO | list[dict[str, Any]] | None = None, header: Mapping[str, object] | None = None
@@ -69,18 +70,18 @@ class Trace:
         self.events: list[dict[str, Any]] = out if isinstance(out, list) else []
         self._file: TextIO | io.FileIO | None = None
         self._put: Callable[[bytes], int] | None = None
-        """Writes a line through, and says how much of it was taken."""
+        """Writes and flushes a line; returns the number of bytes written."""
         self._on_failure: Callable[[BaseException], object] | None = None
         self._header = dict(header or {})
         self.listeners: tuple[Listener, ...] = ()
-        """Given each record as it is written, with the node that it is about."""
+        """Called with each record when it is written, and with its node."""
         self._nodes = 0
         self.continues = False
-        """True if it begins with the records of an earlier trace."""
+        """True if the trace begins with the records of an earlier one."""
         self._names: dict[str, str] = {}
-        self._above = -1
-        self._around = ""
-        self._turn_to(0)
+        self._parent_number = -1
+        self._parent_text = ""
+        self._format_step(0)
         if out is not None and not isinstance(out, list):
             self._file, self._put = out, _through(out)
 
@@ -88,12 +89,12 @@ class Trace:
     def at(
         cls, path: str | os.PathLike[str], header: Mapping[str, object] | None = None, *, earlier: Earlier | None = None
     ) -> Self:
-        """Return a trace in a file at its final name, flushed line by line; an older one is renamed ``NAME.old``.
+        """Open a trace file, flushed line by line; an existing file is renamed to ``NAME.old``.
 
-        What is no file but a device or a pipe is written to as it is.
+        Devices and pipes are written to directly.
 
-        With ``earlier``, the records of a run that goes on, it begins with those, complete before the older trace
-        gives way; and no older one is lost: the next free of ``NAME.old``, ``NAME.old2``, ... is taken.
+        ``earlier`` has the records of a continued run. They are written before an existing file is renamed, to the next
+        free name of ``NAME.old``, ``NAME.old2``, ..., so that no trace is lost.
         """
         _AT.instance("path", path, (str, os.PathLike), "the path of a file")
         if path == "":
@@ -107,23 +108,23 @@ class Trace:
             trace._file = io.FileIO(target, "w")
             trace._put = trace._file.write
             return trace
-        coming = target.with_name(f".{target.name}.new") if target.is_file() or not target.exists() else target
-        trace._file = io.FileIO(coming, "w")
+        new_file = target.with_name(f".{target.name}.new") if target.is_file() or not target.exists() else target
+        trace._file = io.FileIO(new_file, "w")
         trace._put = trace._file.write
         trace.take_over((line.record for line in earlier.kept), earlier.nodes)
         if target.is_file():
             target.replace(_free(target))
-        if coming is not target:
-            coming.replace(target)
+        if new_file is not target:
+            new_file.replace(target)
         return trace
 
     def write_header(self, **known: object) -> None:
-        """Write the header."""
+        """Write the header, with these entries and those of the constructor."""
         self._nodes = 0
         self.write(0, "header", schema=SCHEMA, **known, **self._header)
 
     def take_over(self, records: Iterable[Mapping[str, Any]], nodes: int) -> None:
-        """Begin with the records of an earlier trace, in which ``nodes`` numbers were given."""
+        """Begin with the records of an earlier trace, whose highest node number is ``nodes``."""
         self.continues = True
         self._nodes = nodes
         for record in records:
@@ -133,7 +134,7 @@ class Trace:
                 self._send(_line(dict(record)))
 
     def write(self, step: int, event: str, node: Node | None = None, /, **details: object) -> None:
-        """Write one record, of what happened in a node if it did in one; details are encoded now, in their order."""
+        """Write a record of a node, or of the run as a whole; details are encoded at once, in their order."""
         record: dict[str, Any] = {"step": step, "event": event}
         if node is not None:
             new = not node.number
@@ -156,7 +157,7 @@ class Trace:
         for listener in self.listeners:
             try:
                 listener(record, node)
-            except BaseException as problem:  # this listener gets no more; the run ends with its problem
+            except BaseException as problem:  # the listener is removed, and its error ends the run
                 self.listeners = tuple(other for other in self.listeners if other is not listener)
                 self._fail(problem)
 
@@ -164,7 +165,7 @@ class Trace:
         self._write_through(text.encode(*_UTF8))
 
     def _write_through(self, data: bytes) -> None:
-        """Write all of a line, of which a nearly full disk takes a part; write no more once it refuses the rest."""
+        """Write a whole line, in parts if a nearly full disk requires it; stop writing after an error."""
         assert self._put is not None
         try:
             while data:
@@ -182,16 +183,16 @@ class Trace:
         self._on_failure(error)
 
     def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
-        """Hand what goes wrong in writing to ``fail``, instead of raising it amid the work of the event loop."""
+        """Pass errors of writing to ``fail`` during the run, as raising them would interrupt the event loop."""
         self._on_failure = fail
 
     def end(self) -> None:
-        """Write through; what goes wrong afterwards is raised."""
+        """Flush the trace; later errors are raised."""
         self._on_failure = None
         self.flush()
 
     def started(self, step: int, node: Node, /, **details: object) -> None:
-        """Write that a node of the tree begins."""
+        """Write the start of a node."""
         parent = node.parent
         if details or parent is None or self.is_compared or self.listeners:
             self.write(step, "started", node, **details)
@@ -200,81 +201,81 @@ class Trace:
         if self._put is None:
             self.events.append(_span(step, "started", node, parent))
             return
-        # the same bytes as write() gives, in a fraction of the time: what is many times the same is put together once
+        # The same bytes as from write(), in a fraction of the time: repeated parts are formatted only once.
         if step != self._step:
-            self._turn_to(step)
-        above = parent.number
-        if above != self._above:
-            self._above = above
-            self._around = f', "parent": {above}, "kind": "'
+            self._format_step(step)
+        parent_number = parent.number
+        if parent_number != self._parent_number:
+            self._parent_number = parent_number
+            self._parent_text = f', "parent": {parent_number}, "kind": "'
         name = self._names.get(node.base_name)
         if name is None:
             name = self._names[node.base_name] = _quoted(node.base_name)[:-1].encode(*_UTF8).decode()
         ordinal = "" if node.ordinal == 1 else f"#{node.ordinal}"
-        written = node.written = f'{number}{self._around}{node.kind}", "name": {name}{ordinal}"'
+        written = node.written = f'{number}{self._parent_text}{node.kind}", "name": {name}{ordinal}"'
         data = f"{self._started}{written}}}\n".encode()
         try:
-            taken = self._put(data)
+            written_bytes = self._put(data)
         except _UNWRITABLE as error:
             self._stop(error)
             return
-        if taken != len(data):
-            self._write_through(data[taken:])
+        if written_bytes != len(data):
+            self._write_through(data[written_bytes:])
 
     def ended(
         self, step: int, node: Node, outcome: Status, result: object = None, failure: BaseException | None = None
     ) -> None:
-        """Write that a node of the tree ends."""
+        """Write the end of a node."""
         word = outcome._value_
         if failure is not None:
             try:
                 self.write(step, "ended", node, status=word, failure=failure)
                 return
             except RecursionError:
-                pass  # too deep to tell why it ended, not to tell that it did
+                pass  # the failure is nested too deeply to be encoded: write the end without it
         elif result is not None and outcome is SUCCEEDED:
             self.write(step, "ended", node, status=word, result=result)
             return
         if node.written and self._put is not None:
             if step != self._step:
-                self._turn_to(step)
+                self._format_step(step)
             data = f'{self._ended}{node.written}, "status": "{word}"}}\n'.encode()
             try:
-                taken = self._put(data)
+                written_bytes = self._put(data)
             except _UNWRITABLE as error:
                 self._stop(error)
                 return
-            if taken != len(data):
-                self._write_through(data[taken:])
+            if written_bytes != len(data):
+                self._write_through(data[written_bytes:])
         elif node.number and node.parent is not None and self._put is None and not (self.is_compared or self.listeners):
             self.events.append(_span(step, "ended", node, node.parent) | {"status": word})
         else:
             self.write(step, "ended", node, status=word)
 
-    def _turn_to(self, step: int) -> None:
-        """Prepare how records of this step begin."""
+    def _format_step(self, step: int) -> None:
+        """Format the beginnings of records of a step."""
         self._step = step
         self._started = f'{{"step": {step}, "event": "started", "node": '
         self._ended = f'{{"step": {step}, "event": "ended", "node": '
 
     def text(self) -> str:
-        """Return the kept records as JSON Lines."""
+        """The records in memory as JSON Lines."""
         return "".join(map(_line, self.events))
 
     def changed(self, fluent: BaseFluent[Any]) -> None:
-        """Record nothing: what a plan does with a fluent is recorded."""
+        """Ignore changes of fluents; only their effects on the plan are recorded."""
 
     def charged(self, kind: str, part: str, number: int) -> None:
-        """Record nothing."""
+        """Ignore charges to budgets."""
 
     def sync(self) -> None:
-        """Let what was written so far survive a crash of the machine, if it is in a file of our own."""
+        """Write a file opened by :meth:`at` to disk, so that it survives a crash of the machine."""
         if isinstance(self._file, io.FileIO):
-            with suppress(OSError):  # a pipe or a device has no disk to be written to
+            with suppress(OSError):  # fsync fails for pipes and devices
                 os.fsync(self._file.fileno())
 
     def flush(self) -> None:
-        """Write through."""
+        """Flush the file."""
         if self._file is not None and not self._file.closed:
             self._file.flush()
 
@@ -291,7 +292,7 @@ class Trace:
 
 
 class Different(RunError):
-    """A run that repeats a recorded one does something else; ``line`` is that of the record, None at its end."""
+    """A run deviates from the recorded one that it repeats; ``line`` is that of the record, None after the last."""
 
     def __init__(self, message: str, line: int | None, recorded: object = None, found: object = None) -> None:
         super().__init__(message)
@@ -299,10 +300,10 @@ class Different(RunError):
 
 
 class ResumedTrace(Trace):
-    """A trace that compares with what is recorded until :meth:`go_on`, and hands on to ``inner`` from then.
+    """Trace of a resumed run: compares records with the past until :meth:`go_on`, then writes them to ``inner``.
 
-    What the plan writes on its way is compared with the records of the same step: tasks that run side by side may
-    come to it in another order. The first difference is kept in :attr:`problem` for the scheduler to raise.
+    A record may match any one of the same step, as concurrent tasks may write theirs in a different order. The first
+    difference is stored in :attr:`problem`, to be raised by the journal.
     """
 
     is_compared = True
@@ -319,19 +320,19 @@ class ResumedTrace(Trace):
             inner.take_over((line.record for line in past.kept), past.nodes)
 
     def go_on(self, step: int, past: Past) -> None:
-        """Write what comes from here on: the records that are repeated end."""
+        """Write all further records, as the past has been repeated."""
         self._going_on = True
         again = {"again": Exact(list(past.again))} if past.again else {}
         self._inner.write(step, "resumed", **again)
 
     def check(self, now: int) -> None:
-        """Raise Different if something recorded of this step, which is over, has not happened."""
+        """Raise Different if a record of a step up to ``now`` was not repeated."""
         if self.problem is None and self._ahead:
             step = min(self._ahead)
             if step <= now:
                 line = self._ahead[step][0]
                 self.problem = Different(
-                    f"the plan does not repeat what is recorded in line {line.number}: {shown(line.record)}",
+                    f"the plan does not repeat line {line.number} of the trace: {shown(line.record)}",
                     line.number,
                     line.record,
                 )
@@ -348,8 +349,8 @@ class ResumedTrace(Trace):
             found = {"step": step, "event": event, "path": None if node is None else node.path, **encode(more)}
             ahead = self._ahead.get(min(self._ahead, default=step), [])
             line = ahead[0].number if ahead else None
-            where = f" where line {line} says {shown(ahead[0].record)}" if ahead else ""
-            message = f"the plan does not repeat what is recorded: it does {shown(found)}{where}"
+            where = f" instead of line {line} of the trace, {shown(ahead[0].record)}" if ahead else ""
+            message = f"the plan does not repeat the recorded run: {shown(found)}{where}"
             self.problem = Different(message, line, ahead[0].record if ahead else None, found)
 
     def _is_recorded(self, step: int, event: str, node: Node | None, more: Mapping[str, object]) -> bool:
@@ -367,27 +368,27 @@ class ResumedTrace(Trace):
         return False
 
     def begin(self, root: Node, fail: Callable[[BaseException], object]) -> None:
-        """Hand what goes wrong with the file to ``fail``."""
+        """Pass errors of writing to ``fail``."""
         self._inner.begin(root, fail)
 
     def end(self) -> None:
-        """Write through."""
+        """Flush the trace."""
         self._inner.end()
 
     def sync(self) -> None:
-        """Let what was written so far survive a crash of the machine."""
+        """Write the trace to disk."""
         self._inner.sync()
 
 
 def shown(record: Mapping[str, Any]) -> str:
-    """Return a record in one line: step, place in the tree, event, details."""
+    """Format a record in one line: step, path, event, details."""
     where = record.get("path") or record.get("name")
     more = ", ".join(f"{key} {value}" for key, value in details(record).items() if key != "path")
     return " ".join(str(part) for part in (f"step {record['step']}:", where, record["event"], more) if part)
 
 
 def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Return the records of a trace with the ``path`` of their nodes: names from the root, joined by ``/``."""
+    """Yield the records of a trace with the ``path`` of their nodes: names from the root, joined by ``/``."""
     paths: dict[int, str] = {}
     for event in events:
         number = event.get("node")
@@ -395,13 +396,13 @@ def with_paths(events: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
             yield dict(event)
             continue
         if number not in paths:
-            around = paths.get(event["parent"])
-            paths[number] = event["name"] if around is None else f"{around}/{event['name']}"
+            parent_path = paths.get(event["parent"])
+            paths[number] = event["name"] if parent_path is None else f"{parent_path}/{event['name']}"
         yield {**event, "path": paths[number]}
 
 
 FROM_OUTSIDE = frozenset({"interrupted", "drained"})
-"""Events that need not be the same when a run is repeated."""
+"""Events caused from outside, which a repeated run need not repeat."""
 _UNWRITABLE = (OSError, ValueError)
 """Errors of writing to a full or closed file."""
 _UTF8 = ("utf-8", "backslashreplace")
@@ -411,13 +412,13 @@ _quoted = json.encoder.encode_basestring
 
 
 def _span(step: int, event: str, node: Node, parent: Node) -> dict[str, Any]:
-    """Return what :meth:`Trace.write` makes of a node that starts or ends, in a fraction of the time."""
-    number, above = node.number, parent.number
-    return {"step": step, "event": event, "node": number, "parent": above, "kind": node.kind, "name": node.name}
+    """Make the same record as :meth:`Trace.write` for the start or end of a node, in a fraction of the time."""
+    number, parent_number = node.number, parent.number
+    return {"step": step, "event": event, "node": number, "parent": parent_number, "kind": node.kind, "name": node.name}
 
 
 def _free(target: Path) -> Path:
-    """Return the first name for an older file that is not taken."""
+    """First free name for an older file."""
     number = 1
     while True:
         older = target.with_name(f"{target.name}.old{number if number > 1 else ''}")

@@ -1,8 +1,8 @@
-"""Testing plans: in virtual time, with scripted robots, injected faults, and every order that tasks could run in.
+"""Testing plans in virtual time, with scripted robots, injected faults, and all possible schedules of the tasks.
 
-General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot, ``faults`` what goes wrong;
-``history`` answers questions from the trace; ``exploring`` looks for schedules that matter; ``extensions`` are orders,
-``plugin`` is for pytest.
+General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot, ``faults`` are injected failures;
+``history`` answers questions from the trace; ``exploring`` searches for schedules that change the outcome;
+``extensions`` enumerates the orders of a partial order; ``plugin`` is the pytest plugin.
 """
 
 from planlang.runs import TaskNode as Step

@@ -1,4 +1,4 @@
-"""explore: whether what a plan does depends on the order in which tasks that could run did run."""
+"""explore: searches for schedules of the tasks that change the outcome of a plan."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import json
 import math
 from collections import Counter, deque
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from itertools import zip_longest
 from random import Random
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -20,23 +21,23 @@ from planlang.runs import with_paths
 from planlang.runs.codec import encode
 from planlang.testing.faults import Fault
 from planlang.testing.history import History
-from planlang.testing.running import PlanRun, UnusedRule, attempt, made
+from planlang.testing.running import PlanRun, UnusedRule, attempt, recent_runs
 
 if TYPE_CHECKING:
     from planlang.kernel import Task
 
 
 class Recorder:
-    """Passes choices on, first come first served without a source, and keeps them with what there was to choose."""
+    """Schedule that records the choices of another one, by default first come, first served."""
 
     def __init__(self, source: ChoiceSource | None = None) -> None:
         self._source = source
         self.choices: list[int] = []
         self.sizes: list[int] = []
-        """Of how many tasks each choice was."""
+        """Number of tasks at each choice."""
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Return what the source chooses, and keep it."""
+        """Let the source choose, and record the choice."""
         choice = 0 if self._source is None else self._source.choose(ready)
         self.choices.append(choice)
         self.sizes.append(len(ready))
@@ -47,11 +48,11 @@ class Recorder:
 
 
 class Priorities:
-    """Probabilistic concurrency testing: tasks have random priorities, which change at a few random moments.
+    """Probabilistic concurrency testing: tasks have random priorities, which change at a few random choices.
 
-    Where ``depth`` steps must come in a certain order for something to happen, one such schedule finds it with a
-    probability of at least 1 / (tasks * length ** (depth - 1)) (Burckhardt et al., ASPLOS 2010). ``length`` is how
-    many choices a run is expected to have.
+    A bug that needs ``depth`` steps in a certain order is found by one such schedule with a probability of at least
+    1 / (tasks * length ** (depth - 1)) (Burckhardt et al., ASPLOS 2010). ``length`` is the expected number of choices
+    of a run.
     """
 
     def __init__(self, number: int, length: int, depth: int = 3) -> None:
@@ -59,32 +60,32 @@ class Priorities:
         self._random = Random(f"priorities {number}")
         self._priorities: dict[Task, float] = {}
         self._changes = {self._random.randrange(max(1, length)) for _ in range(depth - 1)}
-        self._asked = 0
+        self._choices_made = 0
         self._lowest = 0.0
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Choose the task of the highest priority; at a moment of change it becomes the lowest first."""
+        """Choose the task with the highest priority; at a change, this task first gets the lowest one."""
         priorities = self._priorities
         for task in ready:
             if task not in priorities:
                 priorities[task] = self._random.random()
         best = self._best(ready)
-        if self._asked in self._changes:
+        if self._choices_made in self._changes:
             self._lowest -= 1.0
             priorities[ready[best]] = self._lowest
             best = self._best(ready)
-        self._asked += 1
+        self._choices_made += 1
         return best
 
     def _best(self, ready: Sequence[Task]) -> int:
-        return max(range(len(ready)), key=lambda place: self._priorities[ready[place]])
+        return max(range(len(ready)), key=lambda index: self._priorities[ready[index]])
 
     def __str__(self) -> str:
         return f"priorities {self._number}"
 
 
 def trimmed(choices: Sequence[int]) -> tuple[int, ...]:
-    """Return choices without the zeros at the end, which are implied."""
+    """Remove the zeros at the end, which are implied."""
     end = len(choices)
     while end and choices[end - 1] == 0:
         end -= 1
@@ -95,30 +96,30 @@ Choices = tuple[int, ...]
 
 
 def continued(choices: Choices, sizes: Sequence[int]) -> Iterator[Choices]:
-    """Yield the lists that go on from one, with one more choice other than zero; ``sizes`` are those of its run.
+    """Yield the lists with one further choice other than zero; ``sizes`` has the number of tasks at each choice.
 
-    Every list without zeros at its end comes from exactly one other, so that all are met once, beginning with ().
+    Every list without trailing zeros continues exactly one other, so that starting from () all are found once.
     """
-    for place in range(len(choices), len(sizes)):
-        for choice in range(1, sizes[place]):
-            yield (*choices, *(0,) * (place - len(choices)), choice)
+    for index in range(len(choices), len(sizes)):
+        for choice in range(1, sizes[index]):
+            yield (*choices, *(0,) * (index - len(choices)), choice)
 
 
 class Shrinker:
-    """Looks for the shortest list, of the shortest the smallest, for which ``breaks`` holds.
+    """Search for the shortest list of choices, and the smallest of these, that breaks a plan.
 
-    ``breaks`` runs the plan with a list and returns whether it still does it, and of how many tasks each choice of
-    that run was. At most ``runs`` runs are made; ``proven`` is true if all shorter lists were tried.
+    ``breaks`` runs the plan with a list, and returns whether it breaks and the number of tasks at each choice. At most
+    ``runs`` runs are made; ``proven`` is true if all shorter lists were tried.
     """
 
     def __init__(self, breaks: Callable[[Choices], tuple[bool, Sequence[int]]], runs: int) -> None:
         self._breaks = breaks
         self.left = runs
         self.proven = False
-        self._known: dict[Choices, tuple[bool, Sequence[int]]] = {}
+        self._results: dict[Choices, tuple[bool, Sequence[int]]] = {}
 
     def shrink(self, choices: Sequence[int]) -> Choices:
-        """Return the best list found, from one that breaks."""
+        """Find the best list, starting from one that breaks the plan."""
         best = trimmed(choices)
         while self.left > 0:
             better = self._once(best)
@@ -128,29 +129,30 @@ class Shrinker:
         return self._search(best)
 
     def _run(self, choices: Choices) -> tuple[bool, Sequence[int]]:
-        if choices not in self._known:
+        if choices not in self._results:
             if self.left <= 0:
                 return False, ()
             self.left -= 1
-            self._known[choices] = self._breaks(choices)
-        return self._known[choices]
+            self._results[choices] = self._breaks(choices)
+        return self._results[choices]
 
     def _once(self, best: Choices) -> Choices:
-        """Make one pass: leave out pieces, large ones first, then set choices to zero, then lower them."""
+        """Make one pass: remove pieces, large ones first, then set choices to zero, then lower them."""
+        # Pieces are halved as in delta debugging (Zeller and Hildebrandt, IEEE TSE 2002).
         size = max(1, len(best) // 2)
         while True:
-            place = 0
-            while place < len(best):
-                best, changed = self._better(best, (*best[:place], *best[place + size :]))
-                place += 0 if changed else size
+            index = 0
+            while index < len(best):
+                best, changed = self._better(best, (*best[:index], *best[index + size :]))
+                index += 0 if changed else size
             if size == 1:
                 break
             size //= 2
-        for place in range(len(best)):
-            if place < len(best) and best[place]:
-                best, changed = self._better(best, (*best[:place], 0, *best[place + 1 :]))
-                for lower in range(1, best[place] if not changed and place < len(best) else 0):
-                    best, changed = self._better(best, (*best[:place], lower, *best[place + 1 :]))
+        for index in range(len(best)):
+            if index < len(best) and best[index]:
+                best, changed = self._better(best, (*best[:index], 0, *best[index + 1 :]))
+                for lower in range(1, best[index] if not changed and index < len(best) else 0):
+                    best, changed = self._better(best, (*best[:index], lower, *best[index + 1 :]))
                     if changed:
                         break
         return best
@@ -162,14 +164,14 @@ class Shrinker:
         return best, False
 
     def _search(self, best: Choices) -> Choices:
-        """Try all lists that come before the best one, shortest first, as long as there are runs left."""
+        """Try all lists smaller than the best one, shortest first, while runs are left."""
         queue: list[tuple[int, Choices]] = [(0, ())]
         while queue:
             length, choices = heapq.heappop(queue)
             if (length, choices) >= (len(best), best):
                 self.proven = True
                 return best
-            if self.left <= 0 and choices not in self._known:
+            if self.left <= 0 and choices not in self._results:
                 return best
             broken, sizes = self._run(choices)
             if broken:
@@ -192,8 +194,8 @@ Check = Callable[[PlanRun[Any]], object]
 class ScheduleDependence(AssertionError):
     """The outcome of a plan depends on the schedule.
 
-    ``usual`` is the run first come, first served, ``other`` the one with ``choices``, the shortest list found for
-    which the outcome differs or an assertion does not hold.
+    ``usual`` is the run with first come, first served; ``other`` the run with ``choices``, the shortest list found for
+    which the outcome differs or an assertion fails.
     """
 
     def __init__(self, message: str, usual: PlanRun[Any], other: PlanRun[Any], choices: Choices) -> None:
@@ -205,7 +207,10 @@ class ScheduleDependence(AssertionError):
 
 @dataclass(frozen=True)
 class Exploration:
-    """Schedules that all gave the same: how many were run, how many of them differed, whether these are all."""
+    """Result of an exploration in which all schedules had the same outcome.
+
+    ``different`` is the number of different schedules among the ``runs``; ``complete`` is true if these are all.
+    """
 
     outcome: str
     runs: int
@@ -234,14 +239,14 @@ def explore(
     shrinking_runs: int = 1000,
     allow_unused: bool = False,
 ) -> Exploration:
-    """Run a plan under all schedules if they are few, else under some.
+    """Run a plan under all schedules if there are at most ``schedules``, otherwise under a sample of that size.
 
-    Of these half are random, half follow priorities that change now and then.
+    Half of the sample is random, and half consists of :class:`Priorities`.
 
-    With ``check`` an assertion about each run (``def check(run): assert ...``) has to hold under all of them; without
-    it the outcome, value or failure, has to be the same. Otherwise raises :class:`ScheduleDependence`, whose message
-    shows the shortest list of choices that does it and the two traces side by side; ``run_plan(plan, schedule=list)``
-    repeats it. The plan has to make what it changes anew each time; ValueError if two equal runs differ. A rule or a
+    The outcome of all runs, value or failure, must be the same; or with ``check`` (``def check(run): assert ...``), its
+    assertions must hold for each run. Otherwise raises :class:`ScheduleDependence`, whose message shows the shortest
+    list of choices with a different outcome, and the two traces side by side; ``run_plan(plan, schedule=list)`` repeats
+    it. Mutable state must be created inside the plan: ValueError if two runs with the same choices differ. A rule or
     fault of the script for a step that occurred in no run raises UnusedRule, unless ``allow_unused``.
     """
     _EXPLORE.branch("plan", plan)
@@ -259,7 +264,7 @@ def explore(
     shrinker = Shrinker(explorer.breaks, shrinking_runs)
     choices = shrinker.shrink(broken)
     other, _ = explorer.run(ListedSchedule(choices))
-    made.append(other)
+    recent_runs.append(other)
     shortest = "the shortest list of choices" if shrinker.proven else "a short list of choices"
     raise ScheduleDependence(
         f"the outcome depends on the schedule: {explorer.wrong(other)}\n"
@@ -273,15 +278,15 @@ def explore(
 
 
 class _Explorer(Generic[V]):
-    """Runs of one plan under one schedule after the other, beside the usual one: first come, first served."""
+    """Runs of a plan under different schedules, compared with the usual one, first come, first served."""
 
     def __init__(self, run: Callable[[ChoiceSource], PlanRun[V]], check: Check | None) -> None:
-        """Run as usual; raises what that does, and ValueError if it does another thing the second time."""
+        """Run the plan as usual, twice; raises its error, and ValueError if the two runs differ."""
         self._run, self._check = run, check
         self.unmatched: Mapping[str, str] | None = None
         """Rules and faults of the script whose steps occurred in no run."""
         self.usual, self._first = self.run(None)
-        made.append(self.usual)
+        recent_runs.append(self.usual)
         if self.usual.error is not None:
             raise self.usual.error
         if check is not None:
@@ -289,26 +294,26 @@ class _Explorer(Generic[V]):
         again, _ = self.run(None)
         if again.trace.text() != self.usual.trace.text():
             raise ValueError(
-                "two runs with the same choices differ: the plan, or what it calls, keeps something between runs or "
-                f"reads a clock or random numbers of its own\n{side_by_side(self.usual, again)}"
+                "two runs with the same choices differ: the plan, or a function that it calls, keeps state between "
+                f"runs, or reads a clock or its own random numbers\n{side_by_side(self.usual, again)}"
             )
         self.expected = outcome_of(self.usual)
         self.seen = Counter({trimmed(self._first.choices): 1})
-        """The number of times that each list of choices was made."""
+        """Number of runs with each list of choices."""
         self.complete = False
         """True once all schedules were tried."""
 
     def run(self, source: ChoiceSource | None) -> tuple[PlanRun[V], Recorder]:
-        """Return a run under a schedule, and the choices that it asked for."""
+        """Run the plan under a schedule; return the run and its choices."""
         recorder = Recorder(source)
         ended = self._run(recorder)
         ended.schedule = trimmed(recorder.choices)
-        known = ended.unmatched if self.unmatched is None else self.unmatched
-        self.unmatched = {rule: hint for rule, hint in known.items() if rule in ended.unmatched}
+        unmatched = ended.unmatched if self.unmatched is None else self.unmatched
+        self.unmatched = {rule: hint for rule, hint in unmatched.items() if rule in ended.unmatched}
         return ended, recorder
 
     def wrong(self, run: PlanRun[V]) -> str | None:
-        """Return what is wrong with a run, or None."""
+        """Describe what is wrong with a run; None if nothing is."""
         if self._check is None:
             outcome = outcome_of(run)
             return None if outcome == self.expected else f"{outcome} instead of {self.expected}"
@@ -317,25 +322,25 @@ class _Explorer(Generic[V]):
         try:
             self._check(run)
         except AssertionError as broken:
-            return str(broken) or "an assertion does not hold"
+            return str(broken) or "an assertion failed"
         except Exception as raised:
             return f"{type(raised).__name__}: {raised}"
         return None
 
     def breaks(self, choices: Choices) -> tuple[bool, Sequence[int]]:
-        """Return whether something is wrong after some choices, and of how many tasks each one was."""
+        """Check whether choices break the plan; return this and the number of tasks at each choice."""
         run, recorder = self.run(ListedSchedule(choices))
         return self.wrong(run) is not None, recorder.sizes
 
     def broken(self, schedules: int) -> Choices | None:
-        """Return choices after which something is wrong; None if there are none among so many schedules."""
+        """Find choices that break the plan, in at most this number of runs; None if there are none."""
         sizes = self._first.sizes
-        left = deque(continued((), sizes) if math.prod(sizes) <= schedules else ())
-        every = len(left) > 0 or not sizes
+        remaining = deque(continued((), sizes) if math.prod(sizes) <= schedules else ())
+        exhaustive = len(remaining) > 0 or not sizes
         number = 0
-        while self.seen.total() < schedules and not (every and not left):
-            if left:
-                source: ChoiceSource = ListedSchedule(left.popleft())
+        while self.seen.total() < schedules and not (exhaustive and not remaining):
+            if remaining:
+                source: ChoiceSource = ListedSchedule(remaining.popleft())
             else:
                 source = RandomSchedule(number) if number % 2 == 0 else Priorities(number, len(self._first.choices))
                 number += 1
@@ -344,14 +349,14 @@ class _Explorer(Generic[V]):
             self.seen[choices] += 1
             if self.wrong(run) is not None:
                 return choices
-            if every:
-                left.extend(continued(choices, recorder.sizes))
-        self.complete = every and not left
+            if exhaustive:
+                remaining.extend(continued(choices, recorder.sizes))
+        self.complete = exhaustive and not remaining
         return None
 
 
 def outcome_of(run: PlanRun[Any]) -> str:
-    """Return a run's value or failure as text that can be compared."""
+    """Format the value or failure of a run as text, for comparison."""
     if run.failure is not None:
         return f"{type(run.failure).__name__}: {run.failure}"
     if run.error is not None:
@@ -362,33 +367,31 @@ def outcome_of(run: PlanRun[Any]) -> str:
 
 
 WIDTH = 58
-"""Characters of a column: two of them fit on a screen."""
+"""Width of a column [characters]: two of them fit on a screen."""
 BEFORE = 3
-"""Equal lines that are shown before the first difference."""
-MOST_LINES = 60
-"""Lines of a difference that are shown: as many as a screen has."""
+"""Number of equal lines shown before the first difference."""
+MAX_LINES = 60
+"""Maximum number of lines shown of a difference: about a screen."""
 
 
 def side_by_side(usual: History, other: History) -> str:
-    """Return the traces of two runs in two columns, from a little before they differ; ``|`` marks what differs."""
+    """Format the traces of two runs in two columns, from shortly before their first difference; ``|`` marks it."""
     left, right = _lines(usual), _lines(other)
     rows: list[tuple[str, str, str]] = []
     matcher = difflib.SequenceMatcher(None, left, right, autojunk=False)
     for what, a, b, c, d in matcher.get_opcodes():
         ours, theirs = left[a:b], right[c:d]
-        for number in range(max(len(ours), len(theirs))):
-            one = ours[number] if number < len(ours) else ""
-            two = theirs[number] if number < len(theirs) else ""
-            rows.append((one, " " if what == "equal" else "|", two))
+        mark = " " if what == "equal" else "|"
+        rows.extend((our, mark, their) for our, their in zip_longest(ours, theirs, fillvalue=""))
     first = next((number for number, row in enumerate(rows) if row[1] == "|"), len(rows))
     begin = max(0, first - BEFORE)
-    shown = rows[begin : begin + MOST_LINES]
+    shown = rows[begin : begin + MAX_LINES]
     lines = [f"{'first come, first served':{WIDTH}}   with these choices"]
     if begin:
         lines.append(f"... {begin} lines are the same")
-    lines.extend(f"{_cut(one):{WIDTH}} {mark} {_cut(two)}".rstrip() for one, mark, two in shown)
-    if begin + MOST_LINES < len(rows):
-        lines.append(f"... {len(rows) - begin - MOST_LINES} more lines")
+    lines.extend(f"{_cut(our):{WIDTH}} {mark} {_cut(their)}".rstrip() for our, mark, their in shown)
+    if begin + MAX_LINES < len(rows):
+        lines.append(f"... {len(rows) - begin - MAX_LINES} more lines")
     return "\n".join(lines)
 
 
@@ -397,13 +400,13 @@ def _lines(run: History) -> list[str]:
 
 
 def _line(event: Mapping[str, Any], rate: int) -> str:
-    known = ("step", "event", "path", "status", "failure")
-    place = ("node", "parent", "kind", "name") if "node" in event else ()
+    formatted = ("step", "event", "path", "status", "failure")
+    frame = ("node", "parent", "kind", "name") if "node" in event else ()
     parts = [f"{event['step'] / rate:6.3f} s", _short(str(event.get("path", "")))]
     parts.append(event.get("status") or event["event"])
     if "failure" in event:
         parts.append(f"{event['failure']['type']}: {event['failure']['message']}")
-    parts.extend(f"{key} {value}" for key, value in event.items() if key not in (*known, *place))
+    parts.extend(f"{key} {value}" for key, value in event.items() if key not in (*formatted, *frame))
     return " ".join(part for part in parts if part)
 
 

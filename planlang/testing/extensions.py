@@ -1,4 +1,4 @@
-"""All orders in which the steps of a partial order can be done one after another, or a sample of them."""
+"""Linear extensions of a partial order: all total orders of its steps, or a sample of them."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ if TYPE_CHECKING:
 
 Order = tuple[str, ...]
 DOWNSETS = 30_000
-"""Sets of done steps that are counted at most: more take seconds."""
+"""Maximum number of downsets (sets of done steps) to count; more would take seconds."""
 
 
 class Extensions(tuple[Order, ...]):
-    """Orders of all steps. ``complete`` if these are all; ``total`` is their number, if counted."""
+    """Linear extensions. ``complete`` is true if these are all; ``total`` is the number of all, None if unknown."""
 
     complete: bool
     total: int | None
 
     def __new__(cls, orders: Iterable[Order], complete: bool, total: int | None) -> Extensions:
         """Make a tuple of orders."""
-        found = super().__new__(cls, orders)
-        found.complete = complete
-        found.total = total
-        return found
+        extensions = super().__new__(cls, orders)
+        extensions.complete = complete
+        extensions.total = total
+        return extensions
 
 
 def all_linear_extensions(
@@ -35,11 +35,12 @@ def all_linear_extensions(
     limit: int = 1000,
     seed: int = 0,
 ) -> Extensions:
-    """Return the total orders that respect a partial one: of a recipe, or of steps and pairs (before, after).
+    """Find the linear extensions of a partial order, given by a recipe or by steps and pairs (before, after).
 
-    The steps of a recipe are called by their local names; its stated orderings, data flow and location scopes count. At
-    most ``limit`` orders are all given, in the order of the steps as written; of more, ``limit`` different ones are
-    drawn: uniformly if they can be counted, else step by step. Raises ValueError for a cycle or an unknown step.
+    Steps of a recipe have their local names; its stated orderings, data flow and location scopes are respected. If
+    there are at most ``limit`` orders, all are returned, in the textual order of the steps. Otherwise ``limit``
+    different ones are drawn: uniformly if the orders can be counted, else by random choices among the ready steps.
+    Raises ValueError for a cycle or an unknown step.
     """
     names, pairs = _order_of(steps, orderings)
     before = _masks(names, pairs)
@@ -50,12 +51,12 @@ def all_linear_extensions(
     if total is not None and total <= limit:
         return Extensions((tuple(names[n] for n in order) for order in _all(before)), True, total)
     random = Random(f"extensions {seed}")
-    found: dict[Order, None] = {}
-    for _ in range(limit * 20):
-        if len(found) == limit:
+    sample: dict[Order, None] = {}
+    for _ in range(limit * 20):  # with repetitions
+        if len(sample) == limit:
             break
-        found[tuple(names[n] for n in _drawn(before, counts, random))] = None
-    return Extensions(found, False, total)
+        sample[tuple(names[n] for n in _drawn(before, counts, random))] = None
+    return Extensions(sample, False, total)
 
 
 def _order_of(
@@ -70,16 +71,16 @@ def _order_of(
 
 
 def _masks(names: Sequence[str], pairs: Iterable[tuple[str, str]]) -> list[int]:
-    """Return for each step the set of steps directly before it, as bits."""
-    place = {name: number for number, name in enumerate(names)}
-    if len(place) != len(names):
+    """Set of direct predecessors of each step, as a bit mask."""
+    number = {name: n for n, name in enumerate(names)}
+    if len(number) != len(names):
         raise ValueError("two steps have the same name")
     before = [0] * len(names)
     for first, second in pairs:
         for name in (first, second):
-            if name not in place:
+            if name not in number:
                 raise ValueError(f"ordering ({first}, {second}): no step {name!r}; steps: {', '.join(names)}")
-        before[place[second]] |= 1 << place[first]
+        before[number[second]] |= 1 << number[first]
     return before
 
 
@@ -96,13 +97,13 @@ def _cyclic(before: Sequence[int]) -> bool:
 
 
 def _counted(before: Sequence[int]) -> dict[int, int] | None:
-    """Return for each set of done steps in how many ways the rest can be done; None if there are too many sets."""
+    """Count for each downset the orders of the remaining steps, by dynamic programming; None if it has too many."""
     layers: list[list[int]] = [[0]]
-    known = {0}
+    downsets = {0}
     for _ in before:
         layer = dict.fromkeys(done | 1 << step for done in layers[-1] for step in _ready(before, done))
-        known.update(layer)
-        if len(known) > DOWNSETS:
+        downsets.update(layer)
+        if len(downsets) > DOWNSETS:
             return None
         layers.append(list(layer))
     counts = dict.fromkeys(layers[-1], 1)

@@ -1,7 +1,7 @@
-"""Requests that fail at random: some requests to process modules fail with a failure of their class of actions.
+"""Random faults: a share of the requests to process modules fails, with failures typical of their action class.
 
-Which ones fail is drawn by a seed, in the order of the requests, so that equal runs have equal faults. The requests of
-recoveries, of constructs and of other process modules are drawn among, too.
+They are drawn from a seed, in the order of the requests, so that equal runs have equal faults. This includes requests
+from recoveries, constructs and other process modules.
 """
 
 from __future__ import annotations
@@ -55,15 +55,15 @@ FAILURES: Mapping[str, tuple[type[LowLevelFailure], ...]] = {
     "PushingMotion": (ManipulationGoalNotReached,),
     "ITaSCMotion": (ManipulationGoalNotReached,),
 }
-"""Class of actions -> what requests for it, and for classes below it, may fail with."""
+"""Possible failures of requests, by action class; they apply to subclasses too."""
 SECONDS = 1.0
-"""Plan time that a request takes that fails [s]."""
+"""Duration of a failing request [s]."""
 
 
 class RandomFaults:
-    """Draws which requests fail, and with which failure.
+    """Random choice of the requests that fail, and of their failures.
 
-    ``rate`` is the share of requests that fail, ``ancestors`` gives the classes above a class of actions, nearest
+    ``rate`` is the share of requests that fail; ``ancestors`` returns an action class with its superclasses, nearest
     first. ``drawn`` counts the failures by class, ``requests`` all requests that could have failed.
     """
 
@@ -80,7 +80,7 @@ class RandomFaults:
         self.requests = 0
 
     def of(self, action: Action) -> LowLevelFailure | None:
-        """Return the failure of a request that begins now, None if it does not fail by chance."""
+        """Draw the failure of a request that begins now; None if it does not fail."""
         kinds = next((self._failures[cls] for cls in self._ancestors(action.type) if cls in self._failures), ())
         if not kinds:
             return None
@@ -93,7 +93,7 @@ class RandomFaults:
 
 
 class FailingModule(WrappedModule):
-    """A process module some of whose requests fail before anything has moved."""
+    """Wrapper of a process module in which random requests fail before anything has moved."""
 
     def __init__(self, module: ProcessModule, faults: RandomFaults) -> None:
         super().__init__(module)
@@ -101,11 +101,11 @@ class FailingModule(WrappedModule):
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise: those by chance, too."""
+        """Failure classes that the module may raise, including random ones."""
         return (*super().failures, LowLevelFailure)
 
     async def execute(self, action: Action) -> Any:
-        """Perform the action, unless it fails by chance."""
+        """Perform the action, or raise a random failure."""
         failure = self._faults.of(action)
         if failure is None:
             return await super().execute(action)

@@ -1,4 +1,4 @@
-"""Faults: a step fails because the test wants it, at an attempt, at a time, whatever the step would have done."""
+"""Faults: failures that a test injects into steps, at a given attempt or time."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from planlang.records import dataclass
 Raises = type[BaseException] | BaseException | Callable[[], BaseException]
 
 
-def made(failure: Raises) -> BaseException:
-    """Return a fresh failure: of a class, by a function, or a copy of an example."""
+def make_failure(failure: Raises) -> BaseException:
+    """Make a new failure from a class, a function or an example, which is copied."""
     return copy.copy(failure) if isinstance(failure, BaseException) else failure()
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Let a step fail.
+    """A failure that is injected into a step.
 
     ``step`` is a name in the task tree, ``parent/name``, or the class of a performed action; ``attempt`` counts its
-    beginnings from 1, None is every one. The step fails as it begins, ``after`` seconds later, or ``at`` a plan time
-    [s] if it runs then: what it does is evaporated, cleanup included, then ``raises`` is raised where it waits. A
-    step that has ended by then is left alone.
+    starts from 1, None means all of them. The step fails at its start, ``after`` seconds later, or ``at`` a plan time
+    [s] if it runs then: its branches are evaporated, with their cleanups, and ``raises`` is raised where it waits. A
+    step that has ended by then is not affected.
     """
 
     step: str
@@ -47,35 +47,36 @@ class Fault:
 
 
 class Injector:
-    """Follows the steps of one run and lets them fail."""
+    """Injector of the faults of one run."""
 
     def __init__(self, faults: Sequence[Fault]) -> None:
         self._faults = tuple(faults)
-        self._begun = [0] * len(self._faults)
-        self._happened = [False] * len(self._faults)
+        self._starts = [0] * len(self._faults)
+        """Number of starts of the step of each fault."""
+        self._injected = [False] * len(self._faults)
 
     @property
     def unused(self) -> tuple[Fault, ...]:
-        """Faults that did not happen."""
-        return tuple(f for f, happened in zip(self._faults, self._happened, strict=True) if not happened)
+        """Faults that were not injected."""
+        return tuple(fault for fault, injected in zip(self._faults, self._injected, strict=True) if not injected)
 
     @property
     def unmatched(self) -> tuple[Fault, ...]:
-        """Faults of steps that did not begin."""
-        return tuple(fault for fault, begun in zip(self._faults, self._begun, strict=True) if not begun)
+        """Faults of steps that never started."""
+        return tuple(fault for fault, starts in zip(self._faults, self._starts, strict=True) if not starts)
 
     def __call__(self, node: Node) -> None:
-        """Let a node of the tree fail as it begins, in its task, or set an alarm for it."""
-        mine = [number for number, fault in enumerate(self._faults) if _called(node, fault.step)]
-        for number in mine:
-            self._begun[number] += 1
-        for number in mine:
+        """Inject the faults of a node that begins, in its task; raises a failure, or sets a timer for it."""
+        matching = [number for number, fault in enumerate(self._faults) if _matches(node, fault.step)]
+        for number in matching:
+            self._starts[number] += 1
+        for number in matching:
             fault = self._faults[number]
-            if fault.attempt is None or fault.attempt == self._begun[number]:
-                self._set(number, fault, node)
+            if fault.attempt is None or fault.attempt == self._starts[number]:
+                self._inject(number, fault, node)
 
-    def _set(self, number: int, fault: Fault, node: Node) -> None:
-        """Let the node fail now, or when it is time."""
+    def _inject(self, number: int, fault: Fault, node: Node) -> None:
+        """Raise the failure of a fault, or set a timer for it."""
         scheduler, task = here()
         delay = 0 if fault.after is None else scheduler.steps(fault.after)
         if fault.at is not None:
@@ -86,29 +87,29 @@ class Injector:
         if delay:
             scheduler.alarm(task, delay, partial(self._break, number, node, task, scheduler))
         else:
-            self._happened[number] = True
-            raise made(fault.raises)
+            self._injected[number] = True
+            raise make_failure(fault.raises)
 
     def _break(self, number: int, node: Node, task: Task, scheduler: Scheduler) -> None:
-        open_: Node | None = None if task.dead else task.node
-        while open_ is not None and open_ is not node:
-            open_ = open_.parent
-        if open_ is not None and not task.cancelled:
-            self._happened[number] = True
-            break_off(scheduler, task, made(self._faults[number].raises))
+        current: Node | None = None if task.dead else task.node
+        while current is not None and current is not node:
+            current = current.parent
+        if current is not None and not task.cancelled:  # the node is still open
+            self._injected[number] = True
+            break_off(scheduler, task, make_failure(self._faults[number].raises))
 
 
-def _called(node: Node, step: str) -> bool:
-    """Return True for a node that a fault means; an action in a branch or a state of its name is meant with that."""
-    around, action = node.parent, getattr(node, "action", None)
-    is_inside = around is not None and around.kind in ("branch", "state") and around.base_name == node.base_name
+def _matches(node: Node, step: str) -> bool:
+    """Check whether a fault refers to a node; a branch or state and its action of the same name count as one step."""
+    parent, action = node.parent, getattr(node, "action", None)
+    is_inside = parent is not None and parent.kind in ("branch", "state") and parent.base_name == node.base_name
     if isinstance(action, Action) and step in ancestors_of(action.type, lambda cls: (cls,)):
         return not (is_inside and step == node.base_name)
     if is_inside:
         return False
-    open_: Node | None = node
-    for wanted in reversed(step.split("/")):
-        if open_ is None or wanted not in (open_.name, open_.base_name):
+    current: Node | None = node
+    for name in reversed(step.split("/")):
+        if current is None or name not in (current.name, current.base_name):
             return False
-        open_ = open_.parent
+        current = current.parent
     return True

@@ -13,19 +13,19 @@ from planlang.runs import TaskNode as Step
 
 Event = Mapping[str, Any]
 What = str | Step
-"""A step given by its name, ``parent/name``, its action's class, or itself."""
+"""A step, given by its name, ``parent/name``, the class of its action, or as an object."""
 LONGEST = 60
-"""Reasons show as much of a failure's message: pytest cuts what is longer than 240 characters in the middle."""
+"""Maximum characters of a failure's message in a reason, as pytest shortens texts of more than 240 characters."""
 SHOWN = 3
-"""Runs of a step that a reason shows."""
+"""Maximum number of executions of a step listed in a reason."""
 
 
 class History:
-    """The events of a run, and questions about them.
+    """The events of a run, with queries for tests.
 
-    A step is given by its name in the task tree (all runs of it), by ``parent/name``, by the class of a performed
-    action, or is a :class:`Step` from :meth:`steps`. Asking about a step that never ran raises :class:`NoSuchStep`;
-    :meth:`attempts` and :meth:`never` may be asked about anything.
+    A step is given by its name in the task tree (all executions of it), by ``parent/name``, by the class of a performed
+    action, or as a :class:`Step` from :meth:`steps`. Queries about a step that never ran raise :class:`NoSuchStep`,
+    except :meth:`attempts` and :meth:`never`.
     """
 
     def __init__(self, events: Sequence[Event], rate: int) -> None:
@@ -35,35 +35,33 @@ class History:
         self._tree = RunTree()
 
     def steps(self, what: What | None = None) -> list[Step]:
-        """Return the runs of a step, in the order in which they began; all steps without a name."""
+        """List the executions of a step in order of their start; without a name, those of all steps."""
         self._tree.go_on(self.events)
         steps = list(self._tree.numbered.values())
         if what is None:
             return steps
         if isinstance(what, Step):
             return [what]
-        found = [step for step in steps if step.called(what)]
-        return [step for step in found if not _stands_for_its_branch(step, what)]
+        return [step for step in steps if step.called(what) and not _duplicates_parent(step, what)]
 
     def happened_before(self, first: What, second: What) -> Verdict:
-        """Answer whether the first run of one step had ended before any run of the other began."""
-        one, other = self._begun(first)[0], self._begun(second)[0]
-        holds = one.last < other.first
-        return Verdict(holds, f"{_name(first)} ({_line(one)}); {_name(second)} ({_line(other)})")
+        """Check whether the first execution of ``first`` ended before any execution of ``second`` started."""
+        a, b = self._started(first)[0], self._started(second)[0]
+        return Verdict(a.last < b.first, f"{_name(first)} ({_line(a)}); {_name(second)} ({_line(b)})")
 
     def overlapped(self, first: What, second: What) -> Verdict:
-        """Answer whether a run of one step was open when a run of the other one began."""
-        ones, others = self._begun(first), self._begun(second)
-        for one in ones:
-            for other in others:
-                if one is not other and one.first < other.last and other.first < one.last:
-                    return Verdict(True, f"{_name(first)} ({_line(one)}), {_name(second)} ({_line(other)})")
-        return Verdict(False, f"{_name(first)} ({_all(ones)}), {_name(second)} ({_all(others)})")
+        """Check whether any executions of two steps overlapped in time."""
+        firsts, seconds = self._started(first), self._started(second)
+        for a in firsts:
+            for b in seconds:
+                if a is not b and a.first < b.last and b.first < a.last:
+                    return Verdict(True, f"{_name(first)} ({_line(a)}), {_name(second)} ({_line(b)})")
+        return Verdict(False, f"{_name(first)} ({_all(firsts)}), {_name(second)} ({_all(seconds)})")
 
     def attempts(self, what: What, *, inner: bool = False) -> Count:
-        """Count how often a step of the plan began; for with_failure_handling, how often it ran its body.
+        """Count the starts of a step; for with_failure_handling, the starts of its body.
 
-        With ``inner`` what process modules perform themselves inside of an action counts, too.
+        ``inner`` includes actions that process modules perform inside other actions.
         """
         steps = [step for step in self.steps(what) if step.start is not None and (inner or not step.inner)]
         lines = [
@@ -74,21 +72,21 @@ class History:
         return Count(_name(what), lines)
 
     def evaporated(self, what: What) -> Verdict:
-        """Answer whether a run of the step was evaporated."""
+        """Check whether an execution of the step was evaporated."""
         return self._ended(what, "evaporated")
 
     def succeeded(self, what: What) -> Verdict:
-        """Answer whether a run of the step succeeded."""
+        """Check whether an execution of the step succeeded."""
         return self._ended(what, "succeeded")
 
     def failed_with(
         self, what: What, kind: type[PlanFailure], *, because_of: type[PlanFailure] | None = None
     ) -> Verdict:
-        """Answer whether a run of the step failed with a failure of a class, or of several all of that class.
+        """Check whether an execution of the step failed with a failure of a class, or a composite of such failures.
 
-        With ``because_of`` a failure of that class has to be among its causes.
+        With ``because_of``, a failure of that class must be among its causes.
         """
-        steps = self._of(what)
+        steps = self._find(what)
         failures = [step.failure for step in steps if step.failure is not None and step.status == "failed"]
         holds = any(_is(failure, kind) and (because_of is None or _caused(failure, because_of)) for failure in failures)
         return Verdict(holds, f"{_name(what)} ({_all(steps)})")
@@ -96,64 +94,64 @@ class History:
     def never(
         self, what: What | type[PlanFailure] | Callable[[Event], object], *, during: What | None = None
     ) -> Verdict:
-        """Answer whether something did not happen: a step, a failure of a class, a record for which a test holds.
+        """Check that a step did not run, a failure class did not occur, or a predicate was true for no record.
 
-        The test gets each record of the trace with the ``path`` of its node, if it has one.
-        With ``during`` only what overlapped a run of that step counts.
+        The predicate gets each record of the trace, with the ``path`` of its node if it has one. With ``during``, only
+        events that overlap an execution of that step count.
         """
-        spans = [(0, len(self.events))] if during is None else [(s.first, s.last) for s in self._begun(during)]
+        spans = [(0, len(self.events))] if during is None else [(s.first, s.last) for s in self._started(during)]
         when = "" if during is None else f" during {_name(during)}"
         if isinstance(what, (str, Step)):
             for step in self.steps(what):
                 if step.start is not None and any(step.first < last and first < step.last for first, last in spans):
                     return Verdict(False, f"{_name(what)} ran{when}: {_line(step)}")
             return Verdict(True, f"{_name(what)} did not run{when}")
-        for place, event in enumerate(with_paths(self.events)):
-            if any(first <= place <= last for first, last in spans):
+        for index, event in enumerate(with_paths(self.events)):
+            if any(first <= index <= last for first, last in spans):
                 if isinstance(what, type) and issubclass(what, PlanFailure):
                     failure = event.get("failure")
-                    found = isinstance(failure, Mapping) and (_is(failure, what) or _caused(failure, what))
+                    occurred = isinstance(failure, Mapping) and (_is(failure, what) or _caused(failure, what))
                 else:
-                    found = bool(what(event))  # type: ignore[call-arg]
-                if found:
+                    occurred = bool(what(event))  # type: ignore[call-arg]
+                if occurred:
                     where = event.get("path", "the run")
                     return Verdict(False, f"{_word(what)}{when}: {event['step'] / self.rate:g} s, {where}")
         return Verdict(True, f"no {_word(what)}{when}")
 
     def tree(self) -> str:
-        """Return the task tree as indented text."""
+        """Format the task tree as indented text."""
         return tree_of(self.steps())
 
-    def _of(self, what: What) -> list[Step]:
-        found = self.steps(what)
-        if not found:
+    def _find(self, what: What) -> list[Step]:
+        steps = self.steps(what)
+        if not steps:
             assert isinstance(what, str)
             raise NoSuchStep(what, self.names())
-        return found
+        return steps
 
     def names(self) -> list[str]:
-        """Return the names of the steps and the classes of the actions that were performed, in order of beginning."""
+        """Names of the steps and classes of their actions, in order of their start."""
         return list(dict.fromkeys(name for step in self.steps() for name in (step.name, step.action) if name))
 
-    def _begun(self, what: What) -> list[Step]:
-        found = [step for step in self._of(what) if step.start is not None]
-        if not found:
+    def _started(self, what: What) -> list[Step]:
+        steps = [step for step in self._find(what) if step.start is not None]
+        if not steps:
             raise NoSuchStep(_name(what), [step.name for step in self.steps() if step.start is not None])
-        return found
+        return steps
 
     def _ended(self, what: What, status: str) -> Verdict:
-        steps = self._of(what)
+        steps = self._find(what)
         return Verdict(any(step.status == status for step in steps), f"{_name(what)} ({_all(steps)})")
 
 
 _ONCE = {("branch", "plan"), ("branch", "perform"), ("state", "plan"), ("state", "perform"), ("perform", "branch")}
-"""Kinds of a node and of one inside it that are one step if they have one name; the last is a module's own node."""
+"""Kinds of a node and its child that count as one step if they have the same name; the last is a module's own node."""
 
 
-def _stands_for_its_branch(step: Step, query: str) -> bool:
-    """Return True for a plan or an action that is a branch or a state of the same name: it counts once.
+def _duplicates_parent(step: Step, query: str) -> bool:
+    """Check whether a step is a plan or an action in a branch or state of the same name, with which it counts once.
 
-    So does the first attempt of one with recoveries around it.
+    The same applies to its first attempt inside recoveries.
     """
     parent, kind = step.parent, step.kind
     while parent is not None and parent.kind == "with_failure_handling" and parent.children[0] is step:
@@ -179,13 +177,13 @@ def _all(steps: Sequence[Step]) -> str:
 
 
 def _names(kind: type) -> set[str]:
-    found: set[str] = set()
+    names: set[str] = set()
     stack = [kind]
     while stack:
-        one = stack.pop()
-        found.add(one.__name__)
-        stack.extend(one.__subclasses__())
-    return found
+        cls = stack.pop()
+        names.add(cls.__name__)
+        stack.extend(cls.__subclasses__())
+    return names
 
 
 def _is(failure: Event, kind: type[PlanFailure]) -> bool:
@@ -204,7 +202,7 @@ def _caused(failure: Event, kind: type[PlanFailure]) -> bool:
 
 
 class NoSuchStep(AssertionError):
-    """A question names a step that did not run, so that a misspelt name does not pass for an answer."""
+    """A query names a step that did not run. An error, as the name may be misspelt."""
 
     def __init__(self, step: str, names: Iterable[str]) -> None:
         known = list(dict.fromkeys(names))
@@ -213,7 +211,7 @@ class NoSuchStep(AssertionError):
 
 
 class Verdict:
-    """Yes or no, and why: ``assert run.happened_before("a", "b")`` shows the reason when it fails."""
+    """Result of a query, with a reason that a failing ``assert run.happened_before("a", "b")`` shows."""
 
     def __init__(self, holds: bool, reason: str) -> None:
         self.holds = holds
@@ -230,13 +228,13 @@ class Verdict:
 
 
 class Count(int):
-    """A number of attempts, with how each of them went."""
+    """A number of attempts, with a description of each."""
 
     step: str
     attempts: Sequence[str]
 
     def __new__(cls, step: str, attempts: Sequence[str]) -> Count:
-        """Make the number of ``attempts``, each of which is a line."""
+        """Make a count from one line for each attempt."""
         count = super().__new__(cls, len(attempts))
         count.step = step
         count.attempts = tuple(attempts)
@@ -249,7 +247,7 @@ class Count(int):
         return str(int(self))
 
     def explained(self) -> list[str]:
-        """Return one line per attempt."""
+        """Format the attempts, one per line."""
         if not self.attempts:
             return [f"{self.step} never began"]
         return [f"{self.step}, attempt {number}: {line}" for number, line in enumerate(self.attempts, 1)]

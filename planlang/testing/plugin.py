@@ -1,6 +1,6 @@
-"""The pytest plugin: fixtures ``scripted_run`` and ``script``, readable counts, short tracebacks, and its options.
+"""The pytest plugin: fixtures ``scripted_run`` and ``script``, readable counts, short tracebacks, and options.
 
-``--plan-trace`` shows the task tree of the plans that a failing test ran, ``--planlang-report`` leaves a page of each.
+``--plan-trace`` shows the task tree of each plan that a failing test ran; ``--planlang-report`` writes an HTML report.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("planlang")
     group.addoption("--plan-trace", action="store_true", help="show the task tree of the plans that a failing test ran")
     group.addoption(
-        "--planlang-report", metavar="DIR", type=Path, help="write a page of each plan that a failing test ran, as HTML"
+        "--planlang-report", metavar="DIR", type=Path, help="write an HTML report of each plan that a failing test ran"
     )
 
 
 @pytest.fixture
 def script() -> Script:
-    """Return an empty script: every ordinary action succeeds after a second."""
+    """Empty script: every action of the vocabulary succeeds after a second."""
     return Script()
 
 
 @pytest.fixture
 def scripted_run(script: Script) -> Callable[..., PlanRun[Any]]:
-    """Run plans in virtual time with the test's ``script``: ``run = scripted_run(serve)``; options as in run_plan."""
+    """Function that runs a plan with the test's ``script``: ``run = scripted_run(serve)``; options as in run_plan."""
 
     def run(plan: Callable[[], Any], **options: Any) -> PlanRun[Any]:
         if "executive" not in options:
@@ -58,22 +58,23 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, None, None]:
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Forget the runs of earlier tests."""
-    running.made.clear()
+    running.recent_runs.clear()
 
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, None]:
     """Hide planlang's own frames in the report of a failing test, and add the task trees."""
     if call.excinfo is not None:
-        shown = without_internals(call.excinfo.value).__traceback__
-        assert shown is not None  # of the test, at least
-        call.excinfo.traceback = type(call.excinfo.traceback)(shown)
+        trimmed = without_internals(call.excinfo.value).__traceback__
+        assert trimmed is not None  # the frame of the test remains
+        call.excinfo.traceback = type(call.excinfo.traceback)(trimmed)
     outcome = yield
     report: pytest.TestReport = outcome.get_result()
     if report.when != "call" or not report.failed:
         return
-    for number, ended in enumerate(running.made, 1):
-        which = "" if len(running.made) == 1 else f" {number} of {len(running.made)}"
+    runs = running.recent_runs
+    for number, ended in enumerate(runs, 1):
+        which = "" if len(runs) == 1 else f" {number} of {len(runs)}"
         if item.config.getoption("--plan-trace"):
             report.sections.append((f"plan trace{which}", f"{ended!r}\n{ended.tree()}"))
         if (folder := item.config.getoption("--planlang-report")) is not None:
@@ -81,7 +82,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
 
 
 def _page(ended: PlanRun[Any], folder: Path, test: str, number: int) -> Path:
-    """Write the page of a run of a test into a folder, and return its file."""
+    """Write the HTML report of a run into a folder; return its path."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '-', test)[-150:].strip('-')}-{number}.html"
     ended.report(file)
@@ -89,7 +90,7 @@ def _page(ended: PlanRun[Any], folder: Path, test: str, number: int) -> Path:
 
 
 def pytest_assertrepr_compare(config: pytest.Config, op: str, left: object, right: object) -> list[str] | None:
-    """Say how each attempt went when their number is not the expected one."""
+    """Describe each attempt when a comparison of their number fails."""
     count = left if isinstance(left, Count) else right
     if not isinstance(count, Count):
         return None

@@ -1,8 +1,8 @@
-"""Rehearsals: the plan of a recipe, performed by the scripted robot, judged by what its actions need.
+"""Rehearsals: the plan of a recipe is run by a scripted robot to check the preconditions of its actions.
 
-A recipe's plan is run in virtual time. Every action without an effect that is scripted succeeds, so what goes wrong
-does so by the order of the steps: an action that needs what is brought about only later
-(:mod:`planlang.recipe.preconditions`), or a plan that fails or does not end.
+The plan runs in virtual time, and every action succeeds. So any problem is caused by the order of the steps: an action
+whose precondition is achieved only by a later step (:mod:`planlang.recipe.preconditions`), or a plan that fails or does
+not end.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ from planlang.testing.scripted import ScriptedExecutive
 from planlang.testing.vocabulary import ActionVocabulary
 
 LONGEST = 3600.0
-"""Plan time after which a rehearsed plan counts as one that does not end [s]."""
+"""Plan time after which a rehearsed plan counts as endless [s]."""
 
 
 def rehearse(path: Path, task: str | None = None, folders: Sequence[Path] = ()) -> Rehearsal | None:
-    """Return what goes wrong when the plan of a recipe is run; None if the recipe does not compile."""
+    """Run the plan of a recipe and collect its problems; None if the recipe does not compile."""
     try:
         ontology = load(path, folders=folders)
         compiled = compile_ontology(ontology, task=task)
@@ -59,23 +59,23 @@ def rehearse(path: Path, task: str | None = None, folders: Sequence[Path] = ()) 
 
 
 def _script(compiled: CompiledPlan) -> Script:
-    """Return a script by which the robot performs all steps that no recipe performs."""
+    """Make a script with a module for every step that is not performed by a recipe."""
     steps = [step for recipe in compiled.recipes.recipes.values() for step in recipe.steps if not step.recipes]
     performed = dict.fromkeys(name for step in steps for name in (step.action_class, local_name(step.action_class)))
     return Script().performs(*performed)
 
 
 def _plan(compiled: CompiledPlan) -> Callable[[], Any]:
-    """Return the plan as a function of nothing: parameters without default get a made-up filler of their kind."""
+    """Make a plan function without parameters: those without default get a placeholder of their type."""
     module = ModuleType(compiled.functions[-1])
     exec(compile(compiled.source, f"<plan of {compiled.task}>", "exec"), module.__dict__)
     plan = getattr(module, compiled.functions[-1])
     assert isinstance(plan, Plan)
-    missing = [one for one in signature(plan.function).parameters.values() if one.default is Parameter.empty]
-    return partial(plan, **{one.name: _made_up(one) for one in missing})
+    parameters = signature(plan.function).parameters.values()
+    return partial(plan, **{each.name: _placeholder(each) for each in parameters if each.default is Parameter.empty})
 
 
-def _made_up(parameter: Parameter) -> object:
+def _placeholder(parameter: Parameter) -> object:
     name = f"rehearsal#{parameter.name}"
     kinds = typing.get_args(parameter.annotation)
     kinds = typing.get_args(kinds[0]) or kinds[:1] if kinds else (parameter.annotation,)
@@ -89,77 +89,81 @@ def _made_up(parameter: Parameter) -> object:
 
 
 class _Robot(ScriptedExecutive):
-    """A scripted robot that notes which actions it begins too early."""
+    """Scripted robot that records unmet preconditions of actions."""
 
     def __init__(self, script: Script, vocabulary: ActionVocabulary) -> None:
         super().__init__(script, vocabulary)
         self._declared = vocabulary.declared
         self._holding: list[Condition] = []
-        self._open: list[tuple[str, Condition]] = []
+        """Conditions that hold now."""
+        self._missing: list[tuple[str, Condition]] = []
+        """Preconditions that did not hold, with the step, until a later step achieves them."""
         self._unmet: list[Unmet] = []
         self._ended: list[tuple[str, Condition]] = []
-        self._places: dict[Base, Location] = {}
+        """Conditions that were ended, with the step that ended them."""
+        self._locations: dict[Base, Location] = {}
 
     def unmet(self) -> Iterator[Unmet]:
-        """Yield what actions needed and others brought about later, or had ended before."""
+        """Yield the unmet preconditions that another step achieved later, or had ended before."""
         return iter(self._unmet)
 
     def begin(self, action: Action) -> None:
-        """Note what the action needs and does not find, unless nothing ever brings it about."""
+        """Check the preconditions of an action."""
         super().begin(action)
-        needed = self._declared.needed(self._classes(action), self._named(action))
-        missing = [one for one in needed if not any(one.matches(held) for held in self._holding)]
+        needed = self._declared.needed(self._classes(action), self._names(action))
+        missing = [need for need in needed if not any(need.matches(held) for held in self._holding)]
         name = action.name or local_name(action.type)
-        self._open += [(name, one) for one in missing]
-        over = ((one, by) for one in missing for by, ended in reversed(self._ended) if one.matches(ended))
-        self._unmet += [Unmet(name, one, by, is_over=True) for one, by in dict(over).items()]
+        self._missing += [(name, need) for need in missing]
+        over = ((need, by) for need in missing for by, ended in reversed(self._ended) if need.matches(ended))
+        self._unmet += [Unmet(name, need, by, is_over=True) for need, by in dict(over).items()]
 
     def done(self, action: Action) -> None:
-        """Bring about what the action does."""
+        """Apply the effects of an action to the conditions that hold."""
         super().done(action)
-        classes, fillers = self._classes(action), self._named(action)
-        brought = [
+        classes, fillers = self._classes(action), self._names(action)
+        achieved = [
             effect.condition
             for effect in self._declared.brought(classes, fillers)
             if all(any(given.matches(held) for held in self._holding) for given in effect.given)
         ]
         ended = self._declared.ended(classes, fillers)
         name = action.name or local_name(action.type)
-        over = [held for held in self._holding if any(one.matches(held) for one in ended)]
+        over = [held for held in self._holding if any(pattern.matches(held) for pattern in ended)]
         self._ended += [(name, held) for held in over]
-        self._holding = [held for held in self._holding if held not in over] + brought
-        late = [one for one in self._open if any(one[1].matches(condition) for condition in brought)]
+        self._holding = [held for held in self._holding if held not in over] + achieved
+        late = [entry for entry in self._missing if any(entry[1].matches(condition) for condition in achieved)]
         self._unmet += [Unmet(step, condition, name) for step, condition in late]
-        self._open = [one for one in self._open if one not in late]
+        self._missing = [entry for entry in self._missing if entry not in late]
 
     def solutions(self, location: Location) -> Iterator[Any]:
-        """Yield the places of a location, and remember which location they belong to."""
+        """Yield the base poses of a location, and remember the location of each."""
         for solution in super().solutions(location):
-            self._places[solution.base] = location
+            self._locations[solution.base] = location
             yield solution
 
     def _classes(self, action: Action) -> list[str]:
         return [expand(cls) for cls in self.ancestors(action.type)]
 
-    def _named(self, action: Action) -> Named:
+    def _names(self, action: Action) -> Named:
+        """Function from a property to the names of its fillers; a drive has the location of its pose as toLocation."""
         base = tuple(action.get(key) for key in ("x", "y", "yaw"))
-        place = next((where for pose, where in self._places.items() if pose == base), None)
+        location = next((location for pose, location in self._locations.items() if pose == base), None)
 
         def names(name: str) -> list[str]:
             filler = action.get(snake_case(name))
-            return list(_names(place if filler is None and name == "toLocation" else filler))
+            return list(_names_in(location if filler is None and name == "toLocation" else filler))
 
         return names
 
 
-def _names(filler: object) -> Iterator[str]:
-    """Yield the names of a thing, or of a place and all that it relates to."""
+def _names_in(filler: object) -> Iterator[str]:
+    """Yield the name of an object, or the names of a location and of all its references."""
     if isinstance(filler, tuple):
-        for one in filler:
-            yield from _names(one)
+        for item in filler:
+            yield from _names_in(item)
     elif isinstance(filler, Location):
         yield from (filler.name,) if filler.name is not None else ()
         for relation in filler.relations:
-            yield from _names(relation.reference)
+            yield from _names_in(relation.reference)
     elif (name := getattr(filler, "name", None)) is not None:
         yield name

@@ -1,4 +1,4 @@
-"""run_plan: a plan in virtual time, with a scripted robot, to a result that can be asked."""
+"""run_plan: runs a plan in virtual time with a scripted robot, and returns its history."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 V = TypeVar("V")
 
-made: deque[PlanRun[Any]] = deque(maxlen=5)
+recent_runs: deque[PlanRun[Any]] = deque(maxlen=5)
 """The last runs, for ``pytest --plan-trace``."""
 
 
 class PlanRun(History, Generic[V]):
-    """A run that has ended: its value or failure, and its history.
+    """A finished run: its value or failure, and its history.
 
-    ``failure`` is the plan failure that left the plan, ``error`` what else ended the run; at most one is not None.
+    ``failure`` is the failure of the plan, ``error`` any other exception that ended the run; at most one is not None.
     """
 
     def __init__(self, plan: Callable[[], Awaitable[V]], trace: Trace, rate: int, schedule: Schedule) -> None:
@@ -54,10 +54,10 @@ class PlanRun(History, Generic[V]):
         self.failure: PlanFailure | None = None
         self.error: BaseException | None = None
         self.unused: tuple[str, ...] = ()
-        """Rules and faults of the script that never applied: maybe they name no step of the plan."""
+        """Rules and faults of the script that were never applied."""
         self.unmatched: Mapping[str, str] = {}
-        """Those of them whose step did not occur, each with the name that may be meant. Steps that a failed plan has
-        not come to are no reason, unless a step that occurred is called alike."""
+        """Those of them whose step did not occur, each with a suggestion for its name. For a failed plan, which may not
+        have reached all steps, only those with a suggestion."""
         self._value: V | None = None
         self._belief: Belief | None = None
 
@@ -71,18 +71,18 @@ class PlanRun(History, Generic[V]):
 
     @property
     def belief(self) -> Belief:
-        """The scripted robot's belief at the end; ValueError if the run had an executive of its own."""
+        """Belief of the scripted robot at the end; ValueError if the run had a different executive."""
         if self._belief is None:
-            raise ValueError("only a scripted robot has a belief that can be asked here")
+            raise ValueError("only a scripted robot has a belief here; ask the executive of the run for its own")
         return self._belief
 
     @property
     def seconds(self) -> float:
-        """Plan time that the run took [s]."""
+        """Plan time of the run [s]."""
         return self.events[-1]["step"] / self.rate if self.events else 0.0
 
     def report(self, path: str | os.PathLike[str]) -> None:
-        """Write a page that shows the run, HTML: tree, lanes, failures and story; there is no world."""
+        """Write an HTML report of the run: tree, lanes, failures and story, without a world."""
         from planlang.report import Context, Told, model_of, page
         from planlang.report.sources import source_of
 
@@ -96,7 +96,7 @@ class PlanRun(History, Generic[V]):
         write_text(Path(path), page(model_of(Told.of(self.events), context)))
 
     def tree(self) -> str:
-        """Return the task tree as indented text, and what of the script never applied."""
+        """Format the task tree as indented text, followed by the rules and faults that were never applied."""
         return "\n".join([super().tree(), *(f"never applied: {what}" for what in self.unused)])
 
     def __repr__(self) -> str:
@@ -106,7 +106,7 @@ class PlanRun(History, Generic[V]):
 
 
 class UnusedRule(AssertionError):
-    """A script names steps that did not occur in a run, so that a misspelt rule does not pass for one that holds."""
+    """A script has rules or faults for steps that did not occur. An error, as their names may be misspelt."""
 
     def __init__(self, unmatched: Mapping[str, str], what: str) -> None:
         lines = "\n  ".join(f"{rule}{hint}" for rule, hint in unmatched.items())
@@ -130,16 +130,17 @@ def run_plan(
     resume: PlanRun[Any] | Trace | RecordedRun | None = None,
     allow_unused: bool = False,
 ) -> PlanRun[V]:
-    """Run a plan in virtual time and return how it went.
+    """Run a plan in virtual time and return the finished run.
 
-    ``script`` is what process modules do (an empty one without it), unless an ``executive`` is given. ``faults``
-    are added to those of the script. ``schedule`` as in :func:`planlang.run`. A plan failure is part of the result;
-    what else ends the run is raised: programming errors, DeadlockError, StepLimit after ``within`` seconds of plan
-    time, NoProgress. A rule or a fault for a step that did not occur raises UnusedRule, unless ``allow_unused``.
+    ``script`` describes the behaviour of the process modules (default: an empty script), unless an ``executive`` is
+    given. ``faults`` are added to those of the script. ``schedule`` is as in :func:`planlang.run`. A plan failure is
+    part of the result; other errors are raised: programming errors, DeadlockError, NoProgress, and StepLimit after
+    ``within`` [s] of plan time. A rule or fault for a step that did not occur raises UnusedRule, unless
+    ``allow_unused``.
 
-    With ``resumable`` the trace notes which steps of the top-level plan have completed; see :func:`planlang.run`.
-    ``resume`` is such a run, its trace, or one read from a file: steps that completed in it are not run again but give
-    what they gave; the belief of the scripted robot, or of an executive with ``restore``, is as they left it.
+    With ``resumable`` the trace stores the completed steps of the top-level plan; see :func:`planlang.run`. ``resume``
+    is such a run, its trace, or one read from a file: its completed steps return their recorded results, and the belief
+    of the scripted robot, or of an executive with ``restore``, is restored.
     """
     _RUN_PLAN.branch("plan", plan)
     ended = attempt(
@@ -154,7 +155,7 @@ def run_plan(
         resumable=resumable,
         resume=resume,
     )
-    made.append(ended)
+    recent_runs.append(ended)
     if ended.error is not None:
         raise without_internals(ended.error)
     if ended.unmatched and not allow_unused and resume is None:
@@ -175,7 +176,7 @@ def attempt(
     resumable: bool = False,
     resume: PlanRun[Any] | Trace | RecordedRun | None = None,
 ) -> PlanRun[V]:
-    """Run a plan as :func:`run_plan` does; whatever ends the run is part of the result."""
+    """Run a plan as :func:`run_plan` does, but return errors as part of the result."""
     scripted = None
     if executive is None:
         script = script or Script()
@@ -211,36 +212,36 @@ def attempt(
 
 
 def _note_unused(ended: PlanRun[Any], scripted: ScriptedExecutive | None, injector: Injector) -> None:
-    """Note which rules and faults of the script never applied, and which of these name no step that occurred."""
+    """Store the rules and faults that were never applied, and those whose steps did not occur."""
     ended.unused = tuple(f"fault {fault}" for fault in injector.unused)
     hints = {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in injector.unmatched}
     if scripted is not None:
         ended.unused = (*(f"rule {rule}" for rule in scripted.unused), *ended.unused)
         hints = {f"rule {rule}": did_you_mean(rule.step, scripted.performed) for rule in scripted.unmatched} | hints
-    # A plan that failed may not have come to all steps: there only what looks misspelt counts.
+    # A plan that failed may not have reached all steps: only names that look misspelt count then.
     ended.unmatched = {what: hint for what, hint in hints.items() if hint or ended.failure is None}
 
 
 def recorded_run(source: PlanRun[Any] | Trace | RecordedRun) -> RecordedRun:
-    """Return the records of a run; raises DamagedTrace if they are none."""
+    """Records of a run; raises DamagedTrace."""
     return source if isinstance(source, RecordedRun) else RecordedRun.of(source.events)
 
 
 def replay(plan: Callable[[], Awaitable[Any]], source: PlanRun[Any] | Trace | RecordedRun) -> Replay:
-    """Run a plan on what is recorded of a run with ``resumable=True``; stops at the first difference.
+    """Run a plan on the recorded inputs of a run with ``resumable=True``, up to the first difference.
 
-    No script and no executive is asked: the plan gets the recorded answers. ``assert replay(plan, run).equal``
-    holds for a plan that decides by those answers alone.
+    No script or executive is used: the plan gets the recorded answers. ``assert replay(plan, run).equal`` holds for a
+    plan whose decisions depend on these answers alone.
     """
     return replay_recorded(plan, recorded_run(source))
 
 
 @functools.cache
 def compiled(recipe: str | os.PathLike[str], task: str | None = None) -> Plan[..., Any]:
-    """Return the plan of a recipe: of a file, or of a bundled recipe by name (``compiled("serve_a_drink")``).
+    """Compile a recipe file, or a bundled recipe by name (``compiled("serve_a_drink")``), and return its plan.
 
-    The plan's own names are in its module: ``plan.function.__globals__["BOTTLE"]``. Raises BadInput with the
-    diagnostics when the recipe has errors.
+    The names that the plan defines are in its module: ``plan.function.__globals__["BOTTLE"]``. Raises BadInput with the
+    diagnostics if the recipe has errors.
     """
     path = Path(recipe)
     if not path.suffix and not path.exists():
@@ -251,6 +252,6 @@ def compiled(recipe: str | os.PathLike[str], task: str | None = None) -> Plan[..
     linecache.cache[file] = (len(plan.source), None, plan.source.splitlines(keepends=True), file)
     module = ModuleType(name)
     exec(compile(plan.source, file, "exec"), module.__dict__)
-    found = getattr(module, name)
-    assert isinstance(found, Plan)
-    return found
+    function = getattr(module, name)
+    assert isinstance(function, Plan)
+    return function

@@ -1,4 +1,4 @@
-"""Scripts: what process modules do in a test, so that plans run without a robot."""
+"""Scripts: the behaviour of process modules in a test, so that plans run without a robot."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ Base = tuple[float, float, float]
 
 @dataclass(eq=False)
 class Belief:
-    """The belief of the scripted robot, which in a script is also the truth.
+    """Belief state of the scripted robot, which is also the true state of its world.
 
-    Things are called by the local name of their individual, or of their class. Steps of a script read and change
-    it; a change of what is held, where things are or what is true makes a new revision.
+    Objects are named by the local name of their individual, or of their class. Rules of a script may read and change
+    the belief; every change of held objects, places, facts or other effects makes a new revision.
     """
 
     holding: list[str] = field(default_factory=list)
-    """Names of what the robot holds."""
+    """Names of the objects that the robot holds."""
     at: dict[str, Any] = field(default_factory=dict)
-    """Places of things that are not held: the name of what they were put down on, or of whom they were handed to; or
-    whatever the test writes, ``belief.at["bottle1"] = "table"``."""
+    """Places of objects that are not held: the support on which they were put, or the person to whom they were handed;
+    or any value set by the test, ``belief.at["bottle1"] = "table"``."""
     facts: dict[str, bool] = field(default_factory=dict)
     """Other conditions by their text, e.g. ``"open(fridge1)"``."""
     places: dict[str, Sequence[Base]] = field(default_factory=dict)
-    """Places for the base by the name of a location, or of the thing that it is about; without, three are made up."""
+    """Base poses by the name of a location or of its reference object; three are generated for other locations."""
     base: Base = (0.0, 0.0, 0.0)
     around: str | None = None
-    """The thing between the open fingers, ready to be grasped."""
+    """The object between the open fingers, ready to be grasped."""
     lowered: dict[str, str] = field(default_factory=dict)
-    """Names of the places to which things that are held were lowered."""
+    """Places to which held objects were lowered, before the hand opens."""
     contents: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Substances in things, and on them [ml]: ``belief.contents["bowl1"] = {"Milk": 200.0}``."""
+    """Substances in and on objects [ml]: ``belief.contents["bowl1"] = {"Milk": 200.0}``."""
     heated: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Time that both sides of things were over heat [s]."""
+    """Heating times of the two sides of objects [s]."""
     made: dict[str, list[str]] = field(default_factory=dict)
-    """Things that came into being, with all that went into them."""
+    """Created objects, each with the objects that it was made of."""
     gone: list[str] = field(default_factory=list)
-    """Things that were destroyed."""
+    """Destroyed objects."""
     on: list[str] = field(default_factory=list)
-    """Devices that are on."""
+    """Devices that are switched on."""
 
     def __post_init__(self) -> None:
         self._revision = 0
-        self._seen = self._state()
+        self._last_state = self._state()
         self.made_up: dict[str, list[Base]] = {}
-        """Places that were made up, by location."""
+        """Generated base poses, by location."""
 
     def restore(
         self,
@@ -77,22 +77,22 @@ class Belief:
         self.holding[:] = holding
         self.at, self.facts, self.base, self.around, self.made_up = at, facts, base, around, made_up
         self.lowered = lowered
-        self._seen, self._revision = self._state(), revision
+        self._last_state, self._revision = self._state(), revision
 
     @property
     def revision(self) -> int:
-        """Counts changes."""
+        """Number of changes."""
         state = self._state()
-        if state != self._seen:
-            self._seen = state
+        if state != self._last_state:
+            self._last_state = state
             self._revision += 1
         return self._revision
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if a condition holds: by the facts, if they have it, else by what the belief says of things.
+        """Evaluate a condition: a fact if there is one, otherwise by the state of the objects.
 
-        ``holding(x)`` is decided by what is held.
-        Without seconds, things are baked that were over heat at all, on both sides.
+        ``holding(x)`` always depends on the held objects. ``baked`` without a time is true if both sides were heated at
+        all.
         """
         if str(condition) in self.facts and condition.predicate != "holding":
             return self.facts[str(condition)]
@@ -121,50 +121,50 @@ class Belief:
         return False
 
     def _went_into(self, what: str, result: str) -> bool:
-        parts, known = [result], {result}
-        for part in parts:  # grows while it is walked
-            parts += [one for one in self.made.get(part, ()) if one not in known]
-            known.update(parts)
-        return what != result and what in known
+        parts, visited = [result], {result}
+        for part in parts:  # the list grows during the loop
+            parts += [origin for origin in self.made.get(part, ()) if origin not in visited]
+            visited.update(parts)
+        return what != result and what in visited
 
     def destroy(self, *things: str) -> None:
-        """Let things be there no more."""
+        """Destroy objects."""
         self.gone.extend(thing for thing in things if thing not in self.gone)
         for thing in things:
             self.drop(thing)
 
     def create(self, thing: str, *of: str) -> None:
-        """Let a thing come into being of others, which are destroyed."""
+        """Create an object from others, which are destroyed."""
         self.destroy(*of)
         self.made[thing] = list(of)
-        self.gone[:] = [one for one in self.gone if one != thing]
+        self.gone[:] = [destroyed for destroyed in self.gone if destroyed != thing]
 
     def hold(self, what: str | None) -> None:
-        """Hold something: it is at no place any more."""
+        """Hold an object, which then has no place."""
         if what is not None and what not in self.holding:
             self.holding.append(what)
             self.at.pop(what, None)
 
     def drop(self, what: str | None = None) -> None:
-        """Let something go, or everything; what was lowered before is where it was lowered to."""
+        """Release an object, or all; its place is the one to which it was lowered, if any."""
         for held in [held for held in self.holding if what in (None, held)]:
             self.holding.remove(held)
             if held in self.lowered:
                 self.at[held] = self.lowered.pop(held)
 
     def places_of(self, location: Location) -> Sequence[Base]:
-        """Return the base poses for a location, best first."""
+        """Base poses for a location, best first."""
         for name in (location.name, *names_of(location), str(location)):
             if name is not None and name in self.places:
                 return self.places[name]
-        known = self.made_up
-        if str(location) not in known:
-            x = 10.0 * (len(known) + 1)
-            known[str(location)] = [(x, 0.0, 0.0), (x + 1, 0.0, 0.0), (x + 2, 0.0, 0.0)]
-        return known[str(location)]
+        generated = self.made_up
+        if str(location) not in generated:
+            x = 10.0 * (len(generated) + 1)
+            generated[str(location)] = [(x, 0.0, 0.0), (x + 1, 0.0, 0.0), (x + 2, 0.0, 0.0)]
+        return generated[str(location)]
 
     def put(self, what: str, place: str) -> None:
-        """Put something somewhere; what is held is there as soon as it is let go."""
+        """Put an object somewhere; a held one is there when it is released."""
         (self.lowered if what in self.holding else self.at)[what] = place
 
     def _state(self) -> tuple[object, ...]:
@@ -176,7 +176,7 @@ _ON = Usage("script.on", {"step": '"Reaching"'}, {"after": "1.5", "times": "2"})
 
 
 def names_of(location: object) -> Iterator[str]:
-    """Yield the names of things that a location is about, nearest first; not of those where it is not."""
+    """Yield the names of the reference objects of a location, nearest first, without negated relations."""
     for relation in location.relations if isinstance(location, Location) else ():
         if relation.reference.name is not None and not relation.negated:
             yield relation.reference.name
@@ -185,12 +185,12 @@ def names_of(location: object) -> Iterator[str]:
 
 
 Does = Callable[[Belief, Action], Any]
-"""A side effect; may be async, and what it returns other than None is the action's result."""
+"""A side effect; may be async. A result other than None is the result of the action."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """The behaviour of a step or class of actions, as long as the rule applies."""
+    """Behaviour of a step, or of a class of actions, while the rule applies; see :meth:`Script.on`."""
 
     step: str
     fails: Raises | None = None
@@ -210,23 +210,23 @@ class Rule:
 
 @dataclass
 class Script:
-    """The behaviour of the robot of a test.
+    """Behaviour of the robot in a test.
 
-    Without a rule an action succeeds after :attr:`takes` seconds and has the effect of its class on the belief, as
-    the vocabulary declares it: the base arrives, a gripper that closes around something holds it, one that opens lets
-    it go, what is put down or handed over is at its place or recipient. A script is a description: each run begins with
-    its belief as it was described here.
+    Without a rule an action succeeds after :attr:`takes` seconds and has the effects that the vocabulary declares for
+    its class: the base arrives, a gripper that closes around an object holds it, one that opens releases it, and an
+    object that is put down or handed over is at its place or recipient. Each run starts with a new belief in the
+    initial state described here.
     """
 
     takes: float = 1.0
-    """Duration of an action without a rule about it [s]."""
+    """Duration of an action without a rule [s]."""
     ancestors: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Superclasses of classes of actions, nearest first, besides those that the plan states or the vocabulary knows."""
+    """Superclasses of action classes, nearest first, in addition to those in the plan and in the vocabulary."""
     classes: list[str] = field(default_factory=list)
-    """Classes of actions that can be performed besides those of every robot."""
+    """Action classes that the robot can perform in addition to those of the vocabulary."""
     rules: list[Rule] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
-    _beginning: list[Callable[[Belief], object]] = field(default_factory=list)
+    _initial_changes: list[Callable[[Belief], object]] = field(default_factory=list)
 
     def on(
         self,
@@ -240,13 +240,13 @@ class Script:
         since: float = 0.0,
         until: float = math.inf,
     ) -> Script:
-        """Set what performing does: ``script.on("Reaching", fails=ManipulationPoseUnreachable, times=2, after=1.5)``.
+        """Add a rule: ``script.on("Reaching", fails=ManipulationPoseUnreachable, times=2, after=1.5)``.
 
-        ``step`` is the name of the step in the plan or the class of the action. ``after`` seconds it fails with
-        ``fails`` (a class, a function that makes the failure, or an example), or succeeds with ``returns``.
-        ``does(belief, action)`` is called just before that. A rule applies ``times`` times, to what begins at plan
-        time ``since`` up to ``until`` [s]. Of several rules the first that applies counts. A class of actions that a
-        rule names can be performed; see :meth:`performs`.
+        ``step`` is the name of the step in the plan, or the class of the action. After ``after`` seconds it fails with
+        ``fails`` (a class, a function that makes the failure, or an example), or succeeds with ``returns``;
+        ``does(belief, action)`` is called just before. The rule applies at most ``times`` times, to actions that begin
+        at plan time ``since`` to ``until`` [s]. The first rule that applies counts. The robot can perform the action
+        classes named by rules; see :meth:`performs`.
         """
         if after is not None:
             _ON.seconds("after", after)
@@ -256,42 +256,42 @@ class Script:
         return self
 
     def performs(self, *classes: str) -> Script:
-        """Give the robot process modules for more classes of actions; each has its own."""
+        """Add a process module for each of these action classes."""
         self.classes.extend(classes)
         return self
 
     def fault(
         self, step: str, raises: Raises, *, attempt: int | None = 1, after: float | None = None, at: float | None = None
     ) -> Script:
-        """Let any step of the plan fail, performed or not; see :class:`planlang.testing.Fault`."""
+        """Make any step of the plan fail, not only actions; see :class:`planlang.testing.Fault`."""
         self.faults.append(Fault(step, raises, None if at is not None else attempt, after, at))
         return self
 
     def holding(self, *things: str | Object) -> Script:
-        """Let the robot hold things at the beginning."""
+        """Set objects that the robot holds initially."""
         names = [thing if isinstance(thing, str) else thing.name for thing in things]
-        self._beginning.append(lambda belief: belief.holding.extend(names))
+        self._initial_changes.append(lambda belief: belief.holding.extend(names))
         return self
 
     def at(self, **places: Any) -> Script:
-        """Put things somewhere at the beginning."""
-        self._beginning.append(lambda belief: belief.at.update(places))
+        """Set initial places of objects."""
+        self._initial_changes.append(lambda belief: belief.at.update(places))
         return self
 
     def fact(self, condition: str, holds: bool = True) -> Script:
-        """Let a condition hold, or not, at the beginning, by its text: ``script.fact("open(fridge1)")``."""
-        self._beginning.append(lambda belief: belief.facts.update({condition: holds}))
+        """Set the initial value of a condition, by its text: ``script.fact("open(fridge1)")``."""
+        self._initial_changes.append(lambda belief: belief.facts.update({condition: holds}))
         return self
 
     def places(self, location: str | Object, *bases: Base) -> Script:
-        """Set the base poses for a location, given by its name or the thing that it is about; none is nowhere."""
+        """Set the base poses, maybe none, for a location, which is given by its name or its reference object."""
         name = location if isinstance(location, str) else location.name
-        self._beginning.append(lambda belief: belief.places.update({name: bases}))
+        self._initial_changes.append(lambda belief: belief.places.update({name: bases}))
         return self
 
     def belief(self) -> Belief:
-        """Return the belief at the beginning, made anew."""
+        """Make a new belief in the initial state."""
         belief = Belief()
-        for change in self._beginning:
+        for change in self._initial_changes:
             change(belief)
         return belief

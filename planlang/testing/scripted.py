@@ -1,4 +1,4 @@
-"""The executive of scripted runs: process modules that follow a script."""
+"""The executive of scripted runs, with process modules that follow a script."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from planlang.protocols import Solution
 from planlang.records import dataclass
 from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
-from planlang.testing.faults import made
+from planlang.testing.faults import make_failure
 from planlang.testing.script import Belief, Rule, Script
 from planlang.testing.vocabulary import ActionVocabulary, bundled_vocabulary
 
 
 @dataclass(eq=False)
 class ScriptedModule:
-    """A process module that performs classes of actions by the script of its executive."""
+    """A process module that follows the script of its executive."""
 
     name: str
     actions: Sequence[str]
@@ -35,14 +35,14 @@ class ScriptedModule:
     performs = ProcessModule.performs
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the parts of the robot that the vocabulary states; of arms and grippers the device of the action."""
+        """Parts of the robot as stated in the vocabulary, with the action's device in place of arm and gripper."""
         device = action.get("device_used")
         hand = "arm" if device is None else str(device)
         roles = self.executive.vocabulary.roles(self.executive.ancestors(action.type))
         return tuple(dict.fromkeys(hand if role in ("arm", "gripper") else role for role in roles))
 
     async def execute(self, action: Action) -> Any:
-        """Wait, change the belief, and return or raise what the script wants."""
+        """Wait, change the belief, and return the result or raise the failure of the script."""
         executive = self.executive
         executive.begin(action)
         rule = executive.rule_for(action, _step_name())
@@ -59,14 +59,14 @@ class ScriptedModule:
         if rule is None:
             return None
         if rule.fails is not None:
-            raise made(rule.fails)
+            raise make_failure(rule.fails)
         return rule.returns if result is None else result
 
 
 class ScriptedExecutive:
-    """Implements :class:`planlang.language.executive.Executive` by a script, for one run.
+    """Implements :class:`planlang.language.executive.Executive` with a script, for one run.
 
-    It performs what has a primitive in the ontology, and what the script names besides.
+    The robot can perform the primitives of the ontology, and the further classes in the script.
     """
 
     def __init__(self, script: Script, vocabulary: ActionVocabulary | None = None) -> None:
@@ -74,6 +74,7 @@ class ScriptedExecutive:
         self.vocabulary = vocabulary or bundled_vocabulary()
         self.belief: Belief = script.belief()
         self._left = [rule.times for rule in script.rules]
+        """Remaining applications of each rule."""
         self._used = [rule.times == 0 for rule in script.rules]
         self._matched = list(self._used)
         self.performed: dict[str, None] = {}
@@ -81,31 +82,31 @@ class ScriptedExecutive:
         self._write: Callable[[str, Mapping[str, Any]], None] | None = None
         self._reported = self.belief.revision
         primitive = self.vocabulary.modules()
-        known = {cls for classes in primitive.values() for cls in classes}
-        ruled = dict.fromkeys(rule.step for rule in script.rules if rule.step not in script.classes)
+        primitive_classes = {cls for classes in primitive.values() for cls in classes}
+        added = [cls for cls in dict.fromkeys(script.classes) if cls not in primitive_classes]
+        of_rules = dict.fromkeys(rule.step for rule in script.rules if rule.step not in script.classes)
         self.modules: Sequence[ScriptedModule] = [
             *(ScriptedModule(name, classes, self) for name, classes in primitive.items()),
-            *(ScriptedModule(cls, (cls,), self) for cls in dict.fromkeys(script.classes) if cls not in known),
-            *(ScriptedModule(f"rule of {cls}", (cls,), self) for cls in ruled if cls not in known),
+            *(ScriptedModule(cls, (cls,), self) for cls in added),
+            *(ScriptedModule(f"rule of {cls}", (cls,), self) for cls in of_rules if cls not in primitive_classes),
         ]
 
     @property
     def unused(self) -> tuple[Rule, ...]:
-        """Rules that never applied."""
+        """Rules that were never applied."""
         return tuple(rule for rule, used in zip(self.script.rules, self._used, strict=True) if not used)
 
     @property
     def unmatched(self) -> tuple[Rule, ...]:
-        """Rules for steps that were not performed, at whatever time."""
+        """Rules for steps that were not performed at any time."""
         return tuple(rule for rule, matched in zip(self.script.rules, self._matched, strict=True) if not matched)
 
     def rule_for(self, action: Action, step: str | None) -> Rule | None:
-        """Return the rule that applies to a step that begins now, and count its use."""
+        """Find the rule for a step that begins now, and count its application."""
         names = {name: None for name in (step, action.name, *self.ancestors(action.type)) if name is not None}
         self.performed |= names
-        self._matched = [
-            found or rule.step in names for found, rule in zip(self._matched, self.script.rules, strict=True)
-        ]
+        rules = self.script.rules
+        self._matched = [matched or rule.step in names for matched, rule in zip(self._matched, rules, strict=True)]
         for number, rule in enumerate(self.script.rules):
             left = self._left[number]
             if rule.step in names and rule.since <= now() < rule.until and left != 0:
@@ -116,75 +117,75 @@ class ScriptedExecutive:
         return None
 
     def begin(self, action: Action) -> None:
-        """Refuse an action with a misspelt role: whatever performs it on a robot would not find the filler."""
+        """Check the roles of an action; WrongValue if one is misspelt, as a real module would miss its filler."""
         for role, _ in action.properties:
             meant = meant_role(role)
             if meant is not None:
                 raise WrongValue(f"{action.type} has no role {role}: did you mean {meant}?")
 
     def done(self, action: Action) -> None:
-        """Apply the effect of an action that has succeeded on the belief."""
+        """Apply the effects of an action that has succeeded to the belief."""
         self.vocabulary.change(self.belief, action, self.ancestors(action.type))
 
     def changed(self) -> None:
-        """Write into the trace that the belief has changed, if it has."""
+        """Write a change of the belief, if there is one, to the trace."""
         if self.belief.revision != self._reported and self._write is not None:
             self._reported = self.belief.revision
             belief = self.belief
             self._write("belief", {"revision": self._reported, "holding": belief.holding, "at": belief.at})
 
     def ancestors(self, action_type: str) -> tuple[str, ...]:
-        """Return the class, its local name, and its superclasses in the plan, in the script and in the vocabulary."""
-        return ancestors_of(action_type, self._known)
+        """The class, its local name, and its superclasses in the plan, in the script and in the vocabulary."""
+        return ancestors_of(action_type, self._superclasses)
 
-    def _known(self, cls: str) -> Sequence[str]:
+    def _superclasses(self, cls: str) -> Sequence[str]:
         short = local_name(cls)
         stated = (short, *self.script.ancestors.get(short, ()))
-        known = (above for one in (cls, *stated[1:]) for above in self.vocabulary.ancestors(one))
-        return tuple(dict.fromkeys((cls, *stated, *known)))
+        inherited = (ancestor for name in (cls, *stated[1:]) for ancestor in self.vocabulary.ancestors(name))
+        return tuple(dict.fromkeys((cls, *stated, *inherited)))
 
     def revision(self) -> int:
-        """Return how often the belief has changed."""
+        """Number of changes of the belief."""
         return self.belief.revision
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Yield the places that the script names, or made-up ones; then LocationUnresolvable."""
+        """Yield the base poses in the script, or generated ones; then raise LocationUnresolvable."""
         places = self.belief.places_of(location)
         for base in places:
             yield Solution(base, self.belief.revision, {})
         raise LocationUnresolvable(designator=str(location), counts={"tried": len(places)} if places else {})
 
     def move_to(self, solution: Solution) -> Action:
-        """Return the base motion that goes to a solution."""
+        """Action that drives the base to a solution."""
         x, y, yaw = solution.base
         return action("Translation-LocationChange", x=float(x), y=float(y), yaw=float(yaw))
 
     def is_at(self, solution: Solution) -> bool:
-        """Return True while the base is where the solution put it."""
+        """Check whether the base is at the pose of a solution."""
         return self.belief.base == solution.base
 
     def holds(self, condition: Condition) -> bool:
-        """Return True if it holds in the belief."""
+        """Check whether a condition holds in the belief."""
         return self.belief.holds(condition)
 
     def before_retry(self) -> Iterable[Action]:
-        """Return nothing: a scripted robot can drive in any posture."""
+        """No actions, as a scripted robot can drive in any posture."""
         return ()
 
     def held(self) -> Sequence[str]:
-        """Return the names of what the robot holds."""
+        """Names of the objects that the robot holds."""
         return tuple(self.belief.holding)
 
     def releases(self, action: Action) -> bool:
-        """Return True if the action lets go of something."""
+        """Check whether an action opens a hand."""
         return self.vocabulary.releases(self.ancestors(action.type))
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Write changes of the belief into the trace from now on."""
+        """Set the function that writes changes of the belief to the trace."""
         self._write = write
 
     def snapshot(self) -> dict[str, Any]:
-        """Return the belief, and how often rules have applied, as JSON; what of them does not survive JSON as text."""
+        """The belief and the remaining applications of rules, as JSON; raises Lost if they cannot be stored."""
         belief = self.belief
         state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
         state |= {
@@ -199,14 +200,14 @@ class ScriptedExecutive:
         return {key: dump(value) for key, value in state.items()}
 
     def restore(self, left: Mapping[str, Any]) -> None:
-        """Go on from a snapshot."""
+        """Restore a snapshot."""
         state = {key: load(value) for key, value in left.items()}
         self._left, self._used, self._reported = state.pop("left"), state.pop("used"), state["revision"]
         self.belief.restore(**state)
 
 
 def _step_name() -> str | None:
-    """Return the name of the perform that asks."""
+    """Name of the node of the action that the calling module performs."""
     node: Node | None = here()[1].node
     while node is not None and node.kind != "perform":
         node = node.parent

@@ -1,4 +1,4 @@
-"""What the scripted robot knows of actions, by the ontology: what performs and needs them, and what they change."""
+"""Knowledge of the scripted robot about actions, from the ontology: modules, required resources, and effects."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from planlang.records import dataclass
 from planlang.testing.script import Belief, names_of
 
 _OF_THE_HAND = ("in_center_of", "in_front_of")
-"""Relations of places where a hand handles a thing; nothing is put there."""
+"""Relations of poses of the hand, where no object is put down."""
 
 
 @dataclass(frozen=True, slots=True)
 class ActionChange:
-    """What actions of some classes change. Properties of patterns are roles (``object_acted_on``)."""
+    """Effects of an action, by its classes. The properties of patterns are roles (``object_acted_on``)."""
 
-    brought: tuple[tuple[Pattern, tuple[str, ...]], ...]
-    """What comes about, each with the predicates that have to hold before."""
+    achieved: tuple[tuple[Pattern, tuple[str, ...]], ...]
+    """Conditions that the action achieves, with the predicates that must hold before."""
     ended: tuple[Pattern, ...]
     switched: str | None
-    """What devices are afterwards: "on", "off"."""
+    """State of devices afterwards: "on" or "off"."""
 
 
 class ActionVocabulary:
@@ -36,51 +36,51 @@ class ActionVocabulary:
     def __init__(self, ontology: Ontology) -> None:
         self.ontology = ontology
         self.declared = declared(ontology)
-        self._primitives = {shorten(action): one for action, one in read_primitives(ontology).items()}
-        self._letting_go = frozenset(map(shorten, self.declared.ending("holding")))
+        self._primitives = {shorten(action): primitive for action, primitive in read_primitives(ontology).items()}
+        self._releasing = frozenset(map(shorten, self.declared.ending("holding")))
         self._facts = frozenset(goal.predicate for goal in self.declared.goals.values()) - {"holding"}
-        """Predicates that the belief has no other place for."""
+        """Predicates that the belief stores as facts only."""
         self._changes: dict[tuple[str, ...], ActionChange] = {}
 
     def modules(self) -> dict[str, tuple[str, ...]]:
-        """Return the names of process modules, each with the classes of actions that it performs."""
-        found: dict[str, tuple[str, ...]] = {}
+        """Map the names of process modules to the action classes that they perform."""
+        modules: dict[str, tuple[str, ...]] = {}
         for action, primitive in self._primitives.items():
-            found[primitive.module] = (*found.get(primitive.module, ()), action)
-        return found
+            modules[primitive.module] = (*modules.get(primitive.module, ()), action)
+        return modules
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
-        """Return a class itself and what is above it, nearest first; names of the vocabulary."""
+        """The class itself and its superclasses, nearest first, by their names in the vocabulary."""
         return tuple(map(shorten, self.ontology.ancestors(expand(cls))))
 
     def roles(self, classes: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the parts of a robot (base, head, torso, arm, gripper) that an action needs, by its nearest class."""
+        """Parts of the robot (base, head, torso, arm, gripper) that an action needs, by its nearest class."""
         return next((self._primitives[cls].resources for cls in classes if cls in self._primitives), ())
 
     def releases(self, classes: tuple[str, ...]) -> bool:
-        """Return True if actions of these classes let go of something."""
-        return not self._letting_go.isdisjoint(classes)
+        """Check whether actions of these classes release an object."""
+        return not self._releasing.isdisjoint(classes)
 
     def change(self, belief: Belief, action: Action, classes: tuple[str, ...]) -> None:
         """Apply the effects of an action that has succeeded."""
         change = self._change(classes)
-        for pattern, given in change.brought:
-            self._bring(belief, action, pattern, given)
+        for pattern, given in change.achieved:
+            self._achieve(belief, action, pattern, given)
         for pattern in change.ended:
             if pattern.predicate == "holding":
                 for what in _things(action, pattern) or (None,):
                     belief.drop(what)
             elif pattern.predicate in self._facts:
                 belief.facts |= {f"{pattern.predicate}({what})": False for what in _things(action, pattern)}
-        for pattern, given in change.brought:
+        for pattern, given in change.achieved:
             if pattern.predicate == "holding":
                 for what in _things(action, pattern) or ((belief.around,) if "reached" in given else ()):
                     belief.hold(what)
         for what in _names(action.get("object_acted_on")) if change.switched is not None else ():
-            belief.on[:] = [one for one in belief.on if one != what] + [what] * (change.switched == "on")
+            belief.on[:] = [device for device in belief.on if device != what] + [what] * (change.switched == "on")
 
-    def _bring(self, belief: Belief, action: Action, pattern: Pattern, given: tuple[str, ...]) -> None:
-        """Let something come about, except that something is held: what is held before may end first."""
+    def _achieve(self, belief: Belief, action: Action, pattern: Pattern, given: tuple[str, ...]) -> None:
+        """Apply an achieved condition, except "holding", as an object held before has to be released first."""
         match pattern:
             case Pattern(predicate="near"):
                 x, y, yaw = (action.get(key) for key in ("x", "y", "yaw"))
@@ -100,34 +100,34 @@ class ActionVocabulary:
     def _change(self, classes: tuple[str, ...]) -> ActionChange:
         if classes not in self._changes:
             iris = tuple(dict.fromkeys(map(expand, classes)))
-            effects = [one for cls in iris for one in self.declared.effects.get(cls, ())]
+            effects = [effect for cls in iris for effect in self.declared.effects.get(cls, ())]
             states = map(state_word, effects_of(self.ontology, iris[0], iris).states)
             self._changes[classes] = ActionChange(
-                tuple((_of_roles(pattern), tuple(one.predicate for one in given)) for pattern, given in effects),
-                tuple(_of_roles(pattern) for cls in iris for pattern in self.declared.ends.get(cls, ())),
+                tuple((_with_roles(pattern), tuple(need.predicate for need in given)) for pattern, given in effects),
+                tuple(_with_roles(pattern) for cls in iris for pattern in self.declared.ends.get(cls, ())),
                 next((state for state in states if state in ("on", "off")), None),
             )
         return self._changes[classes]
 
 
-def _of_roles(pattern: Pattern) -> Pattern:
+def _with_roles(pattern: Pattern) -> Pattern:
     return Pattern(pattern.predicate, tuple(map(snake_case, pattern.properties)))
 
 
 def _things(action: Action, pattern: Pattern) -> tuple[str, ...]:
-    """Return the names of the things that a condition is about: the fillers of its last property."""
+    """Names of the objects of a condition: the fillers of its last property."""
     return tuple(name for role in pattern.properties[-1:] for name in _names(action.get(role)))
 
 
 def _names(filler: object) -> Iterator[str]:
-    """Yield the names of things; a part of the robot is none."""
-    for one in filler if isinstance(filler, tuple) else (filler,):
-        if isinstance(one, Object) and not isinstance(one, Device):
-            yield one.name
+    """Yield the names of objects, without parts of the robot."""
+    for item in filler if isinstance(filler, tuple) else (filler,):
+        if isinstance(item, Object) and not isinstance(item, Device):
+            yield item.name
 
 
 def _inside_hand(location: object) -> str | None:
-    """Return what the hand is around when it has reached a location: what that is in the centre of."""
+    """Object between the fingers when the hand has reached a location: the one whose centre that is."""
     if isinstance(location, Object):
         return location.name
     relations = location.relations if isinstance(location, Location) else ()
@@ -135,17 +135,17 @@ def _inside_hand(location: object) -> str | None:
 
 
 def _place(filler: object, what: str) -> str | None:
-    """Return the name of the place where a thing is put at a location; None if that is no place, or the thing's own."""
+    """Name of the place where an object is put; None for a pose of the hand, or if only the object itself is named."""
     if isinstance(filler, Object):
         return filler.name if filler.name != what else None
     if not isinstance(filler, Location):
         return None if filler is None else str(filler)
-    named = [name for relation in filler.relations if relation.name not in _OF_THE_HAND
+    names = [name for relation in filler.relations if relation.name not in _OF_THE_HAND
              for name in names_of(Location((relation,))) if name != what]  # fmt: skip
-    return named[0] if named else filler.name if not isinstance(filler, Posture) else None
+    return names[0] if names else filler.name if not isinstance(filler, Posture) else None
 
 
 @cache
 def bundled_vocabulary() -> ActionVocabulary:
-    """Return the vocabulary that comes with planlang."""
+    """The vocabulary bundled with planlang."""
     return ActionVocabulary(load(bundled("ontologies") / "primitives.omn"))

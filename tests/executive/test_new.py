@@ -25,7 +25,10 @@ def planlang(*words: str) -> Any:
     return CliRunner().invoke(app, words, prog_name="planlang")
 
 
-@pytest.mark.parametrize("kind", FIRST_RUNS)
+@pytest.mark.parametrize(
+    "kind",  # the map of what a new robot reaches takes a minute
+    [pytest.param(kind, marks=pytest.mark.long) if kind == "robot" else kind for kind in FIRST_RUNS],
+)
 def test_a_template_runs_as_it_is(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert planlang("new", kind, "mine").exit_code == 0

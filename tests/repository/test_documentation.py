@@ -28,18 +28,20 @@ LONG = tuple(
     for name in (
         *(
             f"guides/{one}"
-            for one in ("compiling", "cooking", "knowledge", "modules", "published_recipes", "recording")
+            for one in ("ci", "compiling", "cooking", "knowledge", "library_use", "modules", "published_recipes")
         ),
-        *(f"guides/{one}" for one in ("report", "resuming", "running", "searching", "sweeping", "testing")),
-        "first_steps/own_robot",
-        "reference/formats",
+        *(
+            f"guides/{one}"
+            for one in ("reasoning", "recording", "report", "resuming", "running", "searching", "sweeping", "testing")
+        ),
+        *("first_steps/first_plan", "reference/formats", "reference/gallery"),
     )
 )
 """Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""
 WITH_NOTHING: dict[str, tuple[str, ...]] = {
     "docs/reference/architecture.md": ("recipe.owl | .omn | .ttl", "planlang/*.py"),
     "docs/reference/formats.md": ('name = "amigo"',),
-    "docs/guides/knowledge.md": ("robot cannot do it; its alternatives",),
+    "docs/guides/knowledge.md": ("robot cannot do it; alternatives",),
 }
 """How blocks begin that are no code of the page: a drawing, and folders, whose names another test compares; the keys of
 robot files, with placeholders; an answer about entries that are in tests/executive/enabling/test_alternatives.py.

@@ -62,4 +62,4 @@ def test_the_description_for_an_index_has_no_links_into_the_repository() -> None
     for one in PYPROJECT["tool"]["hatch"]["metadata"]["hooks"]["fancy-pypi-readme"]["substitutions"]:
         text = re.sub(one["pattern"], one["replacement"], text)
     assert re.findall(r"\]\((?!https?:)[^)]*\)", text) == []
-    assert "docs/first_steps/installing.md says what is supported" in text
+    assert "docs/first_steps/installing.md lists the supported systems" in text

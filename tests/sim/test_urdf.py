@@ -131,12 +131,12 @@ BROKEN_MESHES = {
     "empty": ("a.obj", "", "no triangle"),
     "face without its vertex": ("a.obj", CUBE + "f 1 2 999999999\n", "names vertex 999999999, there are 8"),
     "face before its vertices": ("a.obj", "v 0 0 0\nf -1 -2 -3\n", "names vertex"),
-    "face of a number that is none": ("a.obj", CUBE + "f 1 2 x\n", "number that is none"),
+    "face of a number that is none": ("a.obj", CUBE + "f 1 2 x\n", "malformed number"),
     "vertex that is no number": ("a.obj", CUBE.replace("v 0 0 1", "v nan 0 1"), "not finite"),
     "vertex beyond the world": ("a.obj", CUBE.replace("v 0 0 1", "v 1e300 0 1"), "beyond"),
     "no triangle": ("a.stl", "solid a\nendsolid a\n", "no triangle"),
     "infinite": ("a.stl", STL.format("inf"), "not finite"),
-    "cut off": ("a.stl", "\0" * 80 + "\1\0\0\0" + "\0" * 10, "cut off"),
+    "cut off": ("a.stl", "\0" * 80 + "\1\0\0\0" + "\0" * 10, "truncated"),
     "another document": ("a.dae", "<html/>", "<html>"),
     "empty document": ("a.dae", "<COLLADA></COLLADA>", "no triangle"),
     "entities": ("a.dae", BOMB + COLLADA.format(points=SQUARE, corners="0 1 2 3 0 1 2"), "entity"),
@@ -236,7 +236,7 @@ BROKEN = {
     "not XML": ("<robot><link>", "not XML"),
     "another root": ("<sdf/>", "not URDF"),
     "no links": ('<robot name="a"/>', "no links"),
-    "two roots": (f"<robot>{LINKS}</robot>", "2 pieces"),
+    "two roots": (f"<robot>{LINKS}</robot>", "2 separate parts"),
     "two links of one name": (f'<robot>{LINKS}<link name="arm"/>{ARM}</robot>', "two links 'arm'"),
     "two joints of one name": (f"<robot>{LINKS}{ARM}{ARM}</robot>", "two joints 'turn'"),
     "link without name": ("<robot><link/></robot>", "no name"),
@@ -246,9 +246,9 @@ BROKEN = {
         + ARM.replace("turn", "back").replace('"arm"', '"c"').replace('"base"', '"arm"')
         + ARM.replace("turn", "round").replace('"arm"', '"base"').replace('parent link="base"', 'parent link="c"')
         + "</robot>",
-        "pieces|circle|hangs",
+        "separate parts|loop|hangs",
     ),
-    "negative box": (f"<robot><link name='a'>{BOX.format('collision').replace('0.4', '-1')}</link></robot>", "below"),
+    "negative box": (f"<robot><link name='a'>{BOX.format('collision').replace('0.4', '-1')}</link></robot>", "negat"),
     "no number": (f"<robot><link name='a'>{BOX.format('visual').replace('0.4', 'nan')}</link></robot>", "box size"),
     "many joints": (
         "<robot><link name='l0'/>"

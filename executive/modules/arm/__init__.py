@@ -1,1 +1,1 @@
-"""Process modules that move one arm, empty or with what it holds."""
+"""Process modules that move one arm, with or without a held object."""

@@ -1,4 +1,4 @@
-"""The process module that lowers what a hand holds onto a place, so that it stands there when the hand opens."""
+"""Process module that lowers a held object onto a place, where it stands when the hand opens."""
 
 from __future__ import annotations
 
@@ -20,67 +20,67 @@ from planlang.language.process_module import process_module
 from sim import Body
 
 CLEAR = 0.05
-"""Distance that a thing has from a compartment before it goes in [m]."""
+"""Distance of an object from a compartment before it is moved in [m]."""
 
 FEW = 300
-"""Branches that the search of a path over a place grows: there are other hand poses to try, and other base poses."""
+"""Iterations of the path search to above a place; few, because there are other hand and base poses to try."""
 
 
 @process_module
 class Lowering(HandReaching):
-    """Brings what a hand holds over a place, and straight down onto it."""
+    """Moves a held object above a place, then straight down onto it."""
 
     name = "lowering"
     actions = ("LoweringAnObject",)
 
     def _target(self, action: Action) -> Location | None:
-        """Return where the thing is to rest; for a thing on that."""
+        """Convert ``to_location`` to the place of the object; a body there means on top of it or inside it."""
         where = action.get("to_location")
         return resting_on(where) if isinstance(where, (Object, Location)) else None
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Return the arm that holds what is to be put down, else those that hold something."""
+        """Find the arms that hold the object to put down; without ``object_acted_on`` all that hold something."""
         scene, what = self.platform.scene, action.get("object_acted_on")
         name = scene.bodies.bind(what) if isinstance(what, Object) else None
         full = self.platform.arms.holding(scene.arms.all)
-        meant = [arm for arm in full if (held := scene.arms.held(arm.name)) is not None and name in (None, held.name)]
-        if not meant:
-            missing = "nothing" if name is None else f"no {name}"
-            raise ActionUnresolvable(f"there is {missing} in a hand to put down", designator=str(action))
-        return meant
+        arms = [arm for arm in full if (held := scene.arms.held(arm.name)) is not None and name in (None, held.name)]
+        if not arms:
+            missing = "an object" if name is None else name
+            raise ActionUnresolvable(f"no hand holds {missing} to put down; grasp it first", designator=str(action))
+        return arms
 
     async def _look_first(self, location: Location) -> None:
-        """Look at what the place is relative to; what the hand holds may hide it, and then it is where it was seen."""
+        """Look at the place's reference objects; if the held object hides them, rely on where they were last seen."""
         with suppress(PerceptionFailure, LookingFailure):
             await super()._look_first(location)
 
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
-        """Go above the place, into a compartment straight through where it is open, then straight down."""
+        """Move above the place, into a compartment straight through its open side, then straight down."""
         outside = self._outside(solution) if solution.reach.inside else None
         first = solution.joints[0] if outside is None else outside
         await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=min(FEW, iterations))
         if outside is not None:
-            await self._line(solution, solution.plan.poses[0], solution.joints[0])
-        await self._straight(solution, solution.joints[1:2])
+            await self._straight(solution, solution.plan.poses[:1])
+        await self._straight(solution, solution.plan.poses[1:2])
 
     def _outside(self, solution: HandSolution) -> Array | None:
-        """Return joint values (d,) before the open side of what a thing is put into, from where it goes straight in.
+        """Find joint positions (d,) in front of a compartment from which the object can be moved straight in.
 
-        None if there is no open side, or no way through.
+        None if the compartment has no open side, or no straight path leads through one.
         """
         scene, arm, base = self.platform.scene, solution.arm, Pose.planar(*self.platform.base()).inverse().matrix()
         held, body = scene.arms.held(arm.name), scene.world.scene.body(solution.reach.body)
         if held is None:
             return None
         above = solution.plan.poses[0]
-        at = scene.bodies.pose(body.name).inverse().matrix() @ above @ held.pose.matrix()
+        held_in_body = scene.bodies.pose(body.name).inverse().matrix() @ above @ held.pose.matrix()
         for direction, wall in _open_sides(body):
-            way = wall - float(at[:3, 3] @ direction) + max(held.size) / 2 + CLEAR
+            distance = wall - float(held_in_body[:3, 3] @ direction) + max(held.size) / 2 + CLEAR
             out = above.copy()
-            out[:3, 3] += way * rotated(scene.bodies.pose(body.name).rotation, direction)
+            out[:3, 3] += distance * rotated(scene.bodies.pose(body.name).rotation, direction)
             ends, is_free = (base @ out, base @ above), self._is_free(arm)
-            found, reached = arm.solver.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
-            for q in found[reached]:
+            joints, reached = arm.solver.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
+            for q in joints[reached]:
                 if is_free(q) and cartesian_path(arm.solver, q, *ends, is_free).waypoints is not None:
                     return np.asarray(q)
         return None
@@ -91,7 +91,10 @@ class Lowering(HandReaching):
 
 
 def _open_sides(body: Body) -> Iterator[tuple[Array, float]]:
-    """Yield the level directions in which a compartment of a body is open, and how far its side is, in its frame."""
+    """Yield the horizontal directions (3,) in which compartments of a body are open, in the body's frame.
+
+    Each comes with the distance of that side from the body's centre [m].
+    """
     half = np.array(body.size) / 2
     for cavity in body.cavities:
         for axis, sign in product((0, 1), (1.0, -1.0)):

@@ -1,4 +1,4 @@
-"""The process module that reaches: arms go to postures, before things, around them, over them, and to people."""
+"""Process module that moves arms to postures, to poses at, around or above objects, and to people."""
 
 from __future__ import annotations
 
@@ -43,42 +43,44 @@ from planlang.protocols import Trajectory
 from planlang.relations import Sense
 
 REPLANS = 3
-"""Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
+"""Attempts to plan around unexpected obstacles before the failure is left to the plan."""
 
 BACKING = (0.15, 0.3)
-"""Least distances by which the base backs off, one after the other, when an arm has no way [m]."""
+"""Least distances by which the base backs off, tried in turn, when an arm has no path [m]."""
 DRAWN_OUT = (0.3, 0.2, 0.1)
-"""Distances by which a hand is taken straight out of what is around it [m]."""
+"""Distances to try for pulling a hand straight out of tight surroundings [m]."""
 FEW = 300
-"""Branches of a search after which the base backs off."""
+"""Iterations of a path search after which the base backs off."""
 MOST_SOLUTIONS = 6
-"""Hand poses of one location for which a path is planned: further ones differ little and fail alike."""
+"""Hand poses of one location for which to plan a path: more differ little and fail alike."""
 FURTHER = ITERATIONS // (MOST_SOLUTIONS - 1)
-"""Branches of a search for each hand pose after one that has no path: in all no more than for that one."""
+"""Iterations for each hand pose after one without a path: together no more than for that one."""
 
 
 class HandReaching(PlatformModule):
-    """Brings a hand to a location, after a look at things not seen since the base last moved."""
+    """Moves a hand to a location, after a look at objects not seen since the base last moved."""
 
     failures = (ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the arms that the action may mean, and the torso if it moves with them."""
+        """List the arms that the action may use, and the torso if it moves with them."""
         arms = self._arms(action)
         torso = [] if all(self.platform.robot.torso not in arm.joints for arm in arms) else ["torso"]
         return (*(arm.name for arm in arms), *torso)
 
     async def execute(self, action: Action) -> None:
-        """Reach; raises a failure of the classes in ``failures``."""
+        """Move a hand to ``to_location``. Raises failures of the classes in ``failures``."""
         location = self._target(action)
         if location is None:
-            raise ActionUnresolvable("it needs to_location", designator=str(action))
+            raise ActionUnresolvable("state where the hand goes as to_location", designator=str(action))
         arms = self._arms(action)
         if not arms:
-            raise ActionUnresolvable("the robot has no arm that this may mean", designator=str(action))
+            raise ActionUnresolvable("the robot has no arm that this action may use", designator=str(action))
         arms = [arm for arm in arms if not self.platform.scene.arms.mates(arm.name)]
         if not arms:
-            raise ActionUnresolvable("the arms hold something together: neither moves alone", designator=str(action))
+            raise ActionUnresolvable(
+                "two arms hold an object together, so neither moves alone; put it down first", designator=str(action)
+            )
         if not location.relations:
             await self._to_posture(arms[0], location.name or "")
             return
@@ -95,7 +97,7 @@ class HandReaching(PlatformModule):
         raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
 
     def _target(self, action: Action) -> Location | None:
-        """Return where a hand is to go; for a thing where it is grasped, for a person where they reach."""
+        """Convert ``to_location`` to a hand location: for an object its grasp, for a person a pose in their reach."""
         match action.get("to_location"):
             case Location() as location:
                 return location
@@ -106,23 +108,23 @@ class HandReaching(PlatformModule):
         return None
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Return the arms to try: of the device; else one that holds something; else the one chosen before; else all.
+        """Find the arms to try, best first: those of the stated device, else those holding something, else all.
 
-        To grasp, free arms come first; to reach a person, arms that hold something.
+        Only empty arms for a grasp, if there are any; arms of a device that hold something for a person.
         """
         scene, arms = self.platform.scene, self.platform.arms
         device, location = action.get("device_used"), self._target(action)
-        named = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(named)):
+        allowed = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
+        if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(allowed)):
             return free
         if isinstance(device, Device):
-            meant = arms.in_order(named)
-            offering = [arm for arm in meant if scene.arms.held(arm.name)] if self._is_for_person(action) else []
-            return offering or meant
+            ordered = arms.in_order(allowed)
+            offering = [arm for arm in ordered if scene.arms.held(arm.name)] if self._is_for_person(action) else []
+            return offering or ordered
         return arms.holding(scene.arms.all) or arms.in_order(scene.arms.all)
 
     def _is_for_person(self, action: Action) -> bool:
-        """Return whether the hand is to go to where a person reaches it."""
+        """Check whether the target is a pose relative to a person."""
         location, scene = self._target(action), self.platform.scene
         return location is not None and any(
             isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
@@ -136,39 +138,40 @@ class HandReaching(PlatformModule):
                     await perform(action("LookingForSomething", object_acted_on=what))
 
     async def _to_posture(self, arm: ArmModel, name: str) -> None:
-        # what the hand has just lost need not be where it is believed to be, which may be around the fingers
+        """Move an arm to a named posture; without a path, pull the hand out first, then back off with the base."""
+        # A dropped object that has not been seen since may be believed around the fingers; it must not block the arm.
         belief = self.platform.belief
         lost = belief.dropped.get(arm.name)
-        beside = None if lost is None or belief.seen_from_here(lost) else lost
+        touches = None if lost is None or belief.seen_from_here(lost) else lost
         postures = self.platform.arms.postures(arm, name)
         if not postures:
-            raise ManipulationPoseUnreachable("what the hand holds cannot be upright there", arm=arm.name, what=name)
+            raise ManipulationPoseUnreachable("the held object cannot be kept upright there", arm=arm.name, what=name)
         for least in (0.0, *BACKING):
             try:
-                await self._joint_path(arm, postures[0], beside, name, postures[1:], FEW)
+                await self._joint_path(arm, postures[0], touches, name, postures[1:], FEW)
                 return
             except (ManipulationPoseUnreachable, ManipulationGoalInCollision) as failure:
-                has_room = isinstance(failure, ManipulationGoalInCollision) or isinstance(failure.__cause__, NoPath)
-                if not has_room and not isinstance(failure.__cause__, GoalInCollision):
+                goal_free = isinstance(failure, ManipulationGoalInCollision) or isinstance(failure.__cause__, NoPath)
+                if not goal_free and not isinstance(failure.__cause__, GoalInCollision):
                     raise
-                if not least and has_room and await self._draw_out(arm, name):
+                if not least and goal_free and await self._draw_out(arm, name):
                     continue
                 if not await self._back_off(arm, postures, least or BACKING[0]):
                     raise
-        await self._joint_path(arm, postures[0], beside, name, postures[1:])
+        await self._joint_path(arm, postures[0], touches, name, postures[1:])
 
     async def _draw_out(self, arm: ArmModel, label: str) -> bool:
-        """Take the hand straight back, or up, out of what is around it; return False if there is no room for that."""
-        ways = (
+        """Pull the hand straight back or up out of its surroundings; return False if neither is possible."""
+        offsets = (
             far * direction for direction, far in product((self.back_of(arm), np.array([0.0, 0.0, 1.0])), DRAWN_OUT)
         )
-        path = self.platform.arms.drawn(arm, ways, None)
+        path = self.platform.arms.drawn(arm, offsets, None)
         if path is not None:
             await self.follow_to_end(arm.name, path, label)
         return path is not None
 
     async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
-        """Drive back, at least so far [m], to where there is room for the arm; return False if there is none."""
+        """Back off with the base by at least ``least`` [m], to room for the arm; return False if there is none."""
         rooms = (self.platform.drive.room_for([(arm, q)], least) for q in postures)
         room = next((room for room in rooms if room is not None), None)
         if room is None:
@@ -179,15 +182,15 @@ class HandReaching(PlatformModule):
         return False
 
     async def _reach_where_felt(self, arm: ArmModel, location: Location) -> None:
-        """Reach; plan again when the hand has felt what it reaches for beside where that was believed to be."""
+        """Reach; plan again if a touch has changed the believed pose of an object that the location refers to."""
         bodies = self.platform.scene.bodies
-        about = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        names = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
         for number in range(1, REPLANS + 1):
-            believed = [bodies.pose(name) for name in about]
+            believed = [bodies.pose(name) for name in names]
             try:
                 return await self._reach(arm, location)
             except ManipulationGoalInCollision:
-                if number == REPLANS or believed == [bodies.pose(name) for name in about]:
+                if number == REPLANS or believed == [bodies.pose(name) for name in names]:
                     raise
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
@@ -204,7 +207,7 @@ class HandReaching(PlatformModule):
         raise tries.problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
 
     def _solutions(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
-        """Yield the grasp that was begun, so that it goes on from its pre-grasp; then all others."""
+        """Yield the solution that the arm has begun, to continue it, then all others."""
         begun = self.platform.arms.begun_grasp(arm, location)
         if begun is not None:
             yield begun
@@ -216,11 +219,11 @@ class HandReaching(PlatformModule):
         await self.platform.hands.shape(arm, solution.plan.fingers)
         match solution.reach.kind:
             case ReachKind.RETREAT:
-                await self._straight(solution, solution.joints)
+                await self._straight(solution, solution.plan.poses[-len(solution.joints) :])
             case ReachKind.GRASP if grasps:
                 if not self.platform.arms.is_at(arm, first):
                     await self._joint_path(arm, first, None, label, iterations=iterations)
-                await self._straight(solution, solution.joints[1:2])
+                await self._straight(solution, solution.plan.poses[1:2])
             case _:
                 await self._joint_path(arm, first, None, label, iterations=iterations)
 
@@ -233,7 +236,7 @@ class HandReaching(PlatformModule):
         others: Sequence[Array] = (),
         iterations: int = ITERATIONS,
     ) -> None:
-        """Go to joint positions (d,), or to ``others``; an arm that is believed to be in something gets out first."""
+        """Move to joint positions (d,), or to one of ``others``; an arm that is in collision escapes first."""
         try:
             trajectory = await self._planned(arm, goal, touches, label, others, iterations)
         except ManipulationPoseUnreachable as stuck:
@@ -249,7 +252,7 @@ class HandReaching(PlatformModule):
     async def _planned(
         self, arm: ArmModel, goal: Array, touches: str | None, label: str, others: Sequence[Array], iterations: int
     ) -> Trajectory:
-        rounds = max(1, iterations // FEW)  # a search begins anew: one that is long holds up all other tasks
+        rounds = max(1, iterations // FEW)  # restarts, because one long search would hold up all other tasks
         for number in range(1, rounds + 1):
             try:
                 return self.platform.arms.path(arm, goal, touches, iterations // rounds, others)
@@ -259,25 +262,20 @@ class HandReaching(PlatformModule):
                 await checkpoint()
         raise AssertionError("there is at least one round")
 
-    async def _straight(self, solution: HandSolution, joints: Array) -> None:
-        """Move along straight lines of the tip to the last poses of a solution."""
-        back = solution.reach.kind is ReachKind.RETREAT
-        poses = solution.plan.poses[-len(joints) :] if back else solution.plan.poses[1 : 1 + len(joints)]
-        for pose, q in zip(poses, joints, strict=True):
-            await self._line(solution, pose, q)
-
-    async def _line(self, solution: HandSolution, pose: Array, q: Array) -> None:
-        """Move along a straight line of the tip to a pose (4, 4)."""
-        try:
-            trajectory = self.platform.arms.straight_path(solution.arm, pose, q, solution.plan.touches)
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=solution.arm.name, what=solution.plan.label) from problem
-        await self.follow_to_end(solution.arm.name, trajectory, solution.plan.label)
+    async def _straight(self, solution: HandSolution, poses: Array) -> None:
+        """Move the tip along straight lines through map poses (n, 4, 4)."""
+        arm, plan = solution.arm, solution.plan
+        for pose in poses:
+            try:
+                trajectory = self.platform.arms.straight_path(arm, pose, plan.touches)
+            except MotionError as problem:
+                raise ManipulationPoseUnreachable(arm=arm.name, what=plan.label) from problem
+            await self.follow_to_end(arm.name, trajectory, plan.label)
 
 
 @process_module
 class Reaching(HandReaching):
-    """Reaches for things, places, postures and people."""
+    """Reaches for objects, places, postures and people."""
 
     name = "arm"
     actions = ("Reaching",)

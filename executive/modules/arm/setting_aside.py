@@ -1,4 +1,4 @@
-"""The process module that puts what a hand holds, and cannot use as it holds it or not now, on whatever is near."""
+"""Process module that puts a held object down nearby, to free the hand or to grasp the object differently."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from planlang.failures import (
 from planlang.language.process_module import process_module
 
 SUPPORTS = 4
-"""Pieces of furniture that are tried, the nearest ones."""
+"""Pieces of furniture to try, nearest first."""
 PLACES = 2
-"""Places of the base that are tried at each."""
+"""Base poses to try at each."""
 AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), attempts=3)
-"""What may go well when it is done again."""
+"""Retry of motions that may succeed if repeated."""
 
 
 @process_module
 class SettingAside(HandWork):
-    """Puts a held thing down on furniture near the robot, and leaves it.
+    """Puts a held object down on furniture near the robot and leaves it.
 
-    With ``by_another_grip`` its next grip is to be another one.
+    With ``by_another_grip``, the current grip is ruled out for the next grasp of the object.
     """
 
     name = "setting_aside"
@@ -52,15 +52,15 @@ class SettingAside(HandWork):
         return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
-        """Put ``object_acted_on`` down; return the name of what it stands on.
+        """Put ``object_acted_on`` down; return the name of its support.
 
-        Raises the failure of the nearest place if it can be put down nowhere: then it is still held.
+        Raises the failure of the nearest place if it cannot be put down anywhere; the object is then still held.
         """
         what = action.get("object_acted_on")
         name = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else None
         holding = [arm for arm in self.platform.scene.arms.all if self._holds(arm, name)]
         if not isinstance(what, Object) or len(holding) != 1:
-            raise ActionUnresolvable("setting aside needs object_acted_on in one hand", designator=str(action))
+            raise ActionUnresolvable("name an object held in one hand as object_acted_on", designator=str(action))
         tries = Tries()
         for support, base in self._places():
             with tries:
@@ -72,17 +72,17 @@ class SettingAside(HandWork):
             if action.get("by_another_grip"):
                 self.platform.belief.refuse(str(name), grip)
             return support.name
-        raise tries.problem or LocationUnresolvable("nothing near has room for it", designator=str(action))
+        raise tries.problem or LocationUnresolvable("no furniture nearby has room for it", designator=str(action))
 
     def _holds(self, arm: ArmModel, name: str | None) -> bool:
         held = self.platform.scene.arms.held(arm.name)
         return held is not None and held.name == name
 
     def _places(self) -> Iterator[tuple[Object, BasePose]]:
-        """Yield furniture and places of the base before it, the nearest furniture first."""
+        """Yield furniture with base poses from which to reach it, nearest furniture first."""
         scene = self.platform.scene
         bodies, x, y = scene.bodies, *self.platform.base()[:2]
-        things = {thing.name for thing in self.platform.belief.things}  # others are only felt
+        things = {thing.name for thing in self.platform.belief.things}  # leaves out obstacles known only by touch
         names = [name for name in bodies.names() if name in things and self._is_support(name)]
         for name in sorted(names, key=lambda one: (bodies.block(one).away(np.array([x, y, 0.0])), one))[:SUPPORTS]:
             support = bodies.designator(name)
@@ -102,7 +102,7 @@ class SettingAside(HandWork):
         await perform(lowering, recoveries=[AGAIN])
 
     async def _leave(self, what: Object) -> None:
-        """Let it go, and take the hand away as far as there is room."""
+        """Release the object and move the hand away as far as there is room."""
         await perform(action("OpeningAGripper", object_acted_on=what), recoveries=[AGAIN])
         with suppress(ManipulationFailure, DesignatorFailure):
             await perform(action("Reaching", to_location=a_location(in_front_of=what)), recoveries=[AGAIN])

@@ -1,4 +1,4 @@
-"""The process module that drives: planned in the planning scene, driven in the true world, taught by contacts."""
+"""Process module that drives the base: plans in the planning scene, and replans around obstacles that it touches."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from planlang.language.process_module import process_module
 from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
-"""Paths that are planned around obstacles that were not believed to be there: then the plan decides."""
+"""Attempts to plan around unexpected obstacles before the failure is left to the plan."""
 
 AT_GOAL = 0.15
-"""Distance from its goal within which floor counts when a body is sought that keeps the base from there [m]."""
+"""Radius around the goal in which floor counts for finding the body that closes the way [m]."""
 
 
 @process_module
@@ -46,7 +46,7 @@ class Navigation(PlatformModule):
     async def execute(self, action: Action) -> None:
         """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
 
-        What a step made means the next place at each use: where one cannot be driven to, the one after it.
+        The name of an exploration or a search stands for its next place; unreachable ones are skipped.
         """
         while True:
             try:
@@ -60,7 +60,7 @@ class Navigation(PlatformModule):
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
                 return
-            path, arrives = self._path_or_way_out(goal)
+            path, arrives = self._path_or_escape(goal)
             try:
                 motion = await self.platform.follow("base", path)
             finally:
@@ -84,10 +84,10 @@ class Navigation(PlatformModule):
             case None, None, None, Location() | Object() as where:
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
-        raise ActionUnresolvable("a base motion needs to_location, or x, y and yaw", designator=str(action))
+        raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
 
-    def _path_or_way_out(self, goal: BasePose) -> tuple[Trajectory, bool]:
-        """Return a path to a pose, or first a short way out of what the robot is in; and whether it leads there."""
+    def _path_or_escape(self, goal: BasePose) -> tuple[Trajectory, bool]:
+        """Plan a path to a pose, or an escape if the robot is in collision; and whether the path reaches the pose."""
         try:
             return self._path(goal), True
         except NavigationGoalNotReached as stuck:
@@ -106,8 +106,8 @@ class Navigation(PlatformModule):
             stuck = _blocking(problem)
             raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
         except MotionError as problem:
-            if (met := self.platform.belief.met) is not None:
-                raise NavigationGoalNotReached(target=goal, blocked_by=met) from problem
+            if (touched := self.platform.belief.met) is not None:
+                raise NavigationGoalNotReached(target=goal, blocked_by=touched) from problem
             closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
             raise NavigationPoseUnreachable(target=goal, blocked_by=closing) from problem
 

@@ -1,4 +1,4 @@
-"""The process module that takes the base a step back from what the robot has worked at."""
+"""Process module that backs the base off from the place where the robot has worked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planlang.language.process_module import process_module
 
 @process_module
 class SteppingBack(HandWork):
-    """Drives back to where there is room for the arms, if there is such a place; a fixed base stays."""
+    """Backs off to the nearest base pose with room for the arms, if there is one; a fixed base stays."""
 
     name = "stepping_back"
     actions = ("SteppingBack",)
@@ -22,7 +22,7 @@ class SteppingBack(HandWork):
         return ("base",)
 
     async def execute(self, action: Action) -> None:
-        """Step back; raises a NavigationFailure if something stops the base."""
+        """Back off with the base. Raises a NavigationFailure if something stops it."""
         room = self.platform.drive.room_for(self.platform.arms.untucked(), least=BACK)
         if room is None:
             await checkpoint()

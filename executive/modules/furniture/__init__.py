@@ -1,1 +1,1 @@
-"""Process modules for doors, drawers, devices and what is pushed."""
+"""Process modules for doors, drawers and devices, and for pushing."""

@@ -1,4 +1,4 @@
-"""Says why no hand gets to a button, and how its device would have to stand in the map."""
+"""Explain why no hand reaches a button, and how its device would have to stand in the map."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from planlang.geometry import Pose
 from sim.controls import Control
 
 UPRIGHT = 0.7
-"""Vertical part of the normal of a button from which on it is on top of its device: this has no front."""
+"""Vertical component of a button's normal above which it is on top of its device, so that turning would not help."""
 Reaches = Callable[[], bool]
-"""Tells whether a hand gets to the button, as the scene is supposed to be."""
+"""Predicate: can a hand reach the button in the hypothetical scene?"""
 
 
 def button_failure(
     button: Control, arms: Sequence[ArmModel], platform: Platform, reaches: Reaches
 ) -> LocationUnresolvable:
-    """Return why no base pose was found from which one of ``arms`` pushes a button, with what would do."""
+    """Build the failure for a button that none of ``arms`` can push, with a change of the map that would help."""
     figures = "; ".join(filter(None, (_too_far(button, arms, platform), _otherwise(button, platform.scene, reaches))))
     return LocationUnresolvable(designator=f"the base with a hand at {button.body}", figures=figures)
 
 
 def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> str:
-    """Return how near the shoulders get to a button, if that is farther than arms reach; "" else."""
+    """Describe how near a shoulder gets to a button, if that is beyond every arm's reach; otherwise ""."""
     pose = platform.scene.bodies.pose(button.body) @ Pose(button.point)
     poses, there = platform.base_poses(), np.array([pose.position[:2]])
     away = {arm.name: poses.distances([there], [arm])[0] for arm in arms}
@@ -46,7 +46,7 @@ def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> s
 
 
 def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:
-    """Return what would do: the device nearer to the edge that its button faces, or turned; "" if neither."""
+    """Describe a change that would help: the device nearer to the edge that its button faces, or turned; else ""."""
     bodies, device = scene.bodies, button.device
     normal = bodies.pose(button.body).rotation @ np.array(button.normal)
     support = bodies.support(device)

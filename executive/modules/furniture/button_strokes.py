@@ -1,4 +1,4 @@
-"""Strokes of a closed hand at the buttons of devices: along the normal of a button, until a finger meets it."""
+"""Strokes of a closed hand that push a device's button along its normal, until a finger touches it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from planlang.protocols import Motion, Trajectory
 from sim.controls import Control
 
 BEFORE, BEYOND = 0.1, -0.02
-"""Heights of the tip over a button where the push begins, and where it would end [m]: the button stops it."""
+"""Heights of the tip over a button at the start and end of a push [m]; the button stops it before the end."""
 STEP = 0.025
-"""Distance of places on the way [m]."""
+"""Spacing of waypoints [m]."""
 EXACT = 0.003
-"""Largest error of heights [m]."""
+"""Tolerance of heights [m]."""
 LEANS = -0.7
-"""Cosine of the largest angle between the hand and the way to the button: 45 degrees."""
+"""Cosine between the hand's approach and the button's normal at the largest lean, 45 degrees."""
 
 
 class ButtonStrokes(StrokeWork):
@@ -35,31 +35,31 @@ class ButtonStrokes(StrokeWork):
         self._work, self._arm, self._button = work, arm, button
 
     async def pushed(self) -> Motion:
-        """Push; return how the motion ended, with the hand back. Raises ManipulationFailure or NavigationFailure."""
-        grounding, phase, asked = self._grounding(), Phase(), self._asked()
-        await self._look(grounding, asked, phase)
-        plane = Plane(grounding.grounded(asked, phase).constraints[0])
-        lap = await self.stroke(grounding, phase, asked, plane, self._points(), closed=False)
+        """Push, retreat, and return how the push ended. Raises a ManipulationFailure or NavigationFailure."""
+        grounding, phase, constraints = self._grounding(), Phase(), self._constraints()
+        await self._look(grounding, constraints, phase)
+        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
+        lap = await self.stroke(grounding, phase, constraints, plane, self._points(), closed=False)
         motion = await self.platform.follow(self._arm.name, lap)
         await self._back(lap)
         return motion
 
     def reach(self) -> bool:
-        """Return whether the base has a pose from which the hand gets to the button."""
-        grounding, phase, asked = self._grounding(), Phase(), self._asked()
-        plane = Plane(grounding.grounded(asked, phase).constraints[0])
-        return next(self._reaching(grounding, phase, asked, plane, self._points()), None) is not None
+        """Check whether the hand reaches the button from any base pose."""
+        grounding, phase, constraints = self._grounding(), Phase(), self._constraints()
+        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
+        return next(self._reaching(grounding, phase, constraints, plane, self._points()), None) is not None
 
     def _grounding(self) -> Grounding:
         return Grounding(self.platform, {self._button.body, self._button.device})
 
     def _points(self) -> Array:
-        """Return the places of the tip (n, 4): the point of the button, with heights over it."""
+        """Sample the stroke (n, 4): the button's point in its body's frame, with heights over it."""
         heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
         return np.column_stack([np.repeat(np.array([self._button.point]), len(heights), axis=0), heights])
 
-    def _asked(self) -> tuple[MotionConstraint, ...]:
-        """Return that the tip is on the button, and how far the hand leans from its normal."""
+    def _constraints(self) -> tuple[MotionConstraint, ...]:
+        """Build the constraints: the tip is over the button, and the hand leans little from its normal."""
         x, y, z = map(float, self._arm.frame.approach)
         hand = self.platform.robot.arm(self._arm.name).hand
         tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
@@ -71,7 +71,7 @@ class ButtonStrokes(StrokeWork):
         )
 
     async def _back(self, lap: Trajectory) -> None:
-        """Take the hand back as it came, and the arm to the carrying posture."""
+        """Retreat along the stroke and tuck the arm."""
         base = Pose.planar(*self.platform.base()).matrix()
         poses = product(base, self._arm.solver.chain.fk(lap.positions[[0, -1]]))
         await self._work.back(self._arm, poses, self._button.body)

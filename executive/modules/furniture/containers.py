@@ -1,7 +1,7 @@
-"""The process module that opens and closes doors, drawers and lids with a hand on their handle.
+"""Process module that opens and closes doors, drawers and lids by their handles.
 
-It drives to where the arm can move the leaf along its way, takes the handle, goes with the leaf, and lets it go; what
-one place does not do is gone on with from another.
+The base drives to where the arm can move the leaf; the hand grasps the handle, moves with the leaf, and releases it. If
+one base pose is not enough, the motion is continued from another.
 """
 
 from __future__ import annotations
@@ -43,23 +43,23 @@ if TYPE_CHECKING:
     from executive.modules.furniture.leaf_paths import LeafPath
 
 PLACES = 6
-"""Places of the base from which a leaf is moved, one after another."""
+"""Most base poses from which to move one leaf, one after another."""
 ELSEWHERE = (ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed, NavigationFailure)
-"""Failures after which another way is tried."""
+"""Failures after which another path is tried."""
 WAYS = 4
-"""Ways that are tried when the first cannot be gone: others differ little."""
+"""Most paths to try; more differ little."""
 STRAY = 0.01
-"""Largest distance of the hand from the way of the handle [m]."""
+"""Largest distance of the hand from the handle's path [m]."""
 SHORTER = (0, 1, 2, 4)
-"""Steps at its end that are left out of a way that cannot be gone to there."""
+"""Numbers of steps to cut off the end of a path whose timing fails."""
 AT_ITS_END = 0.9
-"""Share of its range from which on a drawer is open as far as it is worth to drive for."""
+"""Share of its range above which opening a drawer farther is not worth another drive."""
 NO_FURTHER = 0.02
-"""Share of its range by which a leaf has to move that is not stuck."""
+"""Share of its range by which a leaf must move so that it does not count as stuck."""
 
 
 def ways_tried(count: int) -> str:
-    """Return how many ways of a hand were found and tried in vain, in words."""
+    """Describe how many paths of a hand were tried in vain."""
     if count == 0:
         return "no way was found from any base pose that the base can drive to"
     return "the one way that was found failed" if count == 1 else f"{count} ways were tried and failed"
@@ -69,7 +69,7 @@ class LeafWork(HandWork):
     """Moves doors, drawers, lids and knobs by their handles."""
 
     async def moved(self, joint: Articulation, opens: bool) -> str:
-        """Open or close a leaf; return its name, or raise ContainerStuck or HandleNotReachable."""
+        """Open or close a leaf; return its name. Raises ContainerStuck or HandleNotReachable."""
         for _ in range(PLACES):
             if self._is_done(joint, opens):
                 if opens and self._covers_something(joint):
@@ -78,7 +78,8 @@ class LeafWork(HandWork):
             await self._from_one_place(joint, opens)
         if self._is_done(joint, opens):
             return joint.leaf
-        raise ContainerStuck(f"{joint.leaf} is at {self._value(joint):.2f} after {PLACES} places", what=joint.leaf)
+        at = f"{joint.leaf} is only at {self._value(joint):.2f} after motions from {PLACES} base poses"
+        raise ContainerStuck(at, what=joint.leaf)
 
     def _value(self, joint: Articulation) -> float:
         return self.platform.belief.joint(joint.leaf)
@@ -88,7 +89,7 @@ class LeafWork(HandWork):
         return joint.is_open(value) if opens else joint.is_shut(value)
 
     def _covers_something(self, joint: Articulation) -> bool:
-        """Return whether an open drawer goes farther, and something in it cannot be lifted straight out as it is."""
+        """Check whether a drawer opens farther, and something in it cannot be lifted straight out as it is."""
         scene = self.platform.scene
         if joint.kind is not JointKind.PRISMATIC or self._value(joint) > AT_ITS_END * joint.upper:
             return False
@@ -98,25 +99,25 @@ class LeafWork(HandWork):
         return any(way is None or len(way) > 1 for way in ways)
 
     async def _farther(self, joint: Articulation) -> None:
-        """Open a drawer on from another place of the base, if there is one: what lies at its back is covered."""
+        """Open a drawer farther from another base pose, if possible, to uncover what lies at its back."""
         with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
-            await self._from_one_place(joint, opens=True, wanted=joint.upper)
+            await self._from_one_place(joint, opens=True, sufficient=joint.upper)
 
-    async def _from_one_place(self, joint: Articulation, opens: bool, wanted: float | None = None) -> None:
-        """Move the leaf as far as one place of the base allows; raises a failure if no way can be gone.
+    async def _from_one_place(self, joint: Articulation, opens: bool, sufficient: float | None = None) -> None:
+        """Move the leaf as far as one base pose allows. Raises HandleNotReachable if no path can be executed.
 
-        ``wanted``: the value up to which it is to go, if not until it counts as open or closed.
+        ``sufficient``: value that the leaf should reach; by default the one at which it counts as open or closed.
         """
         arms = self.free_hands()
         if joint.handle is None or not arms:
-            missing = f"{joint.leaf} has no handle, which is a part of it (properPhysicalParts) of the class Handle"
-            lacks = "no hand is free" if joint.handle else missing
-            raise HandleNotReachable(f"{HandleNotReachable.text}: {lacks}", what=joint.leaf)
+            no_handle = f"{joint.leaf} has no handle; state one in the map as a part of it (properPhysicalParts)"
+            reason = "no hand is free" if joint.handle else f"{no_handle} of the class Handle"
+            raise HandleNotReachable(f"{HandleNotReachable.text}: {reason}", what=joint.leaf)
         await self.tuck(self.platform.arms.untucked())
         goal, least = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
         tries, tried = Tries(*ELSEWHERE), 0
         paths = leaf_paths.LeafPaths(self.platform, joint)
-        for path in paths.towards(goal, arms, least if wanted is None else wanted):
+        for path in paths.towards(goal, arms, least if sufficient is None else sufficient):
             if path is None:
                 await checkpoint()
                 continue
@@ -125,21 +126,21 @@ class LeafWork(HandWork):
             await self.tuck(self.platform.arms.untucked())
             if (tried := tried + 1) == WAYS:
                 break
-        said = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
-        reason = tries.problem or leaf_failures.leaf_failure(paths, joint, self.platform.scene)
-        raise HandleNotReachable(said, what=joint.leaf) from reason
+        message = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
+        cause = tries.problem or leaf_failures.leaf_failure(paths, joint, self.platform.scene)
+        raise HandleNotReachable(message, what=joint.leaf) from cause
 
     async def _along(self, path: LeafPath, joint: Articulation) -> None:
-        """Drive there, take the handle, go with the leaf, let it go."""
+        """Drive to the path's base pose, grasp the handle, move the leaf, and release the handle."""
         platform, arm, before = self.platform, path.arm, self._value(joint)
         await self.drive(path.base)
         await self.look(joint.handle or joint.leaf)
         if abs(self._value(joint) - path.values[0]) > 1e-9:
-            return  # it is not where it was believed to be: its way has to be looked for again
+            return  # the leaf is not where it was believed to be: the caller searches for a new path
         platform.arms.choices.choose(arm.name)
         await platform.hands.move(arm, closed=False, fingers=path.fingers)
         await self.follow_to_end(arm.name, self.planned(arm, path.before, None), joint.handle)
-        await self.straight(arm, path.poses[1], path.joints[0], joint.handle)
+        await self.straight(arm, path.poses[1], joint.handle)
         problem: ManipulationFailure | ContainerStuck | None = None
         try:
             await platform.hands.move(arm, closed=True)
@@ -156,43 +157,47 @@ class LeafWork(HandWork):
             raise ContainerStuck(what=joint.leaf)
 
     async def _lead(self, path: LeafPath, joint: Articulation) -> None:
-        """Move the hand with the leaf; what the hand feels is where the leaf is."""
+        """Move the hand with the leaf. Raises GraspSlipped, or ContainerStuck if something stops them."""
         platform, arm = self.platform, path.arm
         platform.hands.lead(arm, joint.leaf)
         motion = await platform.follow(arm.name, self._timed(path, joint))
-        if joint.leaf not in platform.belief.led:  # the fingers feel it no more
+        if joint.leaf not in platform.belief.led:  # the fingers no longer feel the handle
             raise GraspSlipped(arm=arm.name, what=joint.handle)
         if motion.state is not MotionState.DONE:
             await platform.sensing.bump(motion)
-            in_the_way = "" if motion.blocked_by is None else f" by {motion.blocked_by}"
-            raise ContainerStuck(f"{joint.leaf} is stopped{in_the_way}", what=joint.leaf)
+            by = "" if motion.blocked_by is None else f" by {motion.blocked_by}"
+            raise ContainerStuck(f"{joint.leaf} is stopped{by}", what=joint.leaf)
 
     def _timed(self, path: LeafPath, joint: Articulation) -> Trajectory:
-        """Return the way of the arm with times; the hand stays on the way of the handle between its postures, too."""
+        """Time the arm's path so that the hand stays on the handle's path also between waypoints; shorten if needed.
+
+        Raises ManipulationPoseUnreachable if no timing is free and within limits.
+        """
         platform, arm = self.platform, path.arm
-        now = platform.arm_joints(arm)
-        whole_turns = 2 * np.pi * np.round((now - path.joints[1]) / (2 * np.pi))  # of joints that turn without end
-        rows = np.concatenate([now[None], path.joints[1:] + whole_turns])
-        for left_out, timing in product(SHORTER, (time_curve, time_path)):
-            trajectory = platform.timed(arm.joints, rows[: max(2, len(rows) - left_out)], timing)
+        start = platform.arm_joints(arm)
+        whole_turns = 2 * np.pi * np.round((start - path.joints[1]) / (2 * np.pi))  # of continuous joints
+        rows = np.concatenate([start[None], path.joints[1:] + whole_turns])
+        for cut, timing in product(SHORTER, (time_curve, time_path)):
+            trajectory = platform.timed(arm.joints, rows[: max(2, len(rows) - cut)], timing)
             within = arm.solver.chain.within(trajectory.positions, 1e-6).all()
             if within and self._stray(path, trajectory) < STRAY and self._is_free(arm, trajectory):
                 return trajectory
         raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle)
 
     def _is_free(self, arm: ArmModel, trajectory: Trajectory) -> bool:
-        """Return whether nothing is in the way of the arm and of the leaf behind it."""
+        """Check whether the arm and the leaf that moves with it are collision-free along a trajectory."""
         world, base = self.platform.scene.world, self.platform.base()
         rows = (dict(zip(arm.joints, row, strict=True)) for row in trajectory.positions.tolist())
         return not any(world.contacts(Configuration(base, row)) for row in rows)
 
     def _stray(self, path: LeafPath, trajectory: Trajectory) -> float:
-        """Return the largest distance of the tip from the way of the handle [m]."""
+        """Compute the largest distance of the tip from the polyline of the handle's path [m]."""
         tips = moved(Pose.planar(*path.base).matrix(), path.arm.solver.chain.fk(trajectory.positions)[:, :3, 3])
         line = path.poses[1:, :3, 3]
-        starts, ways = line[:-1], np.diff(line, axis=0)
-        shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], ways) / np.maximum((ways**2).sum(axis=1), 1e-12)
-        nearest = starts[None] + np.clip(shares, 0.0, 1.0)[..., None] * ways[None]
+        starts, edges = line[:-1], np.diff(line, axis=0)
+        lengths = np.maximum((edges**2).sum(axis=1), 1e-12)
+        shares = np.einsum("nmk,mk->nm", tips[:, None] - starts[None], edges) / lengths
+        nearest = starts[None] + np.clip(shares, 0.0, 1.0)[..., None] * edges[None]
         return float(np.linalg.norm(tips[:, None] - nearest, axis=2).min(axis=1).max())
 
 
@@ -212,7 +217,7 @@ class Containers(LeafWork):
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid."""
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
-            raise ActionUnresolvable("opening and closing need object_acted_on", designator=str(action))
+            raise ActionUnresolvable("name the object to open or close as object_acted_on", designator=str(action))
         opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
         joint = self.platform.scene.bodies.leaf_of(what, shut=opens)
         if joint is None:

@@ -1,7 +1,7 @@
-"""The process module that turns devices on and off: it pushes their button, or turns their knob.
+"""Process module that turns devices on and off by pushing their button or turning their knob.
 
-Which of the two a device has, and where, is in ``executive/maps/scene.py``. A device that is believed to be in the
-wanted state is left alone: a push on its button would change that.
+``executive/maps/scene.py`` finds which of the two a device has, and where. A device that is believed to be in the
+desired state already is left alone, since a push on its button would toggle it.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ from planlang.protocols import Touch
 from sim.controls import AT_BUTTON, Control
 
 ABOUT = ("object_acted_on", "device_used")
-"""Properties of an action with the device that it is about, the first of them that is one."""
+"""Properties of an action that may name the device, in order of preference."""
 THIN = 0.005
-"""Distance from the surface of a button within which a touch is one of the button, along its normal [m]."""
+"""Distance along the normal within which a touch counts as one of the button's surface [m]."""
 
 
 @process_module
@@ -48,14 +48,14 @@ class Devices(HandWork):
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
     by_hand = True
-    """The simulator switches what the hand has really moved."""
+    """The simulator switches a device when the hand really moves its control."""
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""
         return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
-        """Turn the device on or off; return its name, or raise a failure of the classes in ``failures``."""
+        """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""
         control, world = self._control(action), self.platform.scene.world
         turns_on = "TurningOffPoweredDevice" not in self.platform.ancestors(action.type)
         self.platform.sync()
@@ -70,7 +70,7 @@ class Devices(HandWork):
         return control.device
 
     def _control(self, action: Action) -> Control:
-        """Return the control of the device that an action is about."""
+        """Find the control of the device that an action names. Raises ActionUnresolvable if there is none."""
         controls = self.platform.scene.world.scene.controls
         for value in map(action.get, ABOUT):
             for what in value if isinstance(value, tuple) else (value,):
@@ -78,13 +78,15 @@ class Devices(HandWork):
                     name = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else None
                 except ObjectUnresolvable:
                     continue
-                found = next((one for one in controls if name in (one.device, one.body)), None)
-                if found is not None:
-                    return found
-        raise ActionUnresolvable("no device is named that has a button or a knob", designator=str(action))
+                control = next((one for one in controls if name in (one.device, one.body)), None)
+                if control is not None:
+                    return control
+        raise ActionUnresolvable(
+            "no device is named that has a button or a knob; name one as object_acted_on", designator=str(action)
+        )
 
     async def _push(self, button: Control) -> None:
-        """Push a button, with one hand after another, until one has met it."""
+        """Push a button with one hand after another, until a finger touches it. Raises HandleNotReachable."""
         tries, tried = Tries(), 0
         for arm in self.free_hands():
             await self.tuck(self.platform.arms.untucked())
@@ -98,7 +100,7 @@ class Devices(HandWork):
                 await self.platform.sensing.bump(motion)
                 raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
         problem = tries.problem
-        said = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
+        message = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
         if not tried and isinstance(problem, ConstraintsUnsatisfied) and not self.platform.robot.base.fixed:
             strokes = [ButtonStrokes(self, arm, button) for arm in self.free_hands()]
             problem = await compute_in_thread(
@@ -110,10 +112,10 @@ class Devices(HandWork):
                     lambda: any(one.reach() for one in strokes),
                 )
             )
-        raise HandleNotReachable(said, what=button.body) from problem
+        raise HandleNotReachable(message, what=button.body) from problem
 
     def _is_at(self, button: Control, touch: Touch) -> bool:
-        """Return whether what a finger felt is the button: what is behind it, or before it, feels alike."""
+        """Check by its position whether a touch is one of the button, rather than of a body before or behind it."""
         x, y, z = (self.platform.belief.pose(button.body) @ Pose(button.point)).inverse().matrix()[:3] @ (
             *touch.point,
             1.0,

@@ -1,4 +1,4 @@
-"""Says why no way was found to move a leaf by its handle, and what in the map would have to be otherwise."""
+"""Explain why no path was found that moves a leaf by its handle, and which change of the map would allow one."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from planlang.failures import LocationUnresolvable
 from sim.joints import Articulation
 
 MOST_NAMED = 3
-"""Bodies in the way that a failure names."""
+"""Most obstacles to name in a failure."""
 MOST_TRIED = 4
-"""Bodies of which is worked out what would be without them."""
+"""Most obstacles to remove hypothetically."""
 RISES = np.arange(0.05, 1.0, 0.05)
-"""By how much a handle is supposed to be higher, or lower [m]."""
+"""Heights by which to raise or lower a handle hypothetically [m]."""
 
 
 def leaf_failure(paths: LeafPaths, joint: Articulation, scene: PlanningScene) -> LocationUnresolvable:
-    """Return why no way was found among ``paths``, with figures; for when none was."""
+    """Build the failure for a search ``paths`` that found nothing, with the likeliest reason and its figures."""
     rejected = paths.rejected
     paths.poses.name_crowding()
     counts, handle = rejected.ordered(), str(joint.handle)
     figures = ""
     if set(counts) == {NO_GRIP}:
         body = next(iter(rejected.ordered_blocking()))
-        figures = f"in each of the {counts[NO_GRIP]} grips that were looked at the hand is in something, mostly {body}"
+        figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with {body}"
     elif counts.get(COLLISION):
         bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
         figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
@@ -40,20 +40,20 @@ def leaf_failure(paths: LeafPaths, joint: Articulation, scene: PlanningScene) ->
 
 
 def _higher(paths: LeafPaths, handle: str, scene: PlanningScene) -> str:
-    """Return at which height an arm would reach the handle from where the base can be; "" if at none."""
+    """Describe the height at which an arm would reach the handle from free base poses; "" if there is none."""
     height = scene.bodies.pose(handle).position[2]
     for rise in RISES.tolist():
-        for word, there in (("low", rise), ("high", -rise)):
-            if paths.reach(there):
+        for word, shift in (("low", rise), ("high", -rise)):
+            if paths.reach(shift):
                 return (
                     f"{handle} is at {height:.2f} m, too {word} for a hand from where the base can be; "
-                    f"at {height + there:.2f} m the arm would reach it"
+                    f"at {height + shift:.2f} m the arm would reach it"
                 )
     return ""
 
 
 def _without(paths: LeafPaths, joint: Articulation, scene: PlanningScene) -> str:
-    """Return without which body an arm would reach the handle, as the base would have more room; "" if none."""
+    """Describe the obstacle without which the base would have room to reach the handle; "" if there is none."""
     bodies = scene.bodies
     fixed = {name for one in scene.belief.joints.values() for name in (*one.bodies, one.holder)}
     fixed.update(name for name in bodies.names() if bodies.is_room(name))

@@ -1,7 +1,7 @@
-"""Grips of the handle of a door or drawer: poses of the tip of a hand, its fingers open only as far as needed.
+"""Grips of the handle of a door or drawer: poses of a hand's tip, with the fingers opened only as far as needed.
 
-A bar is taken across, at its middle or at the point that is easiest to reach; a knob from the front, in any roll. The
-hand comes square to the leaf or at an angle: from above to a low handle, from below to a high one.
+Fingers close across a bar, at its middle or at the point that is easiest to reach, and around a knob from the front in
+any roll. The hand approaches square to the leaf or at an angle: from above to a low handle, from below to a high one.
 """
 
 from __future__ import annotations
@@ -23,28 +23,27 @@ from planlang.records import dataclass
 from sim.joints import Articulation, JointKind
 
 APPROACH, PAST = 0.08, 0.01
-"""Distance of the pose before a handle back along the approach direction, and of fingertips from the handle there, at
-least [m]."""
+"""Distance of the pre-grasp from the grasp along the approach, and least clearance of the fingertips there [m]."""
 PITCHES, STEEPEST = (0.0, 0.4, 0.9, 1.3), 1.31
-"""Angles of the approach from square to the leaf, up or down, and the largest sum with those sideways [rad]."""
+"""Angles of the approach up or down from square to the leaf, and their largest sum with sideways angles [rad]."""
 YAWS, FINER = (0.0, 0.4, -0.4, 0.8, -0.8), (0.0, 0.3, -0.3, 0.45, -0.45, 0.6, -0.6, 0.75, -0.75, 0.9, -0.9)
-"""Angles of the approach sideways, and those beside a wall, which is met by the hand or else by its fingers [rad]."""
+"""Sideways angles of the approach [rad]; finer ones beside a wall, where the hand or its fingers may collide."""
 ROLLS = (0.0, math.pi / 2, math.pi / 4, -math.pi / 4)
-"""Rolls in which a hand takes a knob from the front [rad]."""
+"""Rolls of the hand to grasp a knob from the front [rad]."""
 LAGS = (0.0, 0.5, 1.0)
-"""By how much of the leaf's turning a hand turns less, about a bar that is parallel to the hinge."""
+"""Shares of the leaf's rotation that the hand does not follow, turning about a bar that is parallel to the hinge."""
 PARALLEL = 0.95
-"""Cosine from which on two directions count as parallel."""
+"""Cosine above which two directions count as parallel."""
 LONG = 1.5
-"""A handle that is longer than this many times its second extent is a bar: fingers close across it."""
+"""Ratio of the longest to the second extent above which a handle is a bar, across which fingers close."""
 END = 0.02
-"""Distance from the end of a bar at which it is taken, at least: half the width of a finger [m]."""
+"""Least distance of a grip from the end of a bar: half the width of a finger [m]."""
 BELOW_SHOULDER = 0.2
 """Height below the shoulder at which an arm reaches farthest to the front [m]."""
 HELD = 0.006
-"""Length of the fingers that is at a handle, at least [m]; and they come as far as its middle."""
+"""Least length of the fingers in contact with a handle [m]; they reach at least to its middle."""
 CLEAR = 0.003
-"""Room between the fingertips and the leaf behind a handle [m]."""
+"""Clearance between the fingertips and the leaf behind a handle [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,36 +53,36 @@ class Grips:
     starts: Array
     """Poses of the tip in the map at the handle (g, 4, 4)."""
     points: Array
-    """Points of the handle that are gripped (g, 3)."""
+    """Gripped points of the handle in the map (g, 3)."""
     turns: NDArray[np.bool_]
-    """Whether the hand may turn about the handle, which is parallel to the hinge (g,)."""
+    """Whether the hand may turn about the handle, a bar parallel to the hinge (g,)."""
     fingers: Fingers
-    """How far the hand opens for it."""
+    """Opening of the hand for the approach."""
     approach: Array
     """Approach direction in the tip frame (3,)."""
     back: float
-    """Distance of the pose before the handle back along it [m]."""
+    """Distance of the pre-grasp from the grasp along the approach [m]."""
 
     def __len__(self) -> int:
         return len(self.starts)
 
     def chosen(self, which: NDArray[np.bool_]) -> Grips:
-        """Return some of them (g,)."""
+        """Select grips by a mask (g,)."""
         return replace(self, starts=self.starts[which], points=self.points[which], turns=self.turns[which])
 
     def raised(self, rise: float) -> Grips:
-        """Return the same of a handle that is higher [m]."""
+        """Shift all grips up by ``rise`` [m]."""
         starts = self.starts.copy()
         starts[:, 2, 3] += rise
         return replace(self, starts=starts, points=self.points + np.array([0.0, 0.0, rise]))
 
     @property
     def before(self) -> Array:
-        """The poses of the tip from which the hand goes straight to the handle (g, 4, 4)."""
+        """Pre-grasp poses of the tip, from which the hand moves straight to the handle (g, 4, 4)."""
         return self.short_by(self.back)
 
     def short_by(self, away: float) -> Array:
-        """Return the poses of the tip at some distance back along the approach direction [m] (g, 4, 4)."""
+        """Compute the poses of the tip (g, 4, 4) at a distance back along the approach [m]."""
         poses = self.starts.copy()
         poses[:, :3, 3] -= away * (self.starts[:, :3, :3] @ self.approach)
         return poses
@@ -100,32 +99,32 @@ class Grips:
         cross = cross_matrix(np.array(joint.axis))
         angles = -np.outer(LAGS, values - values[0])[..., None, None]
         turns = np.eye(3) + np.sin(angles) * cross + (1 - np.cos(angles)) * product(cross, cross)
-        found = np.broadcast_to(poses, (len(self), len(LAGS), *poses.shape[2:])).copy()
-        found[..., :3, :3] = turns @ poses[..., :3, :3]
-        found[..., :3, 3] = centres + rotated(turns, poses[..., :3, 3] - centres)
-        return found
+        lagging = np.broadcast_to(poses, (len(self), len(LAGS), *poses.shape[2:])).copy()
+        lagging[..., :3, :3] = turns @ poses[..., :3, :3]
+        lagging[..., :3, 3] = centres + rotated(turns, poses[..., :3, 3] - centres)
+        return lagging
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Hand:
-    """A hand that takes something between its fingers, which may come farther forward as they close."""
+    """Extent of a hand while it closes; the fingertips may move forward as they close."""
 
     points: Array
-    """Points in the tip frame that span it from open to closed (n, 3)."""
+    """Points in the tip frame that span the hand from open to closed (n, 3)."""
     ahead: float
-    """How far it goes ahead of the tip when it has the thing [m]."""
+    """Distance by which the hand extends ahead of the tip when it holds the handle [m]."""
 
     @staticmethod
     def closing(scene: PlanningScene, arm: ArmModel, fingers: Fingers, width: float) -> _Hand:
-        """Return a hand whose fingers close from an opening on a thing of some width [m]."""
+        """Compute the extent of a hand whose fingers close from an opening onto a ``width`` [m]."""
         hands = [hand_with(scene, arm, one) for one in arm.openings.closing(fingers, width)]
         return _Hand(np.concatenate(hands), float((hands[0] @ np.array(arm.frame.approach)).max()))
 
 
 def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight: bool = False) -> Grips:
-    """Work out how a hand may take the handle of a leaf where that is now, the straightest ways first.
+    """Sample the grips of a leaf's handle at its current pose, the straightest approaches first.
 
-    ``tight``: fingers are opened less, and come from more sides and from nearer.
+    ``tight``: open the fingers less, and approach in more directions and from nearer.
     """
     assert joint.handle is not None
     pose, size = scene.bodies.pose(joint.handle), np.asarray(scene.bodies.size(joint.handle))
@@ -135,18 +134,18 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
     easiest = float(np.mean([arm.shoulder_low[2], arm.shoulder_high[2]])) - BELOW_SHOULDER
     lengthways = 0.5 * float(size[order[2]]) - END if is_bar else 0.0
     yaws = FINER if tight else YAWS
-    ways = [
+    directions = [
         (bar, approach, closing)
         for bar in _bars(pose.rotation[:, order[2]], outwards, is_bar=is_bar)
         for approach, closing in _directions(outwards, bar, yaws, down=middle[2] < easiest, is_bar=is_bar)
     ]
-    widths = [float(np.abs(pose.rotation.T @ closing) @ size) for _, _, closing in ways]
+    widths = [float(np.abs(pose.rotation.T @ closing) @ size) for _, _, closing in directions]
     fingers = _opened(
         arm, max((one for one in widths if one <= arm.max_opening), default=0.0), TIGHT if tight else ROOM
     )
     hands = {one: _Hand.closing(scene, arm, fingers, one) for one in sorted(set(widths)) if one <= arm.max_opening}
     starts, points, turns = [], [], []
-    for (bar, approach, closing), width in zip(ways, widths, strict=True):
+    for (bar, approach, closing), width in zip(directions, widths, strict=True):
         if width > arm.max_opening:
             continue
         turning = joint.kind is JointKind.HINGED and abs(float(bar @ np.array(joint.axis))) > PARALLEL
@@ -172,29 +171,29 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
 
 
 def _depth(pose: Pose, size: Array, approach: Array) -> float:
-    """Return half the extent of a box along an approach direction [m]."""
+    """Compute half the extent of a box along an approach direction [m]."""
     return float(np.abs(pose.rotation.T @ approach) @ size) / 2
 
 
 def _opened(arm: ArmModel, width: float, room: float) -> Fingers:
-    """Return fingers open for a width [m], with so much room beside it."""
+    """Find the opening for a width [m], with ``room`` beside it [m]."""
     if not arm.openings.fingers:
         return ()
     return arm.openings.fingers[int(arm.openings.around(np.array([[width, 0.0]]), room)[0])]
 
 
 def hand_with(scene: PlanningScene, arm: ArmModel, fingers: Fingers = ()) -> Array:
-    """Return points (n, 3) in the tip frame that span a hand with its fingers somewhere, if not told where they are."""
+    """Compute points (n, 3) in the tip frame that span a hand with ``fingers`` at given positions, by default as is."""
     world, tip = scene.world, scene.robot.arm(arm.name).tip
-    now = world.configuration()
-    back = inverse(world.link_pose(tip, Configuration(now.base, {**now.joints, **dict(fingers)})).matrix())
+    current = world.configuration()
+    to_tip = inverse(world.link_pose(tip, Configuration(current.base, {**current.joints, **dict(fingers)})).matrix())
     points = world.robot.points(sorted(world.robot.hand_of(tip)))
-    world.link_pose(tip)  # it shows the robot as it is again
-    return np.asarray(moved(back, np.concatenate(points)))
+    world.link_pose(tip)  # side effect: puts the robot's model back into its current configuration
+    return np.asarray(moved(to_tip, np.concatenate(points)))
 
 
 def outwards_of(scene: PlanningScene, joint: Articulation) -> Array:
-    """Compute the direction (3,) in the map in which the free side of a leaf shows now."""
+    """Compute the outward normal (3,) of a leaf's free side in the map, at its current pose."""
     if joint.kind is JointKind.PRISMATIC:
         return np.array(joint.axis)
     if joint.is_knob and joint.holder is not None:
@@ -208,7 +207,7 @@ def outwards_of(scene: PlanningScene, joint: Articulation) -> Array:
 
 
 def _bars(longest: Array, outwards: Array, *, is_bar: bool) -> list[Array]:
-    """Return the unit vectors across which fingers close: that of a bar, several of a knob."""
+    """List the unit vectors (3,) across which fingers close: the axis of a bar, or several rolls for a knob."""
     if is_bar:
         return [_square(longest, outwards)] if abs(float(longest @ outwards)) < PARALLEL else []
     up = _square(np.eye(3)[2] if abs(outwards[2]) < PARALLEL else np.eye(3)[0], outwards)
@@ -219,7 +218,7 @@ def _bars(longest: Array, outwards: Array, *, is_bar: bool) -> list[Array]:
 def _directions(
     outwards: Array, bar: Array, yaws: Sequence[float], *, down: bool, is_bar: bool
 ) -> Iterator[tuple[Array, Array]]:
-    """Yield approach and closing directions, square to the leaf first; ``down``: from above, else from below."""
+    """Yield approach and closing directions (3,), square to the leaf first; ``down``: from above, else from below."""
     up = _square(np.eye(3)[2] if abs(outwards[2]) < PARALLEL else bar, outwards)
     side, sign = np.cross(up, outwards), 1.0 if down else -1.0
     pairs = [(p, y) for p in PITCHES for y in yaws if p + abs(y) < STEEPEST and (is_bar or p + abs(y) < 1.0)]
@@ -233,7 +232,7 @@ def _directions(
 
 
 def _along(bar: Array, lengthways: float, higher: float) -> tuple[float, ...]:
-    """Return where along a bar it is taken [m]: where it is nearest to the height of ease, and at its middle."""
+    """Choose grip positions along a bar, from its middle [m]: the one nearest to the easiest height, and the middle."""
     if lengthways <= END:
         return (0.0,)
     if abs(float(bar[2])) < PARALLEL:
@@ -245,9 +244,9 @@ def _along(bar: Array, lengthways: float, higher: float) -> tuple[float, ...]:
 def _short_of(
     scene: PlanningScene, joint: Articulation, corners: Array, point: Array, outwards: Array, approach: Array
 ) -> float:
-    """Compute how far short of a point of the handle the tip stops, so that fingers do not touch the leaf behind [m].
+    """Compute how far the tip must stop before a point of the handle, so that fingers do not touch the leaf [m].
 
-    ``corners``: points that span the hand, about its tip (3, n).
+    ``corners``: points that span the hand, relative to its tip, in map directions (3, n).
     """
     leaf = scene.bodies.pose(joint.leaf)
     thick = float(np.abs(leaf.rotation.T @ outwards) @ np.asarray(scene.bodies.size(joint.leaf))) / 2
@@ -259,6 +258,6 @@ def _short_of(
 
 
 def _square(direction: Array, to: Array) -> Array:
-    """Return the part of a direction that is square to another, as unit vector."""
+    """Project a direction (3,) onto the plane perpendicular to another, and normalise it."""
     part = direction - float(direction @ to) * to
     return np.asarray(part / np.linalg.norm(part))

@@ -1,7 +1,7 @@
-"""Paths of a hand that moves a door or a drawer: grips of its handle along the arc or line that the joint makes of it.
+"""Paths of a hand that moves a door or drawer by its handle, along the arc or line that the joint prescribes.
 
-The joint leads: each grip is carried through the values of the joint, and inverse kinematics follows from value to
-value, for many places of the base at once. What is left is looked at exactly in the planning scene, best first.
+Each grip is carried through the values of the joint, and inverse kinematics follows from value to value, for many base
+poses at once. The remaining candidates are checked exactly in the planning scene, best first.
 """
 
 from __future__ import annotations
@@ -28,81 +28,81 @@ from planlang.records import dataclass
 from sim.joints import Articulation, JointKind
 
 STEPS = {JointKind.HINGED: 0.06, JointKind.PRISMATIC: 0.025}
-"""Steps of a joint between two postures [rad, m]."""
+"""Steps of the leaf's joint between two postures of the arm [rad, m]."""
 SPACING, COARSER, HEADINGS = 0.1, 2, 16
-"""Places of the base around the handle: their spacing [m], every how many of them are looked at first, headings."""
+"""Lattice of base poses around the handle: spacing [m], stride of the coarse poses that come first, headings."""
 NEAREST = 0.3
-"""Distance of the base from the handle, at least [m]."""
+"""Least distance of the base from the handle [m]."""
 BLOCK = 24
-"""Places of the base that are looked at in one go."""
+"""Base poses per batch."""
 MOST_BLOCKS = 16
-"""Blocks that are looked at before what was found has to do."""
+"""Most batches to search."""
 MOST_WAYS = 240
-"""Ways of a block that are followed to their end: others differ little."""
+"""Candidates of a batch to follow to their end; more differ little."""
 MOST_CHECKED = 24
-"""Ways of a block that are looked at exactly."""
+"""Candidates of a batch that may fail the exact check before the batch is given up."""
 HEIGHTS = 13
-"""Heights of a torso at which it is looked whether the rest of the robot, lifted with it, touches itself."""
+"""Torso heights at which to check the lifted upper body for self-collision."""
 FARTHEST = 0.5
-"""Largest move of a joint of the arm between two postures [rad, m]."""
+"""Largest step of an arm joint between two postures [rad, m]."""
 ENOUGH = 0.12
-"""Share of its way by which a hand has to move a leaf from one place, at least."""
+"""Least share of its range by which to move a leaf from one base pose."""
 BEHIND = (0.08, 0.2, 0.3)
-"""Distances behind the handle at which the arm is that has it [m]."""
+"""Distances behind the handle at which the hand stands for the arm that follows it [m]."""
 LEAVING = (0.25, 0.5, 1.0)
-"""Shares of the way to the handle at which a hand that leaves it is looked at."""
+"""Shares of the retreat from the handle at which to check the hand."""
 SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeafPath:
-    """A place of the base, a grip of the handle, and how the arm moves the leaf from there."""
+    """Base pose, grip of the handle, and motion of the arm that moves the leaf from there."""
 
     arm: ArmModel
     base: BasePose
     fingers: Fingers
-    """How far the hand is open when it comes to the handle."""
+    """Opening of the hand for the approach to the handle."""
     before: Array
-    """Joint values before the handle (d,)."""
+    """Joint positions of the arm before the handle (d,)."""
     poses: Array
     """Poses of the tip in the map, before the handle and then at each value (1 + n, 4, 4)."""
     values: Array
-    """Values of the joint (n,)."""
+    """Values of the leaf's joint (n,)."""
     joints: Array
-    """Joint values of the arm at each of them (n, d)."""
+    """Joint positions of the arm at each value (n, d)."""
 
 
 class LeafPaths:
-    """Looks for ways to move one leaf; ``rejected`` counts places of the base that will not do."""
+    """Search for paths that move one leaf; ``rejected`` counts why base poses were rejected."""
 
     def __init__(self, control: Control, joint: Articulation) -> None:
         self._control, self._joint, self.poses = control, joint, BasePoses(control.scene)
         self.rejected, self._tried = self.poses.log, tuple[ArmModel, ...]()
         self._values, self._enough = np.zeros(0), 0
 
-    def towards(self, value: float, arms: Sequence[ArmModel], wanted: float) -> Iterator[LeafPath | None]:
-        """Yield ways to move the leaf from where it is to a value, those that get there first; None while it looks.
+    def towards(self, value: float, arms: Sequence[ArmModel], sufficient: float) -> Iterator[LeafPath | None]:
+        """Yield paths that move the leaf from its believed value to ``value``; None between batches.
 
-        ``wanted``: the value that will do as well. Ways that end before come last, the farthest first.
-        Grips that need less room are looked at where others have no way.
+        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first. Grips that need
+        less room are tried only if the others allow no path.
         """
         control, joint = self._control, self._joint
         control.sync()
         self._tried = tuple(arms)
-        now = control.belief.joint(joint.leaf)
-        count = max(2, math.ceil(abs(value - now) / STEPS[joint.kind]) + 1)
-        values = np.linspace(now, value, count)
-        enough = int(np.argmax((values >= wanted) if value > now else (values <= wanted))) + 1
+        current = control.belief.joint(joint.leaf)
+        count = max(2, math.ceil(abs(value - current) / STEPS[joint.kind]) + 1)
+        values = np.linspace(current, value, count)
+        enough = int(np.argmax((values >= sufficient) if value > current else (values <= sufficient))) + 1
         self._values, self._enough = values, enough
         partial: list[LeafPath] = []
-        found = False
+        any_path = False
         for arm, tight in ((arm, tight) for tight in (False, True) for arm in arms):
-            if tight and found:
+            if tight and any_path:
                 break
             paths = self._of_arm(arm, values, enough, tight=tight)
             for path in _whole_first(paths, count) if joint.kind is JointKind.PRISMATIC else paths:
-                found = found or path is not None
+                any_path = any_path or path is not None
                 if path is None or len(path.values) >= enough:
                     yield path
                 else:
@@ -111,86 +111,86 @@ class LeafPaths:
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
 
     def reach(self, rise: float = 0.0) -> bool:
-        """Return whether an arm reaches the handle, if that were higher by ``rise`` [m], whatever the arm is in.
+        """Check whether an arm would reach the handle, raised by ``rise`` [m], from a base pose that is free.
 
-        That is from where the base has room and can drive to.
+        Ignores collisions of the arm.
         """
         control, joint = self._control, self._joint
-        others = LeafPaths(control, joint)  # where nothing is counted that was not tried
+        hypothetical = LeafPaths(control, joint)  # its own counts: these candidates were not really tried
         for arm in self._tried:
             grips = grips_of(control.scene, arm, joint).raised(rise)
             if len(grips):
-                bases, _ = others._bases(arm, self._values, grips, self._enough)
+                bases, _ = hypothetical._bases(arm, self._values, grips, self._enough)
                 roomy = np.ones(len(self._values), bool)
-                ways = _Ways(control, joint, arm, grips, self._values, roomy, others.rejected)
-                if len(bases) and ways.reach(bases[: BLOCK * MOST_BLOCKS]):
+                search = _ArmPaths(control, joint, arm, grips, self._values, roomy, hypothetical.rejected)
+                if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
 
     def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
-        """Yield ways with one arm, as far as they are free; best places of the base first, None after some of them."""
+        """Yield the collision-free paths of one arm, best base poses first; None after each batch."""
         grips = self._free(arm, grips_of(self._control.scene, arm, self._joint, tight=tight))
         if not len(grips):
             return
         roomy = self._roomy(arm, grips, values, enough)
-        ways = _Ways(self._control, self._joint, arm, grips, values, roomy, self.rejected)
+        search = _ArmPaths(self._control, self._joint, arm, grips, values, roomy, self.rejected)
         bases, steps = self._bases(arm, values, grips, enough)
         for first in range(0, min(len(bases), BLOCK * MOST_BLOCKS), BLOCK):
             block = slice(first, first + BLOCK)
-            yield from ways.of(bases[block], steps[block])
+            yield from search.of(bases[block], steps[block])
             yield None
 
     def _free(self, arm: ArmModel, grips: Grips) -> Grips:
-        """Return the grips in which the hand alone is inside nothing, wherever the base is."""
+        """Select the grips in which the hand itself, without its arm, is free at the handle and before it."""
         if not len(grips):
             self.rejected.add("too wide for the gripper")
             return grips
         check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
-        met = [one or other for one, other in zip(*map(check.hand_hit, (grips.starts, grips.before)), strict=True)]
-        self.rejected.count(Reason(NO_GRIP, one) for one in met if one is not None)
-        return grips.chosen(np.array([one is None for one in met], bool))
+        hits = [one or other for one, other in zip(*map(check.hand_hit, (grips.starts, grips.before)), strict=True)]
+        self.rejected.count(Reason(NO_GRIP, one) for one in hits if one is not None)
+        return grips.chosen(np.array([one is None for one in hits], bool))
 
     def _roomy(self, arm: ArmModel, grips: Grips, values: Array, enough: int) -> NDArray[np.bool_]:
-        """Return at which values of the joint a way of the leaf may end (n,): a hand can come to the handle again.
+        """Mark the values (n,) of the joint at which a hand could grasp the handle again, so that a path may end there.
 
-        What is opened beside a wall would else be opened until nobody closes it. As far as is ``enough`` it goes. The
-        arm follows its hand straight on for :data:`BEHIND`.
+        Otherwise a door beside a wall would be opened so far that no hand could close it again. Values up to ``enough``
+        are always allowed. The arm is approximated by its hand at the distances :data:`BEHIND`.
         """
         first = self._joint.motion(float(values[0])).inverse().matrix()
         check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
-        ways = np.stack([grips.short_by(away) for away in (0.0, *BEHIND)], axis=1)
+        approaches = np.stack([grips.short_by(away) for away in (0.0, *BEHIND)], axis=1)
         roomy = np.ones(len(values), bool)
         for number in range(enough, len(values) if values[-1] > values[0] else 0):
             motion = product(self._joint.motion(float(values[number])).matrix(), first)
-            met = check.hand_hit(product(motion, ways).reshape(-1, 4, 4))
-            roomy[number] = np.array([one is None for one in met]).reshape(len(grips), -1).all(axis=1).any()
+            hits = check.hand_hit(product(motion, approaches).reshape(-1, 4, 4))
+            roomy[number] = np.array([one is None for one in hits]).reshape(len(grips), -1).all(axis=1).any()
         return roomy
 
-    # Places of the base
+    # Base poses
 
     def _bases(self, arm: ArmModel, values: Array, grips: Grips, enough: int) -> tuple[Array, NDArray[np.intp]]:
-        """Return free places of the base within reach of the handle (m, 3), best first.
+        """Sample free base poses (m, 3) within reach of the handle, best first.
 
-        And how many values of the joint the leaf can go from each: as far as the arm reaches, and the leaf does not
-        sweep over the base (m,).
+        Also returns for how many of ``values`` the leaf can move from each (m,): as far as the arm reaches and the leaf
+        does not sweep over the base.
         """
         first = self._joint.motion(float(values[0])).inverse().matrix()
         middle = grips.points.mean(axis=0)
         tips = np.stack([moved(product(self._joint.motion(v).matrix(), first), middle) for v in values.tolist()])
         bases, coarse = self._lattice(arm, tips)
         reached, strain = _within_reach(arm, bases, tips)
-        near = reached > 1
-        self.rejected.add(OUT_OF_REACH.text, 0 if near.any() else len(near))
-        near[near] = self.poses.free(bases[near], -strain[near])
-        bases, coarse, reached, strain = bases[near], coarse[near], reached[near], strain[near]
-        steps = np.minimum(reached, self._beside(bases, values))
+        kept = reached > 1
+        self.rejected.add(OUT_OF_REACH.text, 0 if kept.any() else len(kept))
+        kept[kept] = self.poses.free(bases[kept], -strain[kept])
+        bases, coarse, reached, strain = bases[kept], coarse[kept], reached[kept], strain[kept]
+        steps = np.minimum(reached, self._unswept(bases, values))
         self.rejected.count([SWEPT] * int((steps <= 1).sum()))
         order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
 
     def _lattice(self, arm: ArmModel, tips: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Return places around the way of the handle (m, 3), that of the base first; and which are tried first."""
+        """Sample base poses (m, 3) around the handle's path, the current one first; and mark the coarse ones (m,)."""
         here = np.array([self._control.base()])
         if self._control.robot.base.fixed:
             return here, np.ones(1, bool)
@@ -205,8 +205,8 @@ class LeafPaths:
         bases[:, 2] = np.remainder(bases[:, 2] + math.pi, 2 * math.pi) - math.pi
         return np.concatenate([here, bases[apart]]), np.concatenate([[True], coarse[apart]])
 
-    def _beside(self, bases: Array, values: Array) -> NDArray[np.intp]:
-        """Return for how many values the leaf does not sweep over bases (m, 3), taken for round (m,)."""
+    def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
+        """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
         joint, scene = self._joint, self._control.scene
         leaf, radius = scene.world.scene.body(joint.leaf), 0.8 * scene.base_radius
         free = np.ones((len(bases), len(values)), bool)
@@ -219,9 +219,9 @@ class LeafPaths:
 
 
 def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafPath | None]:
-    """Yield ways through all of so many values as they come, others after their block, the farthest first.
+    """Yield paths through all ``count`` values at once, shorter ones after their batch, longest first.
 
-    A drawer that is open by less covers what lies at its back.
+    For drawers: one that is only partly open covers what lies at its back.
     """
     others: list[LeafPath] = []
     for path in paths:
@@ -235,9 +235,9 @@ def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafP
 
 
 def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.intp], Array]:
-    """Return how many of the places of a tip (n, 3), from the first on, an arm is long enough for at bases (m, 3).
+    """Count the leading positions of a tip (n, 3) that are within an arm's length from base poses (m, 3).
 
-    And by how much it is bent or stretched there, at most (m,).
+    Also returns the largest deviation of the distance from the comfortable 0.65 of the reach (m,).
     """
     shoulder = moved(base_matrices(bases), (arm.shoulder_low + arm.shoulder_high) / 2)
     low, high = arm.shoulder_low[2], arm.shoulder_high[2]
@@ -250,7 +250,7 @@ def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.
 
 
 def _lifted(control: Control, arm: ArmModel) -> InverseKinematics:
-    """Return the inverse kinematics of an arm with the torso where the rest of the robot does not touch itself."""
+    """Build the inverse kinematics of an arm, its torso limited to heights without self-collision of the upper body."""
     if arm.lift is None:
         return arm.solver
     chain, column = arm.solver.chain, arm.lift.column
@@ -261,8 +261,8 @@ def _lifted(control: Control, arm: ArmModel) -> InverseKinematics:
     return InverseKinematics(chain.between(arm.lift.joint, min(free), max(free)))
 
 
-class _Ways:
-    """Ways of one arm with its grips of a handle."""
+class _ArmPaths:
+    """Search for the paths of one arm with its grips of a handle."""
 
     def __init__(
         self,
@@ -287,7 +287,7 @@ class _Ways:
         self._solver = _lifted(control, arm)
 
     def of(self, bases: Array, steps: NDArray[np.intp]) -> Iterator[LeafPath]:
-        """Yield ways from some places (m, 3), from which the leaf can go for so many values (m,), longest first."""
+        """Yield paths from base poses (m, 3), from which the leaf can move for ``steps`` values (m,), longest first."""
         tried, checked = set[BasePose](), 0
         for base, grip, lag, joints in self._solved(bases, steps):
             if base in tried:
@@ -300,7 +300,7 @@ class _Ways:
                 return
 
     def _solved(self, bases: Array, steps: NDArray[np.intp]) -> list[tuple[BasePose, int, int, Array]]:
-        """Return place, grip, lag and the joint values from before the handle on (k, d), longest ways first."""
+        """Solve for base pose, grip, lag, and joint positions (k, d) from before the handle on, longest paths first."""
         there = inverse(base_matrices(bases))
         rows, grips, before, start = self._at_handle(bases, there)
         numbers, lags = np.nonzero(self._lags[grips])
@@ -308,62 +308,65 @@ class _Ways:
         joints[:, 0], joints[:, 1] = before[numbers], start[numbers]
         rows, grips = rows[numbers], grips[numbers]
         reached = np.ones(len(rows), np.intp)
-        near = np.arange(len(rows))
+        active = np.arange(len(rows))
         for k in range(1, len(self._values)):
-            near = near[steps[rows[near]] > k]
-            if not len(near):
+            active = active[steps[rows[active]] > k]
+            if not len(active):
                 break
-            targets = product(there[rows[near]], self._poses[grips[near], lags[near], k])
-            q, good = self._solver.solve(targets, joints[near, k][:, None])
-            joints[near, k + 1] = q
-            near = near[good & (np.abs(q - joints[near, k]).max(axis=1) < FARTHEST)]
-            reached[near] = k + 1
+            targets = product(there[rows[active]], self._poses[grips[active], lags[active], k])
+            q, good = self._solver.solve(targets, joints[active, k][:, None])
+            joints[active, k + 1] = q
+            active = active[good & (np.abs(q - joints[active, k]).max(axis=1) < FARTHEST)]
+            reached[active] = k + 1
         order = [row for row in np.argsort(-reached, kind="stable").tolist() if reached[row] > 1]
-        places = [(x, y, yaw) for x, y, yaw in bases.tolist()]
-        return [(places[rows[row]], int(grips[row]), int(lags[row]), joints[row, : reached[row] + 1]) for row in order]
+        poses = [(x, y, yaw) for x, y, yaw in bases.tolist()]
+        return [(poses[rows[row]], int(grips[row]), int(lags[row]), joints[row, : reached[row] + 1]) for row in order]
 
     def _at_handle(self, bases: Array, there: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
-        """Return places (w,), grips (w,) and joint values before and at the handle (w, d) where nothing is hit."""
+        """Find the collision-free starts: rows of bases (w,), grips (w,), joints before and at the handle (w, d).
+
+        ``there``: inverse base poses (m, 4, 4).
+        """
         arm, grips = self._arm, self._grips
         rows, numbers, before, start = self._reached(bases, there)
         self._rejected.count([OUT_OF_REACH] * (len(bases) - len(np.unique(rows))))
         check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
         poses = base_matrices(bases)[rows]
-        met = [one or other for one, other in zip(check.hit(poses, start), check.hit(poses, before), strict=True)]
-        self._rejected.count(Reason(COLLISION, one) for one in met if one is not None)
-        free = np.flatnonzero([one is None for one in met])
+        hits = [one or other for one, other in zip(check.hit(poses, start), check.hit(poses, before), strict=True)]
+        self._rejected.count(Reason(COLLISION, one) for one in hits if one is not None)
+        free = np.flatnonzero([one is None for one in hits])
         free = free[:: max(1, len(free) // MOST_WAYS)]
         return rows[free], numbers[free], before[free], start[free]
 
     def reach(self, bases: Array) -> bool:
-        """Return whether the arm reaches a grip from one of places (m, 3), whatever is in its way."""
+        """Check whether the arm reaches a grip from one of base poses (m, 3), ignoring collisions."""
         return len(self._reached(bases, inverse(base_matrices(bases)))[0]) > 0
 
     def _reached(self, bases: Array, there: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
-        """Return places (w,), grips (w,) and joint values before and at the handle (w, d) of what the arm reaches."""
+        """Find the reachable starts, as :meth:`_at_handle` does, ignoring collisions."""
         arm, grips = self._arm, self._grips
         rows, numbers = (grid.ravel() for grid in np.indices((len(bases), len(grips))))
         seeds = np.broadcast_to(arm.seeds, (len(rows), *arm.seeds.shape))
         start, good = self._solver.solve(product(there[rows], grips.starts[numbers]), seeds)
-        near = np.flatnonzero(good)
-        q, good = self._solver.solve(product(there[rows[near]], self._before[numbers[near]]), start[near][:, None])
-        good &= np.abs(q - start[near]).max(axis=1) < 2 * FARTHEST
-        near, before = near[good], q[good]
-        # as the arm will get there
-        q, good = self._solver.solve(product(there[rows[near]], grips.starts[numbers[near]]), before[:, None])
-        near = near[good]
-        return rows[near], numbers[near], before[good], q[good]
+        kept = np.flatnonzero(good)
+        q, good = self._solver.solve(product(there[rows[kept]], self._before[numbers[kept]]), start[kept][:, None])
+        good &= np.abs(q - start[kept]).max(axis=1) < 2 * FARTHEST
+        kept, before = kept[good], q[good]
+        # Solve the grip again from before the handle, because the arm will come from there.
+        q, good = self._solver.solve(product(there[rows[kept]], grips.starts[numbers[kept]]), before[:, None])
+        kept = kept[good]
+        return rows[kept], numbers[kept], before[good], q[good]
 
     def _checked(self, base: BasePose, grip: int, lag: int, joints: Array) -> LeafPath | None:
-        """Return a way as far as nothing is in it, None if not even the handle can be taken."""
+        """Cut a candidate to its collision-free part; None if not even the handle can be grasped and left again."""
         arm, handle, collisions = self._arm, self._joint.handle, self._control.scene.collisions
         fingers = self._grips.fingers
         assert handle is not None
 
         def is_free(q: Array, touches: str | None = handle) -> bool:
-            met = collisions.contacts(base, arm, q, touches, fingers)
-            self._rejected.count([Reason(COLLISION, first_body(met))] if met else [])
-            return not met
+            contacts = collisions.contacts(base, arm, q, touches, fingers)
+            self._rejected.count([Reason(COLLISION, first_body(contacts))] if contacts else [])
+            return not contacts
 
         if collisions.contacts(base) or not (is_free(joints[0], None) and is_free(joints[1])):
             return None
@@ -385,32 +388,32 @@ class _Ways:
         return LeafPath(arm, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count])
 
     def _leaves(self, grip: int, lag: int, count: int) -> NDArray[np.bool_]:
-        """Return at which of the first values of the joint the open hand can go back from the leaf as it came (count,).
+        """Mark the first ``count`` values of the joint at which the open hand can retreat from the leaf (count,).
 
-        A hand that turned less than the leaf stands at an angle to it, with a finger between leaf and handle.
+        A hand that turned less than the leaf is at an angle to it, with a finger between leaf and handle.
         """
         tips, grips = self._poses[grip, lag, :count], self._grips
-        back = tips[:, :3, :3] @ grips.approach
-        ways = np.repeat(tips[:, None], len(LEAVING), axis=1)
-        ways[..., :3, 3] -= grips.back * np.multiply.outer(LEAVING, back).swapaxes(0, 1)
-        # to the leaf as it is now
+        approaches = tips[:, :3, :3] @ grips.approach
+        retreats = np.repeat(tips[:, None], len(LEAVING), axis=1)
+        retreats[..., :3, 3] -= grips.back * np.multiply.outer(LEAVING, approaches).swapaxes(0, 1)
+        # The scene has the leaf at its current value: move the hands there instead of the leaf to each value.
         first = self._joint.motion(float(self._values[0])).inverse().matrix()
         motions = np.stack([product(self._joint.motion(one).matrix(), first) for one in self._values[:count].tolist()])
         check = self._control.scene.collisions.arm_check(self._arm, self._joint.handle, grips.fingers)
-        met = check.hand_hit(product(inverse(motions)[:, None], ways).reshape(-1, 4, 4))
-        return np.asarray(np.array([one != self._joint.leaf for one in met]).reshape(count, -1).all(axis=1))
+        hits = check.hand_hit(product(inverse(motions)[:, None], retreats).reshape(-1, 4, 4))
+        return np.asarray(np.array([one != self._joint.leaf for one in hits]).reshape(count, -1).all(axis=1))
 
     def _free_steps(self, base: BasePose, rows: Array, fingers: Mapping[str, float]) -> int:
-        """Return how many steps the arm can go with the fingers closed on the handle, and the leaf behind them."""
+        """Count the collision-free steps of the arm with the fingers closed on the handle and the leaf moving along."""
         control, arm, world = self._control, self._arm, self._control.scene.world
         joints = {**world.configuration().joints, **fingers}
         try:
             world.set_configuration(Configuration(base, joints | dict(zip(arm.joints, rows[0].tolist(), strict=True))))
             world.lead(control.robot.arm(arm.name).tip, self._joint.leaf)
             for number, row in enumerate(rows[1:]):
-                met = world.contacts(Configuration(base, joints | dict(zip(arm.joints, row.tolist(), strict=True))))
-                if met:
-                    self._rejected.count([Reason(COLLISION, first_body(met))])
+                hits = world.contacts(Configuration(base, joints | dict(zip(arm.joints, row.tolist(), strict=True))))
+                if hits:
+                    self._rejected.count([Reason(COLLISION, first_body(hits))])
                     return number
             return len(rows) - 1
         finally:

@@ -1,7 +1,7 @@
-"""Strokes of a closed hand that push a door, drawer or lid shut, from outside, at its handle if it has one.
+"""Strokes of a closed hand that push a door, drawer or lid shut from outside, at its handle if it has one.
 
-The fingertips go along the leaf's way, so that they stay on the leaf: on a line, or on an arc about the hinge. A bar
-is thin, and fingers that meet an edge of it jam: after a stroke that moved nothing they push the leaf beside it.
+The fingertips follow the leaf's motion, a line or an arc about the hinge, so that they stay at one point of it. Fingers
+may jam on the edge of a thin bar: after a stroke that moved nothing, they push the leaf beside the handle.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from planlang.protocols import Trajectory
 from sim.joints import Articulation, JointKind
 
 BEFORE = 0.1
-"""Distance of the fingertips from the leaf where the push begins [m]."""
+"""Distance of the fingertips from the leaf at the start of a push [m]."""
 STEP = 0.05
-"""Distance of places on the way [m]."""
+"""Spacing of waypoints [m]."""
 FARTHEST = 0.25
-"""Longest way from one place of the base [m]."""
+"""Longest stroke from one base pose [m]."""
 STROKES = 4
-"""Strokes after which a leaf that is open still is given up."""
+"""Most strokes for one leaf."""
 BESIDE, EDGE = 0.07, 0.02
-"""Distance from a handle to where the leaf is pushed beside it, and from there to its edge at least [m]."""
+"""Distance from a handle to the point beside it to push at, and least distance of that point from the edge [m]."""
 MOVED = 0.01
-"""Way of what is pushed up to which a stroke moved nothing [m]."""
+"""Distance of the pushed point up to which a stroke counts as having moved nothing [m]."""
 NORMAL = 0.9
-"""Cosine of the largest angle between the free side of a leaf and the axis of its box that is normal to it."""
+"""Least cosine between the leaf's outward direction and the box axis that counts as its normal."""
 FINE = 40
-"""Values of the joint that are compared with where the hand is."""
+"""Joint values to compare with the position of the hand."""
 EXACT = 0.003
-"""Largest error of heights [m]."""
+"""Tolerance of heights [m]."""
 ACROSS = 0.3
-"""Sine of the largest angle between a bar and the fingers beside each other, where it would go between them."""
+"""Cosine between a bar and the normal of the fingers' closing plane at the largest misalignment."""
 LEANS = {JointKind.PRISMATIC: -0.7, JointKind.HINGED: -0.2}
-"""Cosine of the largest angle between the hand and the way to the leaf; one that turns takes the hand along."""
+"""Cosine between the hand's approach and the leaf's normal at the largest lean; a hinged leaf turns under the hand."""
 
 
 class LeafStrokes(StrokeWork):
@@ -56,20 +56,21 @@ class LeafStrokes(StrokeWork):
         super().__init__(work.platform)
         self._work, self._joint = work, joint
         self._is_beside = joint.handle is None
-        """Whether the leaf is pushed, not its handle."""
+        """Whether to push the leaf itself instead of its handle."""
 
     async def shut(self) -> None:
-        """Push until the leaf is shut; raises ContainerStuck, or HandleNotReachable where no hand gets there."""
+        """Push until the leaf is shut. Raises ContainerStuck, or HandleNotReachable if no hand reaches it."""
         joint, belief = self._joint, self.platform.belief
         for _ in range(STROKES):
             if joint.is_shut(belief.joint(joint.leaf)):
                 return
             await self._once()
         if not joint.is_shut(belief.joint(joint.leaf)):
-            raise ContainerStuck(f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}", what=joint.leaf)
+            at = f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}"
+            raise ContainerStuck(f"{at}, still open after {STROKES} pushes", what=joint.leaf)
 
     async def _once(self) -> None:
-        """Push with the first hand that can; raises HandleNotReachable if none can."""
+        """Push with the first hand that can. Raises HandleNotReachable if none can."""
         tries = Tries()
         arms = self._work.free_hands()
         if not arms:
@@ -80,53 +81,53 @@ class LeafStrokes(StrokeWork):
             self.platform.arms.choices.choose(arm.name)
             with tries:
                 return await self._pushed(arm, self.platform.belief.joint(self._joint.leaf))
-        said = f"{self._joint.leaf} is out of reach of a hand that pushes"
-        raise HandleNotReachable(said, what=self._joint.leaf) from tries.problem
+        message = f"no hand can reach {self._joint.leaf} to push it shut"
+        raise HandleNotReachable(message, what=self._joint.leaf) from tries.problem
 
     async def _pushed(self, arm: ArmModel, value: float) -> None:
-        """Push once with a hand, as far as it goes from one place of the base; look how far that was."""
+        """Push once from one base pose, as far as possible, and look how far the leaf moved."""
         platform, joint = self.platform, self._joint
         platform.sync()
         approach = np.array(arm.frame.approach)
         tips = Pose(tuple((float((hand_with(platform.scene, arm) @ approach).max()) * approach).tolist()))
-        way = self._along(value)
-        asked = self._asked(arm, way, tips)
+        path = self._along(value)
+        constraints = self._constraints(arm, path, tips)
         grounding = Grounding(platform, {joint.holder} if joint.holder else (), joint.bodies)
         phase = Phase()
-        await self._look(grounding, asked, phase)
-        plane = Plane(grounding.grounded(asked, phase).constraints[0])
+        await self._look(grounding, constraints, phase)
+        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
         normal = np.array(plane.height.world.direction)
-        local = moved(inverse(platform.belief.pose(joint.leaf).matrix()), way)
-        over = (local - local[1]) @ normal
-        points = np.column_stack([local - over[:, None] * normal, over])
-        lap = await self.stroke(grounding, phase, asked, plane, points, closed=False)
+        local = moved(inverse(platform.belief.pose(joint.leaf).matrix()), path)
+        heights = (local - local[1]) @ normal
+        points = np.column_stack([local - heights[:, None] * normal, heights])
+        lap = await self.stroke(grounding, phase, constraints, plane, points, closed=False)
         link = platform.robot.arm(arm.name).tip
         try:
             await platform.follow(arm.name, lap, pushes=link)
         finally:
-            self._believe(np.array((platform.world.link_pose(link) @ tips).position), way)
+            self._believe(np.array((platform.world.link_pose(link) @ tips).position), path)
         await self._back(arm, lap)
         await self._work.look(joint.handle or joint.leaf)
         turn = product(joint.motion(platform.belief.joint(joint.leaf)).matrix(), joint.motion(value).inverse().matrix())
-        gone = float(np.linalg.norm(moved(turn, way[1]) - way[1]))
-        self._is_beside = self._is_beside or gone < MOVED
+        distance = float(np.linalg.norm(moved(turn, path[1]) - path[1]))
+        self._is_beside = self._is_beside or distance < MOVED
 
     def _along(self, value: float) -> Array:
-        """Return the fingertips' way in the map (n, 3): before the leaf, on it, and with it as far as a stroke goes."""
+        """Compute the fingertips' path in the map (n, 3): one point before the leaf, then with it for one stroke."""
         joint, back = self._joint, self._joint.motion(value).inverse().matrix()
-        start = self._place()
-        ends = moved(product(joint.motion(0.0).matrix(), back), start)
-        length = float(np.linalg.norm(ends - start))
+        start = self._point()
+        end = moved(product(joint.motion(0.0).matrix(), back), start)
+        length = float(np.linalg.norm(end - start))
         goal = value * max(0.0, 1.0 - FARTHEST / max(length, 1e-6))
         count = 2 + math.ceil(min(length, FARTHEST) / STEP)
-        along = np.stack(
+        points = np.stack(
             [moved(product(joint.motion(one).matrix(), back), start) for one in np.linspace(value, goal, count)]
         )
-        ahead = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
-        return np.vstack([along[0] - BEFORE * ahead, along])
+        ahead = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+        return np.vstack([points[0] - BEFORE * ahead, points])
 
-    def _place(self) -> Array:
-        """Return where the leaf is pushed now (3,): the middle of its handle, or its free side beside that."""
+    def _point(self) -> Array:
+        """Choose the map point (3,) to push at: the middle of the handle, or a point of the leaf beside it."""
         joint, scene = self._joint, self.platform.scene
         if not self._is_beside:
             assert joint.handle is not None
@@ -138,21 +139,21 @@ class LeafStrokes(StrokeWork):
         outwards = outwards_of(scene, joint)
         bar = handle.rotation[:, int(np.argmax(scene.bodies.size(joint.handle)))]
         across = np.cross(outwards, bar)
-        middle, here = np.array(leaf.position), np.array(handle.position)
-        there = leaf.rotation.T @ (here + math.copysign(BESIDE, float((middle - here) @ across)) * across - middle)
-        free = leaf.rotation.T @ outwards
-        room = np.maximum(half - EDGE, 0.0)
-        face = np.where(np.abs(free) > NORMAL, np.sign(free) * half, np.clip(there, -room, room))
-        return middle + leaf.rotation @ face
+        middle, grip = np.array(leaf.position), np.array(handle.position)
+        beside = leaf.rotation.T @ (grip + math.copysign(BESIDE, float((middle - grip) @ across)) * across - middle)
+        normal = leaf.rotation.T @ outwards
+        inner = np.maximum(half - EDGE, 0.0)
+        point = np.where(np.abs(normal) > NORMAL, np.sign(normal) * half, np.clip(beside, -inner, inner))
+        return middle + leaf.rotation @ point
 
-    def _asked(self, arm: ArmModel, way: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
-        """Return that the fingertips, at a pose in the tip frame, are on the leaf, and how hand and fingers lean."""
+    def _constraints(self, arm: ArmModel, path: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
+        """Build the constraints: fingertips (``tips`` in the tip frame) on the leaf, bounds of how the hand leans."""
         x, y, z = map(float, arm.frame.approach)
         hand = self.platform.robot.arm(arm.name).hand
         tip = a_feature("LINE", of=hand, position=tips.position, direction=(x, y, z))
         pose = self.platform.belief.pose(self._joint.leaf)
-        px, py, pz = moved(inverse(pose.matrix()), way[1]).tolist()
-        nx, ny, nz = (pose.rotation.T @ (way[0] - way[1]) / BEFORE).tolist()
+        px, py, pz = moved(inverse(pose.matrix()), path[1]).tolist()
+        nx, ny, nz = (pose.rotation.T @ (path[0] - path[1]) / BEFORE).tolist()
         of = self.platform.scene.bodies.designator(self._joint.leaf)
         leaf = a_feature("PLANE", of=of, position=(px, py, pz), direction=(nx, ny, nz))
         leans = LEANS[self._joint.kind]
@@ -163,7 +164,7 @@ class LeafStrokes(StrokeWork):
         )
 
     def _beside(self, arm: ArmModel, hand: Device) -> tuple[MotionConstraint, ...]:
-        """Return that the fingers are beside each other along a bar that goes between them: they would jam on it."""
+        """Build the constraint that both fingers lie along a thin bar, which would jam between them otherwise."""
         handle, bodies = self._joint.handle, self.platform.scene.bodies
         if handle is None or self._is_beside or not arm.openings.lets_in(min(bodies.size(handle))):
             return ()
@@ -173,13 +174,15 @@ class LeafStrokes(StrokeWork):
         bar = a_feature("LINE", of=bodies.designator(handle), position=(0.0, 0.0, 0.0), direction=(x, y, z))
         return (a_constraint("PERPENDICULARITY", side, bar, lower=-ACROSS, upper=ACROSS, name="fingers along the bar"),)
 
-    def _believe(self, tip: Array, way: Array) -> None:
-        """Believe that the leaf went with the hand as far as that is into it; ``tip`` (3,): its fingertips."""
+    def _believe(self, tip: Array, path: Array) -> None:
+        """Update the believed joint value: the leaf has moved until the fingertips (3,) no longer penetrate it."""
         joint, belief = self._joint, self.platform.belief
         value = belief.joint(joint.leaf)
-        closed = moved(joint.motion(value).inverse().matrix(), way[1])
+        point = moved(
+            joint.motion(value).inverse().matrix(), path[1]
+        )  # where the pushed point is when the leaf is shut
         self.platform.sync()
-        world, values = self.platform.scene.world, np.linspace(min(value, joint.value_at(closed, tip)), 0.0, FINE)
+        world, values = self.platform.scene.world, np.linspace(min(value, joint.value_at(point, tip)), 0.0, FINE)
         for value in values.tolist():
             world.set_joint(joint.leaf, value)
             if all(one.body not in joint.bodies for one in world.contacts()):

@@ -1,1 +1,1 @@
-"""Process modules of grippers, and handing over."""
+"""Process modules of grippers, and for handing over."""

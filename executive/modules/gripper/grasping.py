@@ -1,4 +1,4 @@
-"""The process module that opens and closes grippers."""
+"""Process module that opens and closes grippers."""
 
 from __future__ import annotations
 
@@ -23,18 +23,21 @@ from planlang.protocols import MotionState
 
 @process_module
 class Grasping(PlatformModule):
-    """Opens and closes grippers: one module for both, so that requests to one gripper queue up."""
+    """Opens and closes grippers: a single module, so that requests to one gripper queue up."""
 
     name = "gripper"
     actions = ("OpeningAGripper", "ClosingAGripper")
     failures = (GripperFailure, ObjectLost, DesignatorFailure)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the arm that carries the gripper: it must not move meanwhile."""
+        """Return the arm that carries the gripper, because it must not move meanwhile."""
         return tuple(arm.name for arm in self._arms(action)[:1])
 
     async def execute(self, action: Action) -> str | None:
-        """Open or close; return the name of what was grasped or let go."""
+        """Open or close the gripper; return the name of the object grasped or released.
+
+        Raises GraspMissed if the fingers close on nothing.
+        """
         arms = self._arms(action)
         if not arms:
             raise MissingCapability(designator=str(action), missing=("GripperMotionCapability",))
@@ -43,17 +46,18 @@ class Grasping(PlatformModule):
         return await self._open(arms[0])
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Return the arms that the action may mean: of the device; else one that holds something; else the chosen one.
+        """Find the arms with grippers that the action may use, best first.
 
-        For a thing that is in no hand, free arms come first.
+        Arms of the stated device, else all; of these the empty ones for an object that is not in a hand, otherwise
+        those that hold something, otherwise the arm chosen before first.
         """
         scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
         device, what = action.get("device_used"), action.get("object_acted_on")
         candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        found = arms.holding(candidates) or arms.in_order(candidates)
+        preferred = arms.holding(candidates) or arms.in_order(candidates)
         if isinstance(what, Object) and not hands.hold(what):
-            found = arms.free(candidates) or found
-        return [arm for arm in found if hands.gripper(arm) is not None]
+            preferred = arms.free(candidates) or preferred
+        return [arm for arm in preferred if hands.gripper(arm) is not None]
 
     async def _close(self, arm: ArmModel, action: Action) -> str:
         hands = self.platform.hands
@@ -61,12 +65,12 @@ class Grasping(PlatformModule):
         name = hands.between_fingers(arm)
         if name is None:
             what = action.get("object_acted_on")
-            wanted = str(what) if isinstance(what, Object) else None
+            target = str(what) if isinstance(what, Object) else None
             if motion.touch is None:
                 self.platform.missed(arm)
-            else:  # one finger has met it: now it is known better where it is
+            else:  # a finger has touched the object, which shows where it is
                 await self.platform.sensing.bump(motion)
-            raise GraspMissed(arm=arm.name, what=wanted, blocked_by=motion.blocked_by)
+            raise GraspMissed(arm=arm.name, what=target, blocked_by=motion.blocked_by)
         hands.grasp(arm, name)
         return name
 
@@ -84,7 +88,7 @@ class Grasping(PlatformModule):
             if motion.state is not MotionState.DONE:
                 raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
             return None
-        # what was held has left the hand, even if something beside it keeps the fingers from opening as far as they can
+        # The object has left the hand even if an obstacle beside it keeps the fingers from opening fully.
         await hands.settled(held.name)
         self.platform.arms.put_down(arm, held.name)
         return held.name

@@ -1,4 +1,4 @@
-"""The process module that hands over what an arm holds, and waits until the person takes it."""
+"""Process module that hands a held object to a person and waits until they take it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from planlang.failures import (
 from planlang.language.process_module import process_module
 
 DRAWN_BACK = (0.12, 0.06)
-"""Distances by which a hand is taken straight back from what it has handed over [m]."""
+"""Distances to try for the straight retreat of a hand after the handover [m]."""
 PATIENCE = 15.0
-"""Time for which an object is offered [s]: long enough to notice it and to reach out."""
+"""Time for which to offer an object [s]: long enough for a person to notice it and reach out."""
 
 
 @process_module
 class Handover(PlatformModule):
-    """Offers what an arm holds until somebody takes it."""
+    """Offers a held object until a person takes it."""
 
     name = "handover"
     actions = ("HandingOverAnObject",)
@@ -38,22 +38,25 @@ class Handover(PlatformModule):
         return tuple(arm.name for arm in self._arm(action))
 
     async def execute(self, action: Action) -> str:
-        """Hand over ``object_acted_on`` (default: what is held); return the name of the person who took it."""
+        """Hand over ``object_acted_on`` (default: any held object); return the name of the person who took it.
+
+        Raises HandoverNotTaken if nobody, or another person, pulls at it.
+        """
         arms = self._arm(action)
         if not arms:
-            raise ActionUnresolvable("no arm holds what is to be handed over", designator=str(action))
+            raise ActionUnresolvable("no arm holds the object to hand over; grasp it first", designator=str(action))
         platform, arm = self.platform, arms[0]
         held = platform.scene.arms.held(arm.name)
         assert held is not None
         recipient = action.get("recipient")
-        wanted = str(recipient) if isinstance(recipient, Person) else None
+        stated = str(recipient) if isinstance(recipient, Person) else None
         if not await platform.hands.offer(arm, held.name, PATIENCE):
-            raise HandoverNotTaken(what=held.name, recipient=wanted)
-        meant = platform.scene.bodies.bind(recipient) if isinstance(recipient, Person) else None
-        person = platform.scene.bodies.taker(held.name, meant)
-        if person is None or meant not in (None, person):
-            said = f"{person or 'somebody unknown'} takes {held.name} instead of {wanted}"
-            raise HandoverNotTaken(said, what=held.name, recipient=wanted)
+            raise HandoverNotTaken(what=held.name, recipient=stated)
+        expected = platform.scene.bodies.bind(recipient) if isinstance(recipient, Person) else None
+        person = platform.scene.bodies.taker(held.name, expected)
+        if person is None or expected not in (None, person):
+            message = f"{person or 'an unknown person'} takes {held.name} instead of {stated}"
+            raise HandoverNotTaken(message, what=held.name, recipient=stated)
         mates = platform.scene.arms.mates(arm.name)
         platform.hands.let_go(held.name, to=person)
         for one in (arm, *mates):
@@ -63,18 +66,18 @@ class Handover(PlatformModule):
         return person
 
     async def _draw_back(self, arm: ArmModel, name: str) -> None:
-        """Take the hand straight back from what the person has now, as far as there is room: an arm turns off there."""
+        """Retreat straight from the object, if there is room: the arm's next motion might sweep into it otherwise."""
         path = self.platform.arms.drawn(arm, (far * self.back_of(arm) for far in DRAWN_BACK), name)
         if path is not None:
             await self.platform.sensing.bump(await self.platform.follow(arm.name, path))
 
     def _arm(self, action: Action) -> list[ArmModel]:
-        platform = self.platform
+        """Find the first arm that holds the object, as a list of at most one."""
+        scene = self.platform.scene
         what = action.get("object_acted_on")
-        name = platform.scene.bodies.bind(what) if isinstance(what, Object) else None
-        found = []
-        for arm in platform.scene.arms.all:
-            held = platform.scene.arms.held(arm.name)
+        name = scene.bodies.bind(what) if isinstance(what, Object) else None
+        for arm in scene.arms.all:
+            held = scene.arms.held(arm.name)
             if held is not None and name in (None, held.name):
-                found.append(arm)
-        return found[:1]
+                return [arm]
+        return []

@@ -1,1 +1,1 @@
-"""Process modules that look, search and explore."""
+"""Process modules that look at, search for and explore."""

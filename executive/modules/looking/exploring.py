@@ -1,4 +1,4 @@
-"""The process module that explores: it looks around from where the robot stands, and chooses the next best view."""
+"""Process module that explores: it looks around from the current base pose and chooses the next best view."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnre
 from planlang.language.process_module import process_module
 
 EXPOSURE = 0.1
-"""Time that the head stands still for a picture [s]."""
+"""Time for which the head stays still for an image [s]."""
 
 
 @process_module
 class Exploring(PlatformModule):
-    """Looks around, and works out from where to look next."""
+    """Looks around and computes the next view."""
 
     name = "exploration"
     actions = ("EnvironmentExploration",)
@@ -30,15 +30,15 @@ class Exploring(PlatformModule):
         return ("head",)
 
     async def execute(self, action: Action) -> dict[str, Any]:
-        """Look around; return what ``to_location`` names, the next view, by its name.
+        """Look around; return {name: location of the next view} for the name in ``to_location``, {} without one.
 
-        What ``outputs_created`` names can be checked: whether nothing new is to be seen any more.
+        The name in ``outputs_created`` stands for this exploration: checking it finds whether exploration is finished.
         """
         await checkpoint()
         if not self.platform.belief.recognition.runs(EXPLORATION):
-            raise PerceptionFailure("what builds a map and chooses views is stopped")
+            raise PerceptionFailure("the exploration software is stopped; start it with StartSoftwareModules first")
         if self.platform.robot.camera is None:
-            raise PerceptionFailure("a robot without camera explores nothing")
+            raise PerceptionFailure("exploration needs a robot with a camera")
         names = [_named(action.get(one)) for one in ("to_location", "outputs_created")]
         await look_around(self.platform, [name for name in names if name is not None])
         return {} if names[0] is None else {names[0]: a_posture(names[0])}
@@ -49,7 +49,10 @@ def _named(value: object) -> str | None:
 
 
 async def look_around(platform: Platform, names: Sequence[str] = ()) -> None:
-    """Take pictures from here until they show nothing new, then choose the next view."""
+    """Take images from the current base pose until they show nothing new, then choose the next view.
+
+    ``names``: names by which later steps refer to this exploration.
+    """
     exploration = platform.exploration
     exploration.names = tuple(dict.fromkeys((*exploration.names, *names)))
     for point in exploration.gazes():

@@ -1,4 +1,4 @@
-"""The process module that writes the map of what the robot believes to be around it."""
+"""Process module that writes the robot's believed semantic map to a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from planlang.outputs import write_text
 
 @process_module
 class Mapping(PlatformModule):
-    """Uploads maps: they are written to the file that the user named."""
+    """Uploads maps by writing them to the file that the user named."""
 
     name = "mapping"
     actions = ("UploadMapToRoboEarth",)

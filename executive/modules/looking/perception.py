@@ -1,4 +1,4 @@
-"""The process modules of the head, which points the camera at things, and of perception, which looks for them."""
+"""Process modules of the head, which points the camera, and of perception, which finds objects."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from planlang.ontology import expand
 
 @process_module
 class Head(PlatformModule):
-    """Turns the neck so that an object is in the middle of the picture."""
+    """Turns the neck to centre an object in the image."""
 
     name = "head"
     actions = ("LookingAtSomething",)
@@ -43,78 +43,77 @@ class Head(PlatformModule):
         """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
-            raise ActionUnresolvable("looking at something needs object_acted_on", designator=str(action))
+            raise ActionUnresolvable("name the object to look at as object_acted_on", designator=str(action))
         scene = self.platform.scene
         name = scene.bodies.bind(what)
         await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)
 
 
 MOST_GAZES = 6
-"""Directions that are looked into before an object counts as not found; 0.3 m apart they cover 0.6 m by 0.9 m."""
+"""Gazes before an object counts as not found; 0.3 m apart, they cover 0.6 m by 0.9 m."""
 
 
 @process_module
 class Perception(PlatformModule):
-    """Turns the head and asks the camera; everything seen changes the belief."""
+    """Turns the head and updates the belief with everything that the camera recognises."""
 
     name = "perception"
     actions = ("Perceiving",)
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head, and the whole robot if places have to be gone to, and opened."""
-        return self.whole_robot() if self._goes(action) else ("head",)
+        """Return the head; for a search of several places, which are driven to and opened, the whole robot."""
+        return self.whole_robot() if self._searches_places(action) else ("head",)
 
-    def _goes(self, action: Action) -> bool:
-        """Return whether something is looked for of which it is not known where it is."""
+    def _searches_places(self, action: Action) -> bool:
+        """Check whether the action searches for an object at an unknown place."""
         what, bodies = action.get("object_acted_on"), self.platform.scene.bodies
-        seeks = "LookingForAThingOrTypeOfThing" in self.platform.ancestors(action.type)
-        return seeks and isinstance(what, Object) and bodies.known(what) is None
+        searches = "LookingForAThingOrTypeOfThing" in self.platform.ancestors(action.type)
+        return searches and isinstance(what, Object) and bodies.known(what) is None
 
     async def execute(self, action: Action) -> Pose:
-        """Look for ``object_acted_on``; return its pose as seen, or raise ObjectNotFound.
+        """Look for ``object_acted_on`` and return its pose in the map. Raises ObjectNotFound if it is not seen.
 
-        What was seen from elsewhere and cannot be seen from here is where it was seen.
-        Where it is not known where the thing is, it is looked for in all places where it is likely, those within
-        ``location_searched``; raises ObjectNowhereToBeFound when it is at none.
+        An object seen from elsewhere but hidden from here keeps its pose. An object at an unknown place is searched
+        for at all likely places within ``location_searched``; raises ObjectNowhereToBeFound if it is at none of them.
         """
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
-            raise ActionUnresolvable("perceiving needs object_acted_on", designator=str(action))
+            raise ActionUnresolvable("name the object to perceive as object_acted_on", designator=str(action))
         platform = self.platform
         if not platform.belief.recognition.runs(VISION):
-            raise PerceptionFailure(f"{what} cannot be seen: what recognises things is stopped")
+            raise PerceptionFailure(f"cannot see {what}: the vision software is stopped; start it first")
         name = platform.scene.bodies.known(what)
         try:
             self._check_model(what, name)
         except RecognitionModelMissing as failure:
-            if self._goes(action):
+            if self._searches_places(action):
                 raise ObjectNowhereToBeFound(what=str(what)) from failure
             raise
         if name is None:
             return platform.belief.pose(await self._search(action, what))
-        beyond: LookingGoalUnreachable | None = None
+        unreachable: LookingGoalUnreachable | None = None
         for count, point in enumerate(self._gazes(name)):
             if count == MOST_GAZES:
                 break
             try:
                 await platform.sensing.look_at(point, name)
             except LookingGoalUnreachable as failure:
-                beyond = beyond or failure
+                unreachable = unreachable or failure
                 continue
             if name in platform.sensing.see():
                 return platform.belief.pose(name)
         if platform.sensing.is_out_of_sight(name):
             return platform.belief.pose(name)
         platform.sensing.not_seen(name)
-        raise ObjectNotFound(what=name) from beyond
+        raise ObjectNotFound(what=name) from unreachable
 
     def _check_model(self, what: Object, name: str | None) -> None:
-        """Raise RecognitionModelMissing for what would not be recognised wherever it is."""
+        """Raise RecognitionModelMissing if the camera could not recognise the object anywhere."""
         belief = self.platform.belief
         thing = None if name is None else belief.map.find(name)
-        known = belief.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
-        if known:
+        recognised = belief.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
+        if recognised:
             return
         types = (expand(what.type),) if thing is None else thing.types
         if not needs_model(belief.map.ontology, types):
@@ -122,13 +121,13 @@ class Perception(PlatformModule):
         raise RecognitionModelMissing(missing_model(name or str(what), types), what=name or str(what))
 
     async def _search(self, action: Action, what: Object) -> str:
-        """Look for something from here, or, if that is asked for, at one likely place after another."""
-        from executive.modules.looking.searching import (  # known things are looked at directly
+        """Search for an object from here or, if the action is a search, at one likely place after another."""
+        from executive.modules.looking.searching import (  # imported late: objects at known places need no search
             found_in_places,
             seen_from_here,
         )
 
-        if self._goes(action):
+        if self._searches_places(action):
             return await found_in_places(self.platform, action, what)
         name = await seen_from_here(self.platform, what)
         if name is None:
@@ -136,7 +135,7 @@ class Perception(PlatformModule):
         return name
 
     def _gazes(self, name: str) -> Iterator[Array]:
-        """Yield points (3,) to look at: the believed place, then over its support, nearest to that place first."""
+        """Yield points (3,) to look at: the believed position, then points over its support, nearest first."""
         block = self.platform.scene.bodies.block(name)
         yield block.centre
         support = self.platform.sensing.support_of(name)

@@ -1,4 +1,4 @@
-"""Process modules that look for something in several places, check conditions, and start and stop software."""
+"""Process modules that search several places for an object, check conditions, and start and stop software."""
 
 from __future__ import annotations
 
@@ -34,89 +34,89 @@ from planlang.language.process_module import process_module
 from planlang.records import dataclass
 
 ABOUT = 2.0
-"""Distance from the robot of the points that it looks at where it does not know what there is [m]."""
+"""Distance of the points to look at in unknown surroundings [m]."""
 AROUND = 7
-"""Headings in which it looks then: with 50 degrees in a picture they overlap."""
+"""Headings of these points, 51 degrees apart: images of 50 degrees leave almost no gap."""
 HEIGHTS = (1.0, 0.3)
 """Heights of these points [m]."""
 NEAR_IT = 0.1
-"""A thing whose middle is no farther from the inside of furniture is in it [m]."""
+"""Largest distance between an object's centre and the interior of furniture that contains it [m]."""
 VIEWS = 3
-"""Base poses from which one place is looked at, at most."""
+"""Most base poses from which to look at one place."""
 MOST_UNSEEN = 0.5
-"""Share of a place that may stay hidden although it counts as looked at."""
+"""Share of a place that may stay hidden before the search of it counts as failed."""
 IN_VAIN = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure)
-"""Failures to open or close a door or drawer after which the search goes on."""
+"""Failures to open or close a door or drawer after which the search continues."""
 
 
 @dataclass(slots=True)
 class Shown:
-    """What pictures from one base pose show of points at which something may be."""
+    """Points of a place that the images from one base pose hide."""
 
     points: Array
-    """Points (n, 3) of the map that should be seen, by what is believed."""
+    """Points (n, 3) of the map that the planning scene predicts to be visible."""
     screens: Array = field(default_factory=NO_SCREENS.copy)
-    """Points (k, 3) of the map at which something hides what is behind it."""
+    """Points (k, 3) of the map on the surfaces of occluders."""
     hidden: NDArray[np.bool_] = field(init=False)
-    """Which of the points are hidden, (n,)."""
+    """Mask (n,) of the points that are hidden."""
 
     def __post_init__(self) -> None:
         self.hidden = np.zeros(len(self.points), bool)
 
     def add(self, hidden: NDArray[np.bool_], screens: Array) -> None:
-        """Add what one picture shows."""
+        """Add the hidden points and the occluders of one image."""
         self.hidden |= hidden
         self.screens = np.vstack([self.screens, screens])
 
 
 @process_module
 class Software(PlatformModule):
-    """Starts and stops software parts, and loads models of what is to be recognised."""
+    """Starts and stops software components, and loads recognition models."""
 
     name = "software"
     actions = ("StartSoftwareModules", "StopSoftwareModules", "LoadTypicalObjectModels")
     failures = (DesignatorFailure,)
 
     async def execute(self, action: Action) -> None:
-        """Believe that the part that the class names runs, or not; or that things typical of a place are recognised."""
+        """Start or stop the component that the action class names, or load models of a place's typical objects."""
         await checkpoint()
         ancestors, recognition = self.platform.ancestors(action.type), self.platform.belief.recognition
         if "LoadTypicalObjectModels" in ancestors:
             recognition.load(self.platform.searches.typical_things(_place(action)))
             return
         running = "StartSoftwareModules" in ancestors
-        parts = {"VisionModules": VISION, "ExplorationModules": EXPLORATION}
-        named = next((part for words, part in parts.items() for one in ancestors if one.endswith(words)), None)
-        recognition.set_running(named or local_name(action.type), running=running)
+        components = {"VisionModules": VISION, "ExplorationModules": EXPLORATION}
+        bundled = next((part for suffix, part in components.items() for one in ancestors if one.endswith(suffix)), None)
+        recognition.set_running(bundled or local_name(action.type), running=running)
 
 
 def _place(action: Action) -> str | None:
-    """Return the class of the place that models are wanted for."""
+    """Read the class of the place whose objects' models the action loads."""
     place = action.get("models_for_place")
     return place.type if isinstance(place, Object) else place if isinstance(place, str) else None
 
 
 @process_module
 class Inference(PlatformModule):
-    """Works out where something is likely to be."""
+    """Infers where an object is likely to be."""
 
     name = "inference"
     actions = ("InferLikelyObjectLocations",)
     failures = (DesignatorFailure,)
 
     async def execute(self, action: Action) -> Location | None:
-        """Begin a search for ``object_acted_on``; what ``outputs_created`` names is its next place at each use."""
+        """Begin a search for ``object_acted_on``; ``outputs_created`` names its next likely place at each use."""
         await checkpoint()
-        what, made = action.get("object_acted_on"), action.get("outputs_created")
+        what, output = action.get("object_acted_on"), action.get("outputs_created")
         if not isinstance(what, Object):
-            raise ActionUnresolvable("inferring where something is needs object_acted_on", designator=str(action))
-        name = made.name if isinstance(made, Location | Object) else None
-        self.platform.searches.begin(name or str(what), what, _searched(action))
-        return made if isinstance(made, Location) else None
+            raise ActionUnresolvable("name the object to locate as object_acted_on", designator=str(action))
+        name = output.name if isinstance(output, Location | Object) else None
+        self.platform.searches.begin(name or str(what), what, _search_space(action))
+        return output if isinstance(output, Location) else None
 
 
-def _searched(action: Action) -> Object | None:
-    """Return the place within which is to be searched."""
+def _search_space(action: Action) -> Object | None:
+    """Read the furniture or room to which the action restricts the search; None if it does not."""
     where = action.get("location_searched") or action.get("search_space")
     if isinstance(where, Location):
         return next(where.things(), None)
@@ -125,7 +125,7 @@ def _searched(action: Action) -> Object | None:
 
 @process_module
 class Checking(PlatformModule):
-    """Finds out whether a condition holds."""
+    """Checks whether a condition holds."""
 
     name = "checking"
     actions = ("CheckingWhetherConditionObtains",)
@@ -136,61 +136,66 @@ class Checking(PlatformModule):
         return ("head",)
 
     async def execute(self, action: Action) -> bool:
-        """Return whether ``object_acted_on``, or what the condition is about, is seen from here.
+        """Check whether the object of the condition, or else ``object_acted_on``, is seen from here.
 
-        Of what an exploration has made: whether it is finished.
+        For the name of an exploration, check whether the exploration is finished. Raises ActionUnresolvable for other
+        conditions.
         """
         await checkpoint()
-        made, exploring = action.get("object_acted_on"), self.platform.exploring
-        name = made.name if isinstance(made, Location | Object) else made
+        checked, exploring = action.get("object_acted_on"), self.platform.exploring
+        name = checked.name if isinstance(checked, Location | Object) else checked
         if exploring is not None and name in exploring.names:
             return exploring.finished
-        what = self._sought(action)
+        what = self._object(action)
         if what is None:
-            raise ActionUnresolvable("nothing here decides this condition", designator=str(action))
+            raise ActionUnresolvable(
+                "cannot check this condition: name an object to see, or an exploration", designator=str(action)
+            )
         return await seen_from_here(self.platform, what) is not None
 
-    def _sought(self, action: Action) -> Object | None:
-        """Return what is to be seen."""
+    def _object(self, action: Action) -> Object | None:
+        """Read the object whose visibility decides the condition."""
         condition = action.get("condition_evaluated")
         if isinstance(condition, Situation) and "VisualPerception" in self.platform.ancestors(condition.type):
-            seen = condition.get("detected_object")
-            if isinstance(seen, Object):
-                return seen
+            detected = condition.get("detected_object")
+            if isinstance(detected, Object):
+                return detected
         what = action.get("object_acted_on")
         return what if isinstance(what, Object) else None
 
 
-async def found_in_places(platform: Platform, wanted: Action, what: Object) -> str:
-    """Go from place to place where something is likely until it is seen; return its name.
+async def found_in_places(platform: Platform, searching: Action, what: Object) -> str:
+    """Search one likely place after another until an object is seen; return its name.
 
-    Doors and drawers are opened, looked into, and closed again, unless the thing is there. Where the map lacks places
-    for things, the robot explores what it lacks once no place is left.
+    Opens doors and drawers and closes them again unless the object is inside. Explores unknown space once no known
+    place is left. Raises ObjectNowhereToBeFound if the object is not seen anywhere.
     """
     if platform.robot.camera is None:
-        told = f"it is not known where {what} is, and a robot without camera cannot look for it"
-        raise ObjectNowhereToBeFound(f"{told}; it takes from the map (--trust-map) what --unknown does not name")
-    search = platform.searches.begin(str(what), what, _searched(wanted))
-    while (name := await _seen_or_gone_on(platform, search)) is None:
+        raise ObjectNowhereToBeFound(
+            f"the place of {what} is unknown, and a robot without a camera cannot search for it; "
+            "use --trust-map, and do not name it with --unknown"
+        )
+    search = platform.searches.begin(str(what), what, _search_space(searching))
+    while (name := await _search_next(platform, search)) is None:
         pass
     return name
 
 
-async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
-    """Go to the next place, or the next view; return the name of what is looked for once it is seen."""
+async def _search_next(platform: Platform, search: Search) -> str | None:
+    """Search the next place or, without one, explore the next view; return the object's name once it is seen."""
     try:
         place = platform.searches.next(search, opens=True)
     except ObjectNowhereToBeFound:
         if not _lacks_places(platform, search) or search.within is not None:
             raise
         await look_around(platform)
-        if (name := _found(platform, search.what)) is not None:
+        if (name := _remembered(platform, search.what)) is not None:
             return name
         goal = platform.exploration.goal
         if goal is None:
             raise
         before = now()
-        if not await _drives(goal) or now() == before:  # nothing new is seen from where the robot is already
+        if not await _drives(goal) or now() == before:  # a view from where the robot already is shows nothing new
             platform.exploration.missed()
         return None
     if place.is_shut:
@@ -199,15 +204,15 @@ async def _seen_or_gone_on(platform: Platform, search: Search) -> str | None:
 
 
 def _lacks_places(platform: Platform, search: Search) -> bool:
-    """Return True if furniture is unknown, or none that is known is a likely place: then exploring finds more."""
+    """Check whether exploring may find more places: furniture is unknown, or no known one was a likely place."""
     return not search.visited or any(not platform.scene.bodies.is_graspable(name) for name in platform.belief.unknown)
 
 
 async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyPlace | None) -> str | None:
-    """Look at a place from one base pose after another until all of it was seen that is seen from anywhere.
+    """Look at a place from several base poses until everything visible of it was seen; return the object once seen.
 
-    What the pictures show before it hides what is behind, be it known or not: that is looked at from elsewhere. Return
-    the name of what is looked for as soon as it is seen, be it on the way.
+    Occluders that the images show, known bodies or not, leave points unseen for the next base pose. The object may
+    also be seen on the way.
     """
     searches = platform.searches
     place, unseen = first or searches.view(search, name, searches.points_of(name)), searches.points_of(name)
@@ -216,29 +221,29 @@ async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyP
         if place is None:
             break
         if place.seconds and not await _drives(place.base):
-            search.failed[name] = "the base does not get to where it is seen"
-            return _found(platform, search.what)
+            search.failed[name] = "the base cannot reach a pose from which it is visible"
+            return _remembered(platform, search.what)
         points = searches.points(search, name, platform.base())
         shown = Shown(points)
-        if found := _found(platform, search.what) or await seen_from_here(platform, search.what, shown):
+        if found := _remembered(platform, search.what) or await seen_from_here(platform, search.what, shown):
             return found
         seen, screens = points[~shown.hidden], np.vstack([screens, shown.screens])
         unseen = unseen[~(unseen[:, None] == seen[None]).all(axis=2).any(axis=1)]
         place = searches.view(search, name, unseen, screens)
     if name in platform.belief.joints and len(unseen) > MOST_UNSEEN * whole:
-        search.failed[name] = f"{100 * len(unseen) / whole:.0f} % of it is not seen from anywhere"
+        search.failed[name] = f"{100 * len(unseen) / whole:.0f} % of it could not be seen"
     return None
 
 
 async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | None:
-    """Open a door or drawer and look inside; close it again, unless what is looked for is there. Return its name."""
+    """Open a door or drawer and look inside; return the object if seen. Close it again unless the object is inside."""
     belief, bodies = platform.belief, platform.scene.bodies
     what = bodies.designator(leaf)
     try:
         await perform(action("OpeningAContainerArtifact", object_acted_on=what))
     except IN_VAIN as failure:
         search.failed[leaf] = str(failure)
-    name = _found(platform, search.what)
+    name = _remembered(platform, search.what)
     if name is None and belief.is_left_open(leaf):
         name = await _seen_at(platform, search, leaf, None)
     if name is not None and _is_in(platform, name, leaf):
@@ -252,20 +257,20 @@ async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | N
 
 
 def _is_in(platform: Platform, name: str, leaf: str) -> bool:
-    """Return whether a thing is behind a door or in a drawer, and in none beside it."""
+    """Check whether an object is behind this door or in this drawer rather than a neighbouring one."""
     centre, inside = platform.scene.bodies.block(name).centre, platform.searches.inside
     away = inside(leaf).away(centre)
     return away < NEAR_IT and all(away <= inside(other).away(centre) for other in platform.belief.joints)
 
 
-def _found(platform: Platform, what: Object) -> str | None:
-    """Return the name of what is looked for if it was seen, from wherever, and has not been moved since."""
+def _remembered(platform: Platform, what: Object) -> str | None:
+    """Find the name of an object that was seen, from anywhere, and has not been moved since."""
     name = platform.scene.bodies.known(what)
     return name if name is not None and platform.belief.remembers(name) else None
 
 
 async def _drives(base: BasePose) -> bool:
-    """Drive to a base pose; return whether the robot arrived: if not, the search goes on from where it is."""
+    """Drive to a base pose; return False if the robot did not arrive, so that the search continues from where it is."""
     x, y, yaw = base
     with suppress(NavigationFailure):
         await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
@@ -274,20 +279,20 @@ async def _drives(base: BasePose) -> bool:
 
 
 async def seen_from_here(platform: Platform, what: Object, shown: Shown | None = None) -> str | None:
-    """Look where something is likely, from here; return its name, None if it is not seen.
+    """Look for an object from the current base pose; return its name, None if it is not seen.
 
-    ``shown`` learns which of its points something hides.
+    Adds the hidden points of each image to ``shown``.
     """
-    before = _seen(platform, what)
-    if before is not None:
-        return before
+    already = _seen_here(platform, what)
+    if already is not None:
+        return already
     for point in _gazes(platform, what):
         with suppress(LookingGoalUnreachable):
             await platform.sensing.look_at(point, str(what))
             platform.sensing.see()
             if shown is not None:
                 shown.add(*platform.sensing.hidden(shown.points))
-        if (name := _seen(platform, what)) is not None:
+        if (name := _seen_here(platform, what)) is not None:
             return name
     known = platform.scene.bodies.known(what)
     if known is not None:
@@ -295,13 +300,13 @@ async def seen_from_here(platform: Platform, what: Object, shown: Shown | None =
     return None
 
 
-def _seen(platform: Platform, what: Object) -> str | None:
+def _seen_here(platform: Platform, what: Object) -> str | None:
     name = platform.scene.bodies.known(what)
     return name if name is not None and platform.belief.seen_from_here(name) else None
 
 
 def _gazes(platform: Platform, what: Object) -> Iterator[Array]:
-    """Yield points (3,) to look at: where it is believed to be, at the place that was gone to last, or all around."""
+    """Yield points (3,) to look at: the object's believed position, then the place visited last, else all around."""
     searches, base = platform.searches, platform.base()
     known = platform.scene.bodies.known(what)
     if known is not None:

@@ -1,7 +1,7 @@
-"""The process module for motions under constraints (KnowRob's ITaSCMotion): one phase of a recipe in each action.
+"""Process module for motions under constraints (KnowRob's ITaSCMotion): each action is one phase of a recipe.
 
-It looks at the things that constraints are about, drives nearer where they are out of reach, moves the arms that hold
-the tools, and checks in the end what holds. A vessel that ends upside down is held so until the amount has flowed.
+It looks at the objects of the constraints, drives nearer if they are out of reach, moves the arms that hold the tools,
+and checks the constraints at the end. A vessel that ends upside down is held there until the amount has flowed.
 """
 
 from __future__ import annotations
@@ -49,23 +49,23 @@ from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Fe
 from planlang.protocols import Trajectory
 
 INSIDE = 1 / 3
-"""Share of the width between limits that is left out on both sides at first: a motion ends well inside if it can."""
+"""Margin on both sides within limits that is tried first, as a share of their width: motions end well inside."""
 PLACES = 4
-"""Places of the base from which a motion is tried."""
+"""Base poses from which to try a motion."""
 LOOKED_AT = 20
-"""Places of the base from which it is computed whether the arms get there: one takes up to 1.5 s."""
+"""Base poses from which to compute whether the arms reach the goal: one takes up to 1.5 s."""
 
 
 Objection = Callable[[GroundedMotion, PhaseMotion], "AmountNotPoured | None"]
-"""Returns the failure for which a motion is looked for elsewhere, None if it is as it should be."""
+"""Returns the failure for which a motion from here is rejected; None to accept it."""
 
 
-def no_objection(motion: GroundedMotion, found: PhaseMotion) -> None:
-    """Return None: any motion will do."""
+def no_objection(motion: GroundedMotion, solved: PhaseMotion) -> None:
+    """Accept any motion."""
 
 
 class ConstrainedWork(PlatformModule):
-    """Motions under constraints, as several process modules make them: from where, and on which way."""
+    """Base of the process modules for motions under constraints: choice of the base pose, and solution."""
 
     failures: Sequence[type[Exception]] = (
         ManipulationFailure,
@@ -76,30 +76,34 @@ class ConstrainedWork(PlatformModule):
     )
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base, the torso and the arms of tools; the head is asked for by looking."""
+        """List the base, the torso and the arms that may hold the tools; looking requests the head itself."""
         scene = self.platform.scene
         holders = [one.tool.held_by for one in constraints_of(action)]
         arms = {arm.name for held_by in holders for arm in (scene.arms.of(held_by) if held_by else scene.arms.all)}
         torso = [] if self.platform.robot.torso is None else ["torso"]
         return ("base", *torso, *(arm.name for arm in scene.arms.all if arm.name in arms))
 
-    # Where from
+    # Base poses
 
     async def _solved(
-        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase, objection: Objection = no_objection
+        self,
+        grounding: Grounding,
+        constraints: Sequence[MotionConstraint],
+        phase: Phase,
+        objection: Objection = no_objection,
     ) -> tuple[GroundedMotion, PhaseMotion]:
-        """Return the motion, from here or from a place to which the base is driven, where the phase before is made too.
+        """Solve the motion from here, or drive to where it can be solved and repeat the phase before there.
 
-        While something is being poured the base stays. Raises ConstraintsUnsatisfied, or an ``objection`` to a motion.
+        The base does not move during a pour. Raises ConstraintsUnsatisfied, a NavigationFailure, or the failure of
+        ``objection``.
         """
         tries = Tries(ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured)
-        await self._look(grounding, asked, phase)
-        motion = grounding.grounded(asked, phase)
-        now = self.platform.base()
-        here = phase.before or not self._is_mobile()
-        if here or (
+        await self._look(grounding, constraints, phase)
+        motion = grounding.grounded(constraints, phase)
+        stays = phase.before or not self._is_mobile()
+        if stays or (
             self.platform.base_poses().is_at_ease(_middle(motion), motion.arms)
-            and await compute_in_thread(partial(self._end, grounding, motion, now)) is not None
+            and await compute_in_thread(partial(self._end, grounding, motion, self.platform.base())) is not None
         ):
             with tries:
                 return motion, await self._accepted(grounding, motion, phase, objection)
@@ -108,82 +112,82 @@ class ConstrainedWork(PlatformModule):
             if await compute_in_thread(partial(self._end, grounding, motion, place)) is None:
                 continue
             with tries:
-                if not await self._gone_to(grounding, asked, phase, place):
+                if not await self._prepare_at(grounding, constraints, phase, place):
                     continue
-                motion = grounding.grounded(asked, phase)
+                motion = grounding.grounded(constraints, phase)
                 return motion, await self._accepted(grounding, motion, phase, objection)
             if (tried := tried + 1) == PLACES:
                 break
         if isinstance(tries.problem, NavigationFailure | AmountNotPoured):
             raise tries.problem
         if tried:
-            await self._look(grounding, asked, phase)
-            motion = grounding.grounded(asked, phase)
-        # Ends of places hold all constraints: if there is none, the motion was not tried yet without lighter ones.
-        last = self._way if tries.problem is None else self._just
+            await self._look(grounding, constraints, phase)
+            motion = grounding.grounded(constraints, phase)
+        # _end requires all constraints: if no base pose satisfies them, the motion is yet to be tried with fewer.
+        last = self._solve if tries.problem is None else self._solve_plain
         try:
             return motion, await compute_in_thread(partial(last, grounding, motion, phase, explains=True))
         except ConstraintsUnsatisfied as failure:
             if not moves or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
-            does = partial(self._ends_somewhere, grounding, asked, phase)
-            told = await compute_in_thread(partial(out_of_reach, self.platform, motion, does))
-            said = "; ".join(filter(None, (failure.message, told)))
-            raise ConstraintsUnsatisfied(said, arm=failure.arm, constraints=failure.constraints) from failure.__cause__
+            possible = partial(self._ends_somewhere, grounding, constraints, phase)
+            reason = await compute_in_thread(partial(out_of_reach, self.platform, motion, possible))
+            message, names = "; ".join(filter(None, (failure.message, reason))), failure.constraints
+            raise ConstraintsUnsatisfied(message, arm=failure.arm, constraints=names) from failure.__cause__
 
-    def _ends_somewhere(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> bool:
-        """Return whether there is a place of the base from which a motion ends, with things where they are believed."""
-        motion = grounding.grounded(asked, replace(phase, things={}))
+    def _ends_somewhere(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> bool:
+        """Check whether the goal can be reached from any of the first base poses, with objects as now believed."""
+        motion = grounding.grounded(constraints, replace(phase, things={}))
         return any(self._end(grounding, motion, place) is not None for place in islice(self._places(motion), PLACES))
 
     async def _accepted(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, objection: Objection
     ) -> PhaseMotion:
-        """Return the motion of a phase from here; raises ConstraintsUnsatisfied, or an objection to it."""
-        found = await compute_in_thread(partial(self._way, grounding, motion, phase))
-        if (problem := objection(motion, found)) is not None:
+        """Solve the motion of a phase from here. Raises ConstraintsUnsatisfied, or the objection to it."""
+        solved = await compute_in_thread(partial(self._solve, grounding, motion, phase))
+        if (problem := objection(motion, solved)) is not None:
             raise problem
-        return found
+        return solved
 
-    async def _gone_to(
-        self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase, place: BasePose
+    async def _prepare_at(
+        self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase, place: BasePose
     ) -> bool:
-        """Drive to a place and look, with the arms where the motion, or the phase before it, ends; False if none does.
+        """Move the arms to the end of the motion, or of the phase before it, drive to ``place``, and look.
 
-        The phase before is made there, so that the motion begins as it is meant to.
+        The phase before is repeated there, so that the motion begins as intended. Returns False if no end exists there.
         """
-        first = phase.before or asked
+        first = phase.before or constraints
         motion = grounding.grounded(first, phase)
         end = await compute_in_thread(partial(self._end, grounding, motion, place))
         if end is None:
             return False
-        await self._get_ready(grounding, motion, end)
+        await self._pose_arms(grounding, motion, end)
         await self.drive_with_room(place)
-        await self._look(grounding, asked, phase)
+        await self._look(grounding, constraints, phase)
         if phase.before:
-            await self._once_more(grounding, phase)
+            await self._repeat_phase(grounding, phase)
         return True
 
-    async def _once_more(self, grounding: Grounding, phase: Phase) -> None:
-        """Make the phase before once more, from here."""
+    async def _repeat_phase(self, grounding: Grounding, phase: Phase) -> None:
+        """Repeat the phase before, from here."""
         motion, alone = grounding.grounded(phase.before, phase), replace(phase, before=())
-        solved = await compute_in_thread(partial(self._way, grounding, motion, alone))
+        solved = await compute_in_thread(partial(self._solve, grounding, motion, alone))
         await self.gone(motion, solved.trajectory)
         self._check_end(grounding, motion, solved)
 
-    async def _get_ready(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
-        """Bring the arms, one after another, to where they will be before the base goes there: here is more room."""
+    async def _pose_arms(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
+        """Move the arms one after another to joint positions ``end`` (n,) before driving, while there is more room."""
         columns = grounding.group(motion).columns
-        waiting = list(zip(motion.arms, columns, strict=True))
-        for _ in range(len(waiting)):
-            for arm, own in tuple(waiting):
-                found = await compute_in_thread(partial(self._path, arm, end[own]))
-                if found is not None:
-                    await self.platform.follow(f"{arm.name} getting ready", found)
-                    waiting = [one for one in waiting if one[0] is not arm]
+        pending = list(zip(motion.arms, columns, strict=True))
+        for _ in range(len(pending)):  # moving one arm may make room for the other
+            for arm, own in tuple(pending):
+                trajectory = await compute_in_thread(partial(self._path, arm, end[own]))
+                if trajectory is not None:
+                    await self.platform.follow(f"{arm.name} getting ready", trajectory)
+                    pending = [one for one in pending if one[0] is not arm]
 
     async def drive_with_room(self, place: BasePose) -> None:
-        """Drive, if need be with the arms tucked: one that is stretched out may be in the way as the base turns."""
+        """Drive to a base pose; if that fails, tuck the arms first, since an extended arm needs room to turn."""
         try:
             await self.drive(place)
         except NavigationPoseUnreachable:
@@ -198,44 +202,45 @@ class ConstrainedWork(PlatformModule):
     def _is_mobile(self) -> bool:
         return not self.platform.robot.base.fixed
 
-    async def _look(self, grounding: Grounding, asked: Sequence[MotionConstraint], phase: Phase) -> None:
-        """Look at things of the world that were not seen since the base moved; keep where they are seen first."""
+    async def _look(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> None:
+        """Look at world objects not seen since the base moved, and record their first seen poses in the phase."""
         belief = self.platform.belief
-        for name in grounding.world_things(asked):
+        for name in grounding.world_things(constraints):
             if name in phase.things or name in belief.held:
                 continue
             if not belief.seen_from_here(name):
                 with suppress(PerceptionFailure, LookingFailure):
-                    what = next(one.world.of for one in asked if self.platform.scene.bodies.bind(one.world.of) == name)
+                    bind = self.platform.scene.bodies.bind
+                    what = next(one.world.of for one in constraints if bind(one.world.of) == name)
                     await perform(action("LookingForSomething", object_acted_on=what))
             if belief.seen_from_here(name) or self.platform.robot.camera is None:
                 phase.things[name] = belief.pose(name)
 
     def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
-        """Yield free places of the base before what the constraints are about, near ones first."""
+        """Yield free base poses in front of the objects of the constraints, near ones first."""
         return self.platform.base_poses().before(_middle(motion), motion.arms, arms_first=True)
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
-        """Return joint values (n,) at which constraints hold, from a base, and nothing is touched; None without.
+        """Find collision-free joint positions (n,) that satisfy the constraints from a base pose; None without any.
 
-        What may not lean stays upright there if it can.
+        Tools that must not tilt stay upright if possible.
         """
         upright = grounding.uprights(motion)
-        for asked in dict.fromkeys(
+        for constraints in dict.fromkeys(
             ((*_inside(motion.constraints, ()), *upright), (*motion.constraints, *upright), motion.constraints)
         ):
-            end = next(self._ends(grounding, replace(motion, constraints=asked), base), None)
+            end = next(self._ends(grounding, replace(motion, constraints=constraints), base), None)
             if end is not None:
                 return end
         narrow = Ends.of(grounding.problem(motion, base), self._start(motion), [(*motion.constraints, *upright)])
-        with suppress(MotionError):  # limits that leave little room between bodies are searched together with these
+        with suppress(MotionError):  # tight limits between bodies: solve for constraints and collisions together
             return next(replace(narrow, explains=False).found())[0]
         return None
 
     def _ends(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Iterator[Array]:
-        """Yield joint values (n,) at which constraints hold, from a base, and nothing is touched.
+        """Yield collision-free joint positions (n,) that satisfy the constraints from a base pose.
 
-        They are looked for arm by arm: each may have several ways to hold its tool.
+        Solves for each arm alone, then combines the solutions of several arms.
         """
         problem, every = grounding.problem(motion, base, blocked=False), []
         for arm in range(len(motion.arms)):
@@ -262,55 +267,55 @@ class ConstrainedWork(PlatformModule):
 
     # The motion
 
-    def _way(
+    def _solve(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
     ) -> PhaseMotion:
-        """Return the motion of the phase, as far inside of its limits as it gets; raises ConstraintsUnsatisfied."""
+        """Solve the motion of the phase, as far inside its limits as possible. Raises ConstraintsUnsatisfied."""
         self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
         upright = grounding.uprights(motion)
         problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
         wishes = {one: wide for one, wide in zip(inside, motion.constraints, strict=True) if one != wide}
-        for asked, wished in ((inside, {}), (motion.constraints, wishes)):
+        for constraints, wished in ((inside, {}), (motion.constraints, wishes)):
             with suppress(MotionError):
-                phase_asked, kept = (*asked, *upright), (*before, *upright)
-                (found,) = solve_motion(problem, start, [phase_asked], kept, wishes=wished, explains=False)
-                return found
-        return self._just(grounding, motion, phase, explains=explains)
+                at_end, on_path = (*constraints, *upright), (*before, *upright)
+                (solved,) = solve_motion(problem, start, [at_end], on_path, wishes=wished, explains=False)
+                return solved
+        return self._solve_plain(grounding, motion, phase, explains=explains)
 
-    def _just(
+    def _solve_plain(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
     ) -> PhaseMotion:
-        """Return the motion of the phase with nothing but what is asked; raises ConstraintsUnsatisfied.
+        """Solve the motion of the phase with its stated constraints only. Raises ConstraintsUnsatisfied.
 
-        A smallest set of constraints that contradict each other is found if it explains, or if lighter ones may be
-        given up: that takes longer than all the rest, and what is told in the end is asked for once.
+        A minimal set of contradicting constraints is computed only with ``explains``, for the final failure, or if
+        constraints of less weight may be dropped, because that takes longer than all the rest.
         """
         self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
         problem, differ = grounding.problem(motion), len({one.weight for one in motion.constraints}) > 1
         try:
-            (found,) = solve_motion(
+            (solved,) = solve_motion(
                 problem, self._start(motion), [motion.constraints], before, explains=explains or differ
             )
         except MotionError as failure:
             raise unsatisfied(motion, failure) from failure
-        return found
+        return solved
 
     async def gone(self, motion: GroundedMotion, trajectory: Trajectory, *, pushes: str | None = None) -> None:
-        """Move the arms of a motion; raises ManipulationGoalInCollision if something stops them."""
+        """Move the arms of a motion along a trajectory. Raises ManipulationGoalInCollision if they are stopped."""
         await self.follow_to_end(" and ".join(arm.name for arm in motion.arms), trajectory, pushes=pushes)
 
     def _leaning(self, motion: GroundedMotion, solved: PhaseMotion) -> set[str]:
-        """Return what the arms of a motion hold and the motion does not keep upright."""
+        """Collect the objects in the arms of a motion that it does not keep upright."""
         upright = {one.tool.of.iri for one in solved.kept if one.world.of == UP}
         arms, body = {arm.name for arm in motion.arms}, self.platform.scene.world.scene.body
         held = (name for name, grip in self.platform.belief.held.items() if grip.arm in arms)
         return {name for name in held if (body(name).iri or f"thing:{name}") not in upright}
 
     def _straightened(self) -> None:
-        """Note which things stand as upright again as they have to."""
+        """Remove objects from ``platform.leaning`` that are within their tilt limits again."""
         self.platform.sync()
         world = self.platform.scene.world
         for name in tuple(self.platform.leaning):
@@ -319,53 +324,56 @@ class ConstrainedWork(PlatformModule):
                 self.platform.leaning.discard(name)
 
     def taken(self) -> dict[str, Pose]:
-        """Return where in the map each thing in a hand was grasped."""
+        """Map each held object to its pose in the map when it was grasped."""
         return {name: grip.before for name, grip in self.platform.belief.held.items()}
 
     def _start(self, motion: GroundedMotion) -> Array:
-        """Return the joint values of the arms (n,), shared ones first met."""
+        """Read the joint positions of the arms (n,), shared joints once, in the order of the arms."""
         names = dict.fromkeys(name for arm in motion.arms for name in arm.joints)
         return self.platform.joints(tuple(names))
 
     def _check_end(self, grounding: Grounding, motion: GroundedMotion, solved: PhaseMotion) -> None:
-        """Raise ConstraintsUnsatisfied for what does not hold where the arms are, but for what was given up."""
+        """Raise ConstraintsUnsatisfied if a constraint that was not dropped is violated where the arms are now."""
         given_up = {one.name for one in solved.given_up}
-        asked = [one for one in motion.constraints if one.name not in given_up]
+        constraints = [one for one in motion.constraints if one.name not in given_up]
         problem = grounding.problem(motion, self.platform.base(), blocked=False)
-        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in asked])
+        functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in constraints])
         excess = functions.excess(functions.all_values(self._start(motion)[None])[0])
-        outside = tuple(str(one.name or one) for one, beyond in zip(asked, excess, strict=True) if beyond > 1.0)
+        outside = tuple(str(one.name or one) for one, beyond in zip(constraints, excess, strict=True) if beyond > 1.0)
         if outside:
             raise ConstraintsUnsatisfied(arm=motion.arms[0].name, constraints=outside)
 
 
 @process_module
 class ConstrainedMotions(ConstrainedWork):
-    """Moves one or more arms until constraints between features of tools and of the world hold."""
+    """Moves one or more arms until the constraints between features of tools and of the world are satisfied."""
 
     name = "constrained_motion"
     actions = ("ITaSCMotion",)
 
     async def execute(self, action: Action) -> tuple[str, ...]:
-        """Move; return the names of constraints that heavier ones exclude. Without active ones nothing moves."""
-        asked = [one for one in constraints_of(action) if one.is_active]
+        """Make the motion of a phase; return the names of constraints dropped in favour of those of more weight.
+
+        Without active constraints, nothing moves. Raises failures of the classes in ``failures``.
+        """
+        constraints = [one for one in constraints_of(action) if one.is_active]
         phase = self.platform.phases.current()
-        if not asked:
+        if not constraints:
             phase.before = ()
             await checkpoint()
             return ()
         grounding = Grounding(self.platform)
-        await self._taken_up(action, grounding, phase)
+        await self._resume_phase(action, grounding, phase)
         pouring = Pouring(self.platform, phase)
 
-        def objection(motion: GroundedMotion, found: PhaseMotion) -> AmountNotPoured | None:
-            return pouring.too_slow(action, motion, grounding.group(motion), found.trajectory)
+        def objection(motion: GroundedMotion, solved: PhaseMotion) -> AmountNotPoured | None:
+            return pouring.too_slow(action, motion, grounding.group(motion), solved.trajectory)
 
-        motion, solved = await self._solved(grounding, asked, phase, objection)
-        back = self._back(grounding, motion, phase) if phase.pours else None
-        if back is not None:
+        motion, solved = await self._solved(grounding, constraints, phase, objection)
+        reverse = self._reverse(grounding, motion, phase) if phase.pours else None
+        if reverse is not None:
             solved = min(
-                (solved, back), key=lambda one: pouring.flowing(motion, grounding.group(motion), one.trajectory)
+                (solved, reverse), key=lambda one: pouring.flowing(motion, grounding.group(motion), one.trajectory)
             )
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
@@ -373,27 +381,27 @@ class ConstrainedMotions(ConstrainedWork):
             await self.gone(motion, solved.trajectory)
             self._check_end(grounding, motion, solved)
         self._straightened()
-        phase.before, phase.taken, phase.way = tuple(asked), self.taken(), solved.trajectory.positions
-        names, rows = grounding.world_things(asked), solved.trajectory.positions
+        phase.before, phase.taken, phase.path = tuple(constraints), self.taken(), solved.trajectory.positions
+        names, rows = grounding.world_things(constraints), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
 
-    def _back(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion | None:
-        """Return the motion of the phase before, backwards, if it does what this phase asks: its time was foreseen."""
+    def _reverse(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion | None:
+        """Reverse the motion of the phase before, if that satisfies this phase: its flow has been predicted already."""
         start = self._start(motion)
-        if phase.way is None or phase.way.shape[1] != len(start) or np.abs(phase.way[-1] - start).max() > STRAY:
+        if phase.path is None or phase.path.shape[1] != len(start) or np.abs(phase.path[-1] - start).max() > STRAY:
             return None
-        rows = np.vstack([start, phase.way[-2::-1]])
+        rows = np.vstack([start, phase.path[-2::-1]])
         problem = grounding.problem(motion)
         functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in motion.constraints])
         if functions.excess(functions.all_values(rows[-1:])).max(initial=0.0) > 1.0 or problem.hits(rows[1:]):
             return None
         return PhaseMotion(Trajectory(problem.group.names, rows), (), ())
 
-    async def _taken_up(self, action: Action, grounding: Grounding, phase: Phase) -> None:
-        """Make the phase before once more if what it held was taken anew since: this one begins where that ends.
+    async def _resume_phase(self, action: Action, grounding: Grounding, phase: Phase) -> None:
+        """Repeat the phase before if its tools have been grasped anew since, because this phase begins at its end.
 
-        Not so if that one turned a vessel over to pour: what has flowed has flowed, and this one begins anywhere.
+        Not after a pour: the liquid has flowed, so the phase before is not repeated and this one begins anywhere.
         """
         taken = self.taken()
         tools = set(phase.tools.values()) & taken.keys() & phase.taken.keys()
@@ -409,17 +417,17 @@ class ConstrainedMotions(ConstrainedWork):
 
 
 TRIES = 30
-"""Beginnings from which it is looked whether constraints are within reach of a place."""
+"""Starts of the solver for checking whether constraints can be satisfied from a base pose."""
 SEARCHED = 300
-"""Branches that the search of a path to a posture grows: the base goes without it if there is none."""
+"""Iterations of the path search to a posture before driving; without a path, the base drives anyway."""
 STRAY = 1e-2
-"""Distance of joints from where a motion ended up to which they are there [rad, m]."""
+"""Tolerance within which joints are still where a motion ended [rad, m]."""
 WAYS = 2
-"""Ways to hold one tool that are tried together with those of another."""
+"""Solutions of each arm to combine with those of the others."""
 
 
 def unsatisfied(motion: GroundedMotion, problem: MotionError) -> ConstraintsUnsatisfied:
-    """Return the failure of a motion that cannot be made."""
+    """Convert a planning error to the failure of a motion."""
     arm = motion.arms[0].name
     if not isinstance(problem, ConstraintsContradict | NoConstrainedPath):
         return ConstraintsUnsatisfied(str(problem), arm=arm)
@@ -429,18 +437,21 @@ def unsatisfied(motion: GroundedMotion, problem: MotionError) -> ConstraintsUnsa
 
 
 def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
-    """Return the constraints of an action, about what it acts on; raises ActionUnresolvable if it does not say what."""
+    """Read the constraints of an action, with placeholders replaced by the objects that it names.
+
+    Raises ActionUnresolvable if the action does not name such an object.
+    """
     stated = action.get("constrained_by")
     every = stated if isinstance(stated, tuple) else (stated,)
     return tuple(
-        replace(one, tool=_about(one.tool, action), world=_about(one.world, action))
+        replace(one, tool=_resolved(one.tool, action), world=_resolved(one.world, action))
         for one in every
         if isinstance(one, MotionConstraint)
     )
 
 
-def _about(feature: Feature, action: Action) -> Feature:
-    """Return a feature of the thing that the action names, if the feature's thing stands for that."""
+def _resolved(feature: Feature, action: Action) -> Feature:
+    """Replace the placeholder object of a feature by the object that the action names for its role."""
     if feature.of.type not in STANDING_FOR:
         return feature
     role = snake_case(STANDING_FOR[feature.of.type])
@@ -448,19 +459,19 @@ def _about(feature: Feature, action: Action) -> Feature:
     parts = (one.reference for one in filler.relations) if isinstance(filler, Location) else (filler,)
     what = next((one for one in parts if isinstance(one, Object)), None)
     if what is None:
-        raise ActionUnresolvable(f"a motion about {feature} needs {role}", designator=str(action))
+        raise ActionUnresolvable(f"the constraint on {feature} needs {role}; state it", designator=str(action))
     return replace(feature, of=what)
 
 
 def _middle(motion: GroundedMotion) -> Array:
-    """Return the middle of what a motion is about in the map (2,)."""
+    """Compute the mean position (2,) in the map of the world objects of a motion."""
     return np.asarray(np.mean([pose[:2, 3] for pose in motion.things.values()], axis=0))
 
 
 def _inside(
     constraints: Sequence[MotionConstraint], before: Sequence[MotionConstraint]
 ) -> tuple[MotionConstraint, ...]:
-    """Return constraints with narrower limits, but for those that were asked for before: they hold on the way."""
+    """Narrow the limits of constraints, except for those of the phase before, which hold throughout the motion."""
     return tuple(one if any(one.asks_the_same(other) for other in before) else _narrowed(one) for one in constraints)
 
 

@@ -1,4 +1,4 @@
-"""A motion's constraints with what they are about: features by models, tools in hands, things in the map."""
+"""Grounding of motion constraints: features by object models, tools in hands, objects in the map."""
 
 from __future__ import annotations
 
@@ -25,37 +25,37 @@ from planlang.motion_constraints import ConstraintKind, Feature, FeatureKind, Mo
 from planlang.records import dataclass
 
 PALM = 0.1
-"""Distance of the palm of a hand behind its grip [m]."""
+"""Distance of a hand's palm behind its grip [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroundedMotion:
-    """Constraints whose features have places, the arms that move, and the tools and things by designators of theirs."""
+    """Constraints with grounded features, the arms that move, and the poses of tools and objects."""
 
     constraints: tuple[MotionConstraint, ...]
-    """In the order in which they are stated."""
+    """Constraints in the stated order."""
     arms: tuple[ArmModel, ...]
     tools: dict[Object, tuple[int, Array]]
-    """Tool -> the number of its arm, and its pose (4, 4) in the frame of the tip."""
+    """Tool -> index of its arm, and its pose (4, 4) in the frame of the arm's tip."""
     things: dict[Object, Array]
-    """Thing of the world -> its pose (4, 4) in the map when the recipe began."""
+    """Object of the world -> its pose (4, 4) in the map when the recipe began."""
 
     def of_arm(self, number: int) -> GroundedMotion:
-        """Return what is asked of one arm."""
+        """Select the constraints on the tools of one arm."""
         tools = {what: (0, offset) for what, (arm, offset) in self.tools.items() if arm == number}
-        asked = tuple(one for one in self.constraints if one.tool.of in tools)
-        return GroundedMotion(asked, self.arms[number : number + 1], tools, self.things)
+        constraints = tuple(one for one in self.constraints if one.tool.of in tools)
+        return GroundedMotion(constraints, self.arms[number : number + 1], tools, self.things)
 
 
 UP = Object("Up", "map:up")
-"""Stands for the vertical."""
+"""Pseudo-object whose frame is the map's, for constraints relative to the vertical."""
 
 
 class Grounding:
     """Grounds motions of one platform.
 
-    Fingers of the arms that move may touch bodies ``touches``; bodies ``gone`` are pushed ahead, so that arms come to
-    where these are now.
+    Fingers of the moving arms may touch the bodies ``touches``. Bodies ``gone`` are ignored in collision checks,
+    because the hand pushes them ahead.
     """
 
     def __init__(self, platform: Platform, touches: Iterable[str] = (), gone: Iterable[str] = ()) -> None:
@@ -64,33 +64,35 @@ class Grounding:
         self._models = ObjectModels(platform.belief.map.ontology)
 
     def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
-        """Return the names of the things that features of the world belong to; raises ObjectUnresolvable."""
+        """Resolve the names of the objects that the world features belong to. Raises ObjectUnresolvable."""
         bind = self._platform.scene.bodies.bind
         return tuple(dict.fromkeys(bind(one.world.of) for one in constraints))
 
     def grounded(self, constraints: Sequence[MotionConstraint], phase: Phase) -> GroundedMotion:
-        """Return a motion; raises ObjectUnresolvable for a tool in no hand.
+        """Ground constraints in the belief.
 
-        ActionUnresolvable without a feature, and if one arm of several that hold something together was to move alone.
+        Raises ObjectUnresolvable if a tool is in no hand, and ActionUnresolvable if an object model lacks a feature, or
+        if an arm would have to move alone that holds an object together with another.
         """
         tools: dict[Object, tuple[str, Pose]] = {}
         things: dict[Object, Array] = {}
-        found = []
+        grounded = []
         for one in constraints:
             tool, arm, offset = self._tool(one.tool, phase)
             world, pose = self._world(one.world, phase)
             tools[tool.of], things[world.of] = (arm, offset), pose.matrix()
-            found.append(replace(one, tool=tool, world=world))
+            grounded.append(replace(one, tool=tool, world=world))
         names = {arm for arm, _ in tools.values()}
         arms = tuple(arm for arm in self._platform.scene.arms.all if arm.name in names)
         if any(self._platform.scene.arms.mates(name) for name in names):
-            raise ActionUnresolvable("the arms hold something together: neither moves alone", designator=str(found[0]))
+            message = "two arms hold an object together, so neither moves alone; put it down first"
+            raise ActionUnresolvable(message, designator=str(grounded[0]))
         number = {arm.name: k for k, arm in enumerate(arms)}
         held = {what: (number[arm], offset.matrix()) for what, (arm, offset) in tools.items()}
-        return GroundedMotion(tuple(found), arms, held, things)
+        return GroundedMotion(tuple(grounded), arms, held, things)
 
     def _tool(self, feature: Feature, phase: Phase) -> tuple[Feature, str, Pose]:
-        """Return the feature of a tool, the arm that holds it, and its pose in the frame of the arm's tip."""
+        """Ground the feature of a tool; return it, the arm with the tool, and the tool's pose in the tip frame."""
         scene, of, held_by = self._platform.scene, feature.of, feature.held_by
         if isinstance(of, Device):
             return self._hand(feature, of)
@@ -104,7 +106,7 @@ class Grounding:
         raise ObjectUnresolvable(f"{by} holds {of}", designator=str(of))
 
     def _fits(self, name: str, of: Object) -> bool:
-        """Return whether a thing is what a designator means, or contains that."""
+        """Check whether a held object matches a designator, itself or by its content."""
         belief = self._platform.belief
         thing = next((one for one in belief.things if one.name == name), None)
         if thing is None:
@@ -116,7 +118,7 @@ class Grounding:
         return belief.is_a(thing, of.type) or any(is_a(one, of.type) for one in content)
 
     def _hand(self, feature: Feature, device: Device) -> tuple[Feature, str, Pose]:
-        """Return a feature of an empty hand: its main axis is the way in which it approaches things."""
+        """Ground a feature of an empty hand; an ungrounded one becomes the hand's approach axis."""
         arms = self._platform.scene.arms.of(device)
         if not arms:
             raise ActionUnresolvable(f"the robot has no {device}", designator=str(device))
@@ -132,7 +134,7 @@ class Grounding:
         return self._feature(feature, name), pose
 
     def _feature(self, feature: Feature, name: str) -> Feature:
-        """Return a feature of a thing, with a designator that means this thing alone; raises ActionUnresolvable."""
+        """Ground a feature by the object's model, and bind it to this object. Raises ActionUnresolvable."""
         thing = next(one for one in self._platform.belief.things if one.name == name)
         world, grip = self._platform.scene.world, self._platform.belief.held.get(name)
         hand = palm = None
@@ -140,44 +142,44 @@ class Grounding:
             back = -PALM * np.array(self._platform.robot.arm(grip.arm).approach)
             hand, palm = moved(grip.offset.inverse().matrix(), np.stack([np.zeros(3), back]))
         wall = world.scene.body(name).wall
-        described = Thing(thing.iri, world.size(name), world.pose(name).rotation[2], wall, hand, palm)
-        found = self._models.grounded(feature, described)
-        if found is None:
+        model = Thing(thing.iri, world.size(name), world.pose(name).rotation[2], wall, hand, palm)
+        grounded = self._models.grounded(feature, model)
+        if grounded is None:
             raise ActionUnresolvable(
-                f"no model of {name} has {' of '.join(feature.path[::-1])}", designator=str(feature)
+                f"no object model of {name} has {' of '.join(feature.path[::-1])}", designator=str(feature)
             )
-        return replace(found, of=Object(feature.of.type, thing.iri or f"thing:{name}"))
+        return replace(grounded, of=Object(feature.of.type, thing.iri or f"thing:{name}"))
 
     def uprights(self, motion: GroundedMotion) -> tuple[MotionConstraint, ...]:
-        """Return that tools which may not lean stay upright, but for those that a constraint lets lean farther."""
+        """Build constraints that keep tools within their tilt limits, unless the motion itself tilts them farther."""
         bodies = self._platform.scene.world.scene.bodies
         limits = {body.iri or f"thing:{body.name}": body.largest_tilt for body in bodies}
-        found = []
+        uprights = []
         for tool in motion.tools:
             if (limit := limits.get(tool.iri or "")) is None:
                 continue
             least = math.cos(limit)
-            asked = (one for one in motion.constraints if one.kind is ConstraintKind.PERPENDICULARITY)
-            if any(one.tool.of == tool and one.limits[1] < least for one in asked):
+            angles = (one for one in motion.constraints if one.kind is ConstraintKind.PERPENDICULARITY)
+            if any(one.tool.of == tool and one.limits[1] < least for one in angles):
                 continue
             axis, level = (
                 a_feature(kind, of=of, position=(0.0, 0.0, 0.0), direction=(0.0, 0.0, 1.0))
                 for kind, of in (("LINE", tool), ("PLANE", UP))
             )
-            found.append(a_constraint("PERPENDICULARITY", axis, level, lower=least, name=f"{tool} upright"))
-        return tuple(found)
+            uprights.append(a_constraint("PERPENDICULARITY", axis, level, lower=least, name=f"{tool} upright"))
+        return tuple(uprights)
 
-    # The problem that is solved
+    # The problem for the solver
 
     @staticmethod
     def group(motion: GroundedMotion) -> ArmGroup:
-        """Return the arms of a motion as one space of joints."""
+        """Combine the arms of a motion into one joint space."""
         return ArmGroup([arm.solver.chain for arm in motion.arms])
 
     def touching(
         self, motion: GroundedMotion, q: Array, base: BasePose | None = None, *, clear: bool = False
     ) -> list[tuple[str, str]]:
-        """Return what touches wrongly with the arms of a motion at joint values (n,); ``clear`` as in `problem`."""
+        """Find the forbidden contacts with the arms of a motion at joint positions (n,); ``clear`` as in `problem`."""
         bodies = () if clear else sorted(self._touches)
         links = [link for arm in motion.arms for link in sorted(self._platform.scene.collisions.touching_links(arm))]
         pairs = [(link, body) for body in bodies for link in links]
@@ -188,18 +190,18 @@ class Grounding:
     def problem(
         self, motion: GroundedMotion, base: BasePose | None = None, *, blocked: bool = True, clear: bool = False
     ) -> MotionProblem:
-        """Return the problem of moving from where the base is, or from elsewhere; unless ``blocked`` without bodies.
+        """Build the problem of making the motion from a base pose, by default the current one.
 
-        ``clear``: fingers touch nothing, not even what they otherwise may.
+        Without ``blocked``, collisions are ignored; with ``clear``, fingers may not touch even permitted bodies.
         """
         platform, scene = self._platform, self._platform.scene
-        now = platform.base()
+        current = platform.base()
         link = scene.world.link_pose(platform.robot.base_link).matrix()
-        map_to_base = product(Pose.planar(*now).inverse().matrix(), link)
-        place = now if base is None else base
+        link_in_base = product(Pose.planar(*current).inverse().matrix(), link)
+        place = current if base is None else base
         group = self.group(motion)
         frames = {one.frame.lstrip("/"): self._frame(one.frame, place) for one in motion.constraints if one.frame}
-        base_link = product(Pose.planar(*place).matrix(), map_to_base)
+        base_link = product(Pose.planar(*place).matrix(), link_in_base)
         where = Surroundings(
             base_link,
             motion.tools,
@@ -220,11 +222,14 @@ class Grounding:
         return MotionProblem(group, where, rates, check, partial(self.touching, motion, base=base, clear=clear))
 
     def _frame(self, name: str, base: BasePose) -> Array:
-        """Return the rotation (3, 3) of a reference frame, a link; one that the robot lacks is its base."""
-        named, world = name.lstrip("/"), self._platform.scene.world
-        if named == "map":
+        """Compute the rotation (3, 3) in the map of a reference frame with the base at ``base``.
+
+        Frames are links or the map; an unknown name, as in recipes for other robots, means the base.
+        """
+        link, world = name.lstrip("/"), self._platform.scene.world
+        if link == "map":
             return np.eye(3)
-        if named not in world.robot.links:
+        if link not in world.robot.links:
             return Pose.planar(0.0, 0.0, base[2]).rotation
         turn = Pose.planar(0.0, 0.0, base[2] - self._platform.base()[2]).rotation
-        return product(turn, world.link_pose(named).rotation)
+        return product(turn, world.link_pose(link).rotation)

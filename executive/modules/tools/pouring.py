@@ -1,6 +1,7 @@
-"""Pouring: what flows out of a vessel that a hand turns over, for how long, and what is believed of it.
+"""Pouring: how long to hold a vessel tilted, and how much is believed to have flowed out of it.
 
-What flows is not seen: it is computed from how long the vessel pointed down, by the flow rate of the ontology.
+The robot does not measure the flow. The amount is the time for which the vessel pointed down, multiplied by the flow
+rate of the ontology.
 """
 
 from __future__ import annotations
@@ -26,30 +27,31 @@ from planlang.protocols import Trajectory
 from planlang.records import dataclass
 
 WITHIN, WITHIN_SHARE = 5.0, 0.05
-"""Deviation that a poured amount may have: the larger of the two [ml, share]."""
+"""Tolerance of a poured amount: the larger of the two [ml, share]."""
 SLOWER = 1.25
-"""The vessel may take so many times as long to turn back as it took to turn over."""
+"""Largest ratio of the time to turn the vessel back to the time to turn it over that the reserve allows for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flow:
-    """A vessel in a hand that a motion moves."""
+    """Flow out of a held vessel during a motion."""
 
     name: str
+    """Vessel."""
     arm: ArmModel
     offset: Pose
-    """Its pose in the frame of the arm's tip."""
+    """Pose of the vessel in the frame of the arm's tip."""
     turned: Array
-    """Rows of the motion at which its axis points down, (m,)."""
+    """Mask of the motion's rows at which the vessel's axis points down, (m,)."""
 
     def steps(self, made: float) -> float:
-        """Compute in how many of the first ``made`` world steps since the motion began the vessel pointed down."""
+        """Count the steps with flow among the first ``made`` world steps since the motion began."""
         rows = len(self.turned)
         return float(self.turned[: round(min(made, rows))].sum()) + max(0.0, made - rows) * bool(self.turned[-1])
 
 
 class Pouring:
-    """Pouring with the arms of one platform, in one recipe."""
+    """Pouring by the arms of one platform, in one recipe."""
 
     def __init__(self, platform: Platform, phase: Phase) -> None:
         self._platform, self._phase = platform, phase
@@ -59,16 +61,15 @@ class Pouring:
     async def during(
         self, action: Action, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory
     ) -> AsyncIterator[None]:
-        """Pour with a motion that turns a vessel over, or that turns it back.
+        """Pour around a motion (the body of the ``with``) that turns a vessel over or back.
 
-        What will flow while the vessel turns back is foreseen. After the motion that turns it over it is held until a
-        little less than the amount has flowed; before the motion that turns it back, whose duration is known then, for
-        the rest. What flowed when a motion failed counts when it is made again.
+        After turning it over, the vessel is held until a little less than the amount has flowed, with a reserve for
+        turning it back. Before turning it back, when the duration of that motion is known, it is held for the rest.
+        What flowed before a motion failed counts when the motion is repeated.
 
-        The amount is that of the action or of one around it [ml]; else all of a substance that is named ("the mix"),
-        and out of a vessel that is named what its class or what is usual says. Raises VesselEmpty if nothing is known
-        to be in the vessel, and AmountNotPoured before anything flows if that cannot be right, or afterwards if it was
-        not.
+        The amount [ml] is stated by the action or an enclosing one; otherwise it is all of a named substance ("the
+        mix"), or the usual amount for the class when a vessel is named. Raises VesselEmpty if the vessel is not known
+        to contain anything, and AmountNotPoured: beforehand if the amount is impossible, afterwards if it was missed.
         """
         rate = self._platform.world.rate
         flows = list(self._flows(motion, group, trajectory.positions))
@@ -79,12 +80,12 @@ class Pouring:
             if flow.turned[0] and flow.name in self._phase.pours:
                 self._flowed(flow, now() - self._phase.pours[flow.name].until)
                 if not flow.turned[-1]:
-                    step = self._flow_rate / rate  # it ends within a step, rather with a little more than less
+                    step = self._flow_rate / rate  # holding ends within a step: err towards a little too much
                     await self._hold(flow, self._foreseen(flow) - step)
         began = now()
         try:
             yield
-        finally:  # after a failure, too: what has flowed has flowed
+        finally:  # also after a failure, because the liquid has flowed
             for flow in flows:
                 self._flowed(flow, flow.steps((now() - began) * rate) / rate)
         for flow in flows:
@@ -96,20 +97,20 @@ class Pouring:
     def too_slow(
         self, action: Action, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory
     ) -> AmountNotPoured | None:
-        """Return the failure of a motion in which a vessel is turned over so slowly that too much flows, None if not.
+        """Build the failure of a motion that turns a vessel over so slowly that too much flows; None if it does not.
 
-        Raises VesselEmpty or AmountNotPoured if the amount cannot be right however fast the motion is.
+        Raises VesselEmpty or AmountNotPoured if no motion can pour the amount.
         """
         flows = (flow for flow in self._flows(motion, group, trajectory.positions) if flow.turned[-1])
         return next((problem for flow in flows if (problem := self._begin(flow, action, motion)) is not None), None)
 
     def flowing(self, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory) -> float:
-        """Compute how much flows during a motion out of what is being poured from [ml]."""
+        """Compute how much flows during a motion out of the vessels being poured from [ml]."""
         flows = self._flows(motion, group, trajectory.positions)
         return sum(self._foreseen(flow) for flow in flows if flow.name in self._phase.pours)
 
     def _flows(self, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
-        """Yield the vessels among the tools of a motion (m, n) that it turns over, or that are being poured from."""
+        """Yield the vessels in the arms of a motion (m, n) that it turns over, or that are being poured from."""
         platform = self._platform
         changes, number = platform.scene.world.changes, {arm.name: k for k, arm in enumerate(motion.arms)}
         for name, grip in platform.belief.held.items():
@@ -120,9 +121,9 @@ class Pouring:
                     yield Flow(name, motion.arms[arm], grip.offset, turned)
 
     def _begin(self, flow: Flow, action: Action, motion: GroundedMotion) -> AmountNotPoured | None:
-        """Note what is to be poured; return the failure if more than that flows during the motion.
+        """Record the amount to pour; return the failure if more than that would flow during the motion.
 
-        Raises VesselEmpty or AmountNotPoured if it is not possible with any motion.
+        Raises VesselEmpty or AmountNotPoured if no motion can pour it.
         """
         pour = self._phase.pours.get(flow.name)
         if pour is not None and pour.by == action.type:
@@ -147,7 +148,7 @@ class Pouring:
         return None
 
     def _bounds(self, flow: Flow, pour: Pour) -> dict[str, float]:
-        """Compute the most that can be poured [ml], by what bounds it, in words."""
+        """Compute the upper bounds of the amount [ml], keyed by the words that describe each bound in a message."""
         world = self._platform.scene.world
         bounds = {f"{flow.name} holds": world.changes.matter.total(flow.name)}
         if pour.into is not None:
@@ -155,12 +156,12 @@ class Pouring:
             bounds[f"{pour.into} has room for"] = max(0.0, room)
         return bounds
 
-    def _refusal(self, flow: Flow, pour: Pour, why: str) -> AmountNotPoured:
-        said = f"{pour.asked:.0f} ml were asked for, {pour.flowed:.0f} ml were poured: {why}"
-        return AmountNotPoured(said, arm=flow.arm.name, what=flow.name, asked=pour.asked, poured=pour.flowed)
+    def _refusal(self, flow: Flow, pour: Pour, reason: str) -> AmountNotPoured:
+        message = f"{pour.asked:.0f} ml were asked for, {pour.flowed:.0f} ml were poured: {reason}"
+        return AmountNotPoured(message, arm=flow.arm.name, what=flow.name, asked=pour.asked, poured=pour.flowed)
 
     def _end(self, flow: Flow) -> None:
-        """Forget what was poured; raises AmountNotPoured if it was too much or too little."""
+        """Close the record of a pour. Raises AmountNotPoured, and keeps the record, if the amount was missed."""
         pour = self._phase.pours.get(flow.name)
         if pour is None:
             return
@@ -170,11 +171,11 @@ class Pouring:
         del self._phase.pours[flow.name]
 
     def _foreseen(self, flow: Flow) -> float:
-        """Compute how much flows during a motion [ml]; about as much as during the same motion back."""
+        """Predict how much flows during a motion [ml], which is about as much as during its reverse."""
         return self._flow_rate * float(flow.turned.sum()) / self._platform.world.rate
 
     async def _hold(self, flow: Flow, reserve: float) -> None:
-        """Hold a vessel turned over until all but a reserve [ml] has flowed."""
+        """Hold a turned vessel until all of the amount but a reserve [ml] has flowed."""
         pour = self._phase.pours.get(flow.name)
         if pour is None or self._flow_rate <= 0:
             return
@@ -186,18 +187,18 @@ class Pouring:
             self._flowed(flow, now() - began)
 
     def _target(self, motion: GroundedMotion) -> str | None:
-        """Return the vessel that a motion is about in the world."""
+        """Find the vessel among the world objects of a motion; None when pouring onto a surface."""
         bodies, changes = self._platform.scene.bodies, self._platform.scene.world.changes
         names = [bodies.bind(one) for one in motion.things]
         return next((name for name in names if changes.is_vessel(name)), None)
 
     def _turned(self, group: ArmGroup, rows: Array, arm: int, offset: Array) -> Array:
-        """Return at which rows (m, n) the axis of a vessel points down, (m,)."""
-        axes = group.fk(rows, arm)[:, 2, :3] @ offset[:3, 2]  # the base stands level
-        return np.asarray(axes < 0)
+        """Mark the rows of joint positions (m, n) at which the axis of a vessel points down, (m,)."""
+        vertical = group.fk(rows, arm)[:, 2, :3] @ offset[:3, 2]  # z in the base's frame, since the base is level
+        return np.asarray(vertical < 0)
 
     def _amount(self, action: Action, flow: Flow) -> tuple[float, bool]:
-        """Return how much is to flow [ml], and whether the plan says so; "pour the mix" is all of it."""
+        """Determine the amount to pour [ml], and whether the plan states it; "pour the mix" states all of it."""
         platform = self._platform
         actions = (action, *actions_around())
         for amount in (one.get("amount") for one in actions):
@@ -214,7 +215,7 @@ class Pouring:
         return 0.0, False
 
     def _means_content(self, what: object, vessel: str) -> bool:
-        """Return whether an action is about what is in a vessel, not the vessel."""
+        """Check whether a designator describes the content of a vessel rather than the vessel itself."""
         belief, changes = self._platform.belief, self._platform.scene.world.changes
         if not isinstance(what, Object) or belief.means(what, vessel):
             return False
@@ -222,7 +223,7 @@ class Pouring:
         return any(changes.rules.is_a(type, what.type) for type in content)
 
     def _flowed(self, flow: Flow, seconds: float) -> None:
-        """Believe that a vessel flowed for some time [s], onto or into what is below."""
+        """Update belief and record: the vessel has flowed for some time [s] into, or onto, what is below."""
         platform, pour = self._platform, self._phase.pours.get(flow.name)
         platform.sync()
         world, tip = platform.scene.world, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
@@ -244,4 +245,4 @@ def _within(asked: float) -> float:
 
 
 POURING = "FluidFlow-Translation"
-"""The class of actions that lets something flow."""
+"""Class of pouring actions, whose usual amount is the default."""

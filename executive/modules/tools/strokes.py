@@ -1,7 +1,7 @@
-"""The process module for strokes of tools: circles in a vessel, as in stirring, or lanes over a surface.
+"""Strokes of tools, such as lanes over a surface, and the process module for circles in a vessel, as in stirring.
 
-A stroke lies in the plane of the world feature of the motion's first height constraint; the feature of the tool that
-this constraint is about goes through it, while all constraints of the motion hold. The base drives if needed.
+A stroke lies in the plane of the world feature of the motion's first height constraint. The tool feature of that
+constraint follows it while all constraints of the motion hold. The base drives if needed.
 """
 
 from __future__ import annotations
@@ -43,80 +43,82 @@ from planlang.protocols import Trajectory
 from planlang.records import dataclass
 
 CIRCLES = 5
-"""Circles of a motion that says neither how many they are nor how long they take."""
+"""Number of circles if the action states neither a number nor a duration."""
 CORNERS = 12
-"""Places of a circle."""
+"""Waypoints of a circle."""
 SHARE = 0.6
-"""Radius of circles of which nothing is said, as a share of the room that the tool has in the vessel."""
+"""Default radius of circles, as a share of the room that the tool has in the vessel."""
 ASIDE = 0.015
-"""Room between a tool and the wall of its vessel [m]."""
+"""Clearance between a tool and the wall of its vessel [m]."""
 STRAY = 0.006
-"""Largest distance of the tool from a place [m]."""
+"""Largest distance of the tool from a waypoint [m]."""
 PLACES = 4
-"""Places of the base, within reach, from which a stroke is tried."""
+"""Base poses within reach from which to try a stroke."""
 NEAR = 16
-"""Free places of the base of which it is looked whether they are within reach."""
+"""Free base poses whose reach to check."""
 FEW = 10
-"""Beginnings from which it is looked whether a stroke is within reach of a place, whatever is in the way."""
+"""Starts of the solver for checking reach without collisions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """The plane of a stroke: the constraint that says how high over it the tool is."""
+    """Plane of a stroke, given by the constraint on the tool's height over it."""
 
     height: MotionConstraint
 
     @staticmethod
     def of(motion: GroundedMotion, action: Action) -> Plane:
-        """Return the plane of a grounded motion; raises ActionUnresolvable if no height is asked for."""
+        """Find the plane of a grounded motion. Raises ActionUnresolvable without a height constraint over a plane."""
         for one in motion.constraints:
             if one.kind is ConstraintKind.HEIGHT and one.world.direction is not None:
                 return Plane(one)
-        raise ActionUnresolvable("a stroke needs a height constraint over a plane", designator=str(action))
+        raise ActionUnresolvable(
+            "a stroke needs a height constraint over a plane; add one to constrained_by", designator=str(action)
+        )
 
     @property
     def thing(self) -> Object:
-        """The thing of the world that the plane belongs to."""
+        """Object of the world that the plane belongs to."""
         assert isinstance(self.height.world.of, Object)
         return self.height.world.of
 
     def axes(self) -> tuple[Array, Array]:
-        """Return two unit vectors (3,) of the thing's frame in the plane."""
+        """Compute two orthogonal unit vectors (3,) in the plane, in the object's frame."""
         normal = np.array(self.height.world.direction) / np.linalg.norm(self.height.world.direction or 0)
         first = np.eye(3)[int(np.argmin(np.abs(normal)))]
         first -= float(first @ normal) * normal
         first /= np.linalg.norm(first)
         return first, np.cross(normal, first)
 
-    def at(self, point: Array, asked: Sequence[MotionConstraint]) -> Place:
-        """Return what holds at a point (4,) of a stroke: a place in the thing's frame, and how far over the plane."""
+    def at(self, point: Array, constraints: Sequence[MotionConstraint]) -> Place:
+        """Build the constraints at a waypoint (4,): a position in the object's frame, and a height over the plane."""
         x, y, z, over = map(float, point)
         feature = replace(self.height.world, kind=FeatureKind.LINE, position=(x, y, z))
         here = a_constraint("DISTANCE", self.height.tool, feature, upper=STRAY, name="place of the stroke")
         lower, upper = (None if one is None else one + over for one in (self.height.lower, self.height.upper))
-        high = self.height if not over else replace(self.height, lower=lower, upper=upper)
-        return (high, *(one for one in asked if one != self.height), here)
+        height = self.height if not over else replace(self.height, lower=lower, upper=upper)
+        return (height, *(one for one in constraints if one != self.height), here)
 
 
 class StrokeWork(ConstrainedWork):
-    """Strokes of a tool or a hand, which several process modules make."""
+    """Base of the process modules that make strokes with a tool or a hand."""
 
     async def begun(self, action: Action) -> tuple[Grounding, Phase, tuple[MotionConstraint, ...], GroundedMotion]:
-        """Look at what a motion is about; return its grounding, with its active constraints."""
-        asked = tuple(one for one in constraints_of(action) if one.is_active)
-        if not asked:
-            raise ActionUnresolvable("a stroke needs constraints", designator=str(action))
+        """Look at the objects of a motion; return its grounding, phase, active constraints, and grounded motion."""
+        constraints = tuple(one for one in constraints_of(action) if one.is_active)
+        if not constraints:
+            raise ActionUnresolvable("a stroke needs active constraints in constrained_by", designator=str(action))
         grounding, phase = Grounding(self.platform), self.platform.phases.current()
-        await self._look(grounding, asked, phase)
-        return grounding, phase, asked, grounding.grounded(asked, phase)
+        await self._look(grounding, constraints, phase)
+        return grounding, phase, constraints, grounding.grounded(constraints, phase)
 
     def number(self, action: Action, name: str) -> float | None:
-        """Return a number of an action, or of the nearest around it that states one."""
+        """Read a positive number from an action, or from the nearest enclosing one that states it."""
         stated = (one.get(name) for one in (action, *actions_around()))
         return next((float(one) for one in stated if isinstance(one, int | float) and one > 0), None)
 
     def tool(self, motion: GroundedMotion) -> str:
-        """Return the name of what the first arm of a motion holds."""
+        """Find the name of the tool in the first arm of a motion."""
         return next(one for one, grip in self.platform.belief.held.items() if grip.arm == motion.arms[0].name)
 
     # The stroke
@@ -125,22 +127,26 @@ class StrokeWork(ConstrainedWork):
         self,
         grounding: Grounding,
         phase: Phase,
-        asked: Sequence[MotionConstraint],
+        constraints: Sequence[MotionConstraint],
         plane: Plane,
         points: Array,
         *,
         closed: bool,
         drives: bool = True,
     ) -> Trajectory:
-        """Bring the tool to the first of points (n, 4), driving if needed and allowed; return the way through all."""
+        """Move the tool to the first of waypoints (n, 4), if needed and allowed from another base pose.
+
+        Returns the trajectory through all waypoints, which is yet to be executed. Raises ConstraintsUnsatisfied or a
+        NavigationFailure.
+        """
         problem: MotionError | NavigationFailure | None = None
-        for base in chain((None,), self._reaching(grounding, phase, asked, plane, points) if drives else ()):
-            motion = grounding.grounded(asked, phase)
+        for base in chain((None,), self._reaching(grounding, phase, constraints, plane, points) if drives else ()):
+            motion = grounding.grounded(constraints, phase)
             try:
                 if base is not None:
                     await self.drive_with_room(base)
-                    await self._look(grounding, asked, phase)
-                    motion = grounding.grounded(asked, phase)
+                    await self._look(grounding, constraints, phase)
+                    motion = grounding.grounded(constraints, phase)
                 places = [plane.at(point, motion.constraints) for point in points]
                 kept = [one for one in places[0] if all(one in other for other in places)]
                 self.platform.sync()
@@ -161,14 +167,14 @@ class StrokeWork(ConstrainedWork):
         self,
         grounding: Grounding,
         phase: Phase,
-        asked: Sequence[MotionConstraint],
+        constraints: Sequence[MotionConstraint],
         plane: Plane,
         points: Array,
     ) -> Iterator[BasePose]:
-        """Yield places of the base from which the arm gets from each of points (n, 4) to the next."""
-        motion = grounding.grounded(asked, phase)
-        there = moved(motion.things[plane.thing], points[:, :3])
-        near = self.platform.base_poses().before(there, motion.arms) if self._is_mobile() else ()
+        """Yield base poses from which the arm reaches all waypoints (n, 4), one after the other."""
+        motion = grounding.grounded(constraints, phase)
+        in_map = moved(motion.things[plane.thing], points[:, :3])
+        near = self.platform.base_poses().before(in_map, motion.arms) if self._is_mobile() else ()
         places = [plane.at(point, motion.constraints) for point in points]
 
         def is_reaching(base: BasePose, most: int = BEGINNINGS, *, blocked: bool = True) -> bool:
@@ -189,45 +195,45 @@ class Strokes(StrokeWork):
     actions = ("CirclingMotion",)
 
     async def execute(self, action: Action) -> tuple[str, ...]:
-        """Go round, as often and as long as the step says; return (): no constraint is given up."""
-        grounding, phase, asked, motion = await self.begun(action)
+        """Move the tool in circles for the stated number and duration; return (), as no constraint is dropped."""
+        grounding, phase, constraints, motion = await self.begun(action)
         plane = Plane.of(motion, action)
         points = self._circle(plane, motion, self.number(action, "radius_of_circles"))
-        lap = await self.stroke(grounding, phase, asked, plane, points, closed=True)
+        lap = await self.stroke(grounding, phase, constraints, plane, points, closed=True)
         seconds = len(lap.positions) / self.platform.world.rate
         times, duration = self._laps(action, seconds)
         for _ in range(times):
             await self.gone(motion, slowed(lap, duration / seconds))
-        phase.before, phase.taken = asked, self.taken()
+        phase.before, phase.taken = constraints, self.taken()
         return ()
 
     def _laps(self, action: Action, seconds: float) -> tuple[int, float]:
-        """Return how often a tool goes round, and how long that takes each time [s], if it takes some time at least."""
-        times, whole = (self.number(action, name) for name in ("number_of_circles", "duration"))
-        if whole is None:
+        """Compute the number of circles and the duration of each [s], which is at least ``seconds``."""
+        times, total = (self.number(action, name) for name in ("number_of_circles", "duration"))
+        if total is None:
             return round(times or CIRCLES), seconds
-        count = max(1, math.ceil(whole / seconds) if times is None else round(times))
-        return count, max(seconds, whole / count)
+        count = max(1, math.ceil(total / seconds) if times is None else round(times))
+        return count, max(seconds, total / count)
 
     def _circle(self, plane: Plane, motion: GroundedMotion, radius: float | None) -> Array:
-        """Return places (n, 4) on a circle in a vessel, in its frame, about the middle of the plane."""
+        """Sample waypoints (n, 4) on a circle about the plane's centre, in the vessel's frame, as wide as fits."""
         scene, bodies = self.platform.scene, self.platform.scene.world.scene
         name = scene.bodies.bind(plane.thing)
         tool = self.tool(motion)
         size, wide = scene.world.size(name), sorted(scene.world.size(tool))[1]
         room = min(size[:2]) / 2 - bodies.body(name).wall - wide / 2 - ASIDE
         if room <= 0:
-            raise ActionUnresolvable(f"there is no room for {tool} in {name}", designator=str(plane.thing))
+            raise ActionUnresolvable(f"{tool} is too wide to move in {name}", designator=str(plane.thing))
         first, second = plane.axes()
-        turns = np.linspace(0.0, 2 * np.pi, CORNERS, endpoint=False)[:, None]
+        angles = np.linspace(0.0, 2 * np.pi, CORNERS, endpoint=False)[:, None]
         middle = np.array(plane.height.world.position)
-        there: Array = middle + min(radius or SHARE * room, room) * (np.cos(turns) * first + np.sin(turns) * second)
-        return np.column_stack([there, np.zeros(CORNERS)])
+        circle: Array = middle + min(radius or SHARE * room, room) * (np.cos(angles) * first + np.sin(angles) * second)
+        return np.column_stack([circle, np.zeros(CORNERS)])
 
 
 def slowed(trajectory: Trajectory, factor: float) -> Trajectory:
-    """Return a motion that takes so many times as long, at least 1."""
+    """Stretch a trajectory in time by a factor of at least 1, interpolating linearly."""
     rows = trajectory.positions
-    at = np.linspace(0.0, len(rows) - 1.0, max(2, round((len(rows) - 1) * factor) + 1))
-    columns = [np.interp(at, np.arange(len(rows)), column) for column in rows.T]
+    steps = np.linspace(0.0, len(rows) - 1.0, max(2, round((len(rows) - 1) * factor) + 1))
+    columns = [np.interp(steps, np.arange(len(rows)), column) for column in rows.T]
     return Trajectory(trajectory.names, np.stack(columns, axis=1))

@@ -1,4 +1,4 @@
-"""The check that a thing has been turned over: the robot looks, and compares with how the thing lay before."""
+"""Check that an object has been turned over: look, and compare with its pose before."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from executive.motion.arm_group import ArmGroup
 
 TURNED = -0.5
-"""Cosine between a thing's up axis before and after up to which it has been turned over: 120 degrees."""
+"""Largest cosine between an object's up axis before and after turning it over: at least 120 degrees."""
 
 
 async def check_turned(platform: Platform, name: str, before: Pose) -> None:
-    """Look at a thing; raise ObjectNotTurned if it is seen to lie as it did before, nothing if it is not seen."""
-    tools = (platform.scene.world.pose(tool).position[2] for tool in platform.belief.held)
-    await sleep(falling_time(max(tools, default=0.0) - before.position[2]))  # off the highest of them
+    """Look at an object; raise ObjectNotTurned if it is seen to lie as before. An object that is not seen passes."""
+    heights = (platform.scene.world.pose(tool).position[2] for tool in platform.belief.held)
+    await sleep(falling_time(max(heights, default=0.0) - before.position[2]))  # it may still fall off the highest tool
     what = platform.scene.bodies.designator(name)
     with suppress(PerceptionFailure, LookingFailure):
         await perform(action("LookingForSomething", object_acted_on=what))
@@ -39,7 +39,7 @@ async def check_turned(platform: Platform, name: str, before: Pose) -> None:
 async def check_flip(
     platform: Platform, motion: GroundedMotion, group: ArmGroup, rows: Array, phase: Phase, names: Sequence[str]
 ) -> None:
-    """Check thin things of ``names``, where they are known to have lain, after a motion (m, n) that turned a blade."""
+    """Check the thin objects among ``names`` whose pose before is known, if a motion (m, n) has turned a blade over."""
     thin = [name for name in names if platform.scene.world.scene.body(name).thin and name in phase.things]
     if thin and _turns_a_blade(platform, motion, group, rows):
         for name in thin:
@@ -47,7 +47,7 @@ async def check_flip(
 
 
 def _turns_a_blade(platform: Platform, motion: GroundedMotion, group: ArmGroup, rows: Array) -> bool:
-    """Return whether the blade of a tool has its other side up after a motion (m, n)."""
+    """Check whether a motion (m, n) turns the blade of a held tool upside down."""
     number = {arm.name: k for k, arm in enumerate(motion.arms)}
     for name, grip in platform.belief.held.items():
         body = platform.scene.world.scene.body(name)

@@ -1,4 +1,4 @@
-"""The process module that wipes a surface: it moves a tool over all of it that is free, lane by lane."""
+"""Process module that wipes a surface: it moves a tool over all free parts of it, lane by lane."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
 from planlang.protocols import Trajectory
 
 SHORT = 3
-"""Places of a lane that is not divided."""
+"""Most waypoints of a lane that is not divided after a failure."""
 IN_A_ROW = 4
-"""Lanes, or halves of lanes, that fail one after another before it is given up: the others are farther away."""
+"""Consecutive failures of lanes, or halves of lanes, before wiping stops: the remaining ones are farther away."""
 HERE = 4
-"""The same from one base pose."""
+"""The same limit for one base pose."""
 VIEWS = 5
-"""Places of the base from which it is looked at a surface that was not seen yet."""
+"""Base poses from which to look at a surface that has not been seen yet."""
 ENOUGH = 0.8
-"""Share of what is free that has to be wiped."""
+"""Least share of the free area to wipe."""
 
 
 Stroke = Callable[..., Awaitable[Trajectory]]
@@ -55,16 +55,16 @@ class Wiping(StrokeWork):
     failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
 
     async def execute(self, action: Action) -> tuple[str, ...]:
-        """Wipe; return (): no constraint is given up. Raises ConstraintsUnsatisfied if too little was wiped.
+        """Wipe the surface; return (), as no constraint is dropped. Raises ConstraintsUnsatisfied below ENOUGH.
 
-        The lanes that the arm reaches most easily come first; from each base pose all lanes within reach are wiped. If
-        a lane cannot be wiped as a whole, its halves are tried.
+        The lanes that the arm reaches most easily come first; from each base pose, all lanes within reach are wiped. If
+        a lane fails, its halves are tried.
         """
-        grounding, phase, asked, motion = await self.begun(action)
+        grounding, phase, constraints, motion = await self.begun(action)
         plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), list[Array](), 0
-        await self._seen_from_near(grounding, phase, asked, plane, motion)
-        motion = grounding.grounded(asked, phase)
-        stroke = partial(self.stroke, grounding, phase, asked, plane, closed=False)
+        await self._look_from_near(grounding, phase, constraints, plane, motion)
+        motion = grounding.grounded(constraints, phase)
+        stroke = partial(self.stroke, grounding, phase, constraints, plane, closed=False)
         room = self._room(plane, motion)
         pending = self._nearest_first(plane, motion, room.lanes())
         if not pending:
@@ -80,20 +80,20 @@ class Wiping(StrokeWork):
             done = [lane, *await self._from_here(stroke, motion, lane, pending)]
             pending = [one for one in pending if not any(one is other for other in done)]
             wiped, in_a_row = [*wiped, *done], 0
-        share = room.share(wiped, self._room(plane, motion))  # things that were seen since may stand there
+        share = room.share(wiped, self._room(plane, motion))  # not counting room that objects seen since then occupy
         if share < ENOUGH:
             raise self._too_little(plane, motion, share, pending, problems)
         return ()
 
-    async def _seen_from_near(
+    async def _look_from_near(
         self,
         grounding: Grounding,
         phase: Phase,
-        asked: Sequence[MotionConstraint],
+        constraints: Sequence[MotionConstraint],
         plane: Plane,
         motion: GroundedMotion,
     ) -> None:
-        """Go where the surface is seen, if it was not seen yet: what stands on it may stand elsewhere by now."""
+        """Drive to where the surface is visible, if it has not been seen yet: objects on it may have been moved."""
         name = self.platform.scene.bodies.bind(plane.thing)
         if self.platform.robot.camera is None or not self._is_mobile():
             return
@@ -103,7 +103,7 @@ class Wiping(StrokeWork):
                 return
             with suppress(NavigationFailure):
                 await self.drive_with_room(base)
-                await self._look(grounding, asked, phase)
+                await self._look(grounding, constraints, phase)
 
     async def _from_here(
         self,
@@ -112,7 +112,7 @@ class Wiping(StrokeWork):
         last: Array,
         pending: Sequence[Array],
     ) -> list[Array]:
-        """Wipe the lanes near the last one that the arm reaches without driving; return them."""
+        """Wipe the lanes that the arm reaches without driving, those near the last one first; return them."""
         done, in_a_row = list[Array](), 0
         for lane in sorted(pending, key=lambda one: float(np.linalg.norm(one[0, :3] - last[-1, :3]))):
             try:
@@ -126,20 +126,20 @@ class Wiping(StrokeWork):
         return done
 
     def _nearest_first(self, plane: Plane, motion: GroundedMotion, lanes: Iterable[Array]) -> list[Array]:
-        """Sort lanes by how near the base gets the arm to them, long ones first of those that are near enough."""
+        """Sort lanes by how near the shoulder gets to them, long ones first among those that are near enough."""
         every, enough = list(lanes), BEST * min(arm.reach for arm in motion.arms)
-        away = [max(round(one, 1), enough) for one in self._away(plane, motion, every)]
-        return [every[k] for k in sorted(range(len(every)), key=lambda k: (away[k], -len(every[k])))]
+        distances = [max(round(one, 1), enough) for one in self._distances(plane, motion, every)]
+        return [every[k] for k in sorted(range(len(every)), key=lambda k: (distances[k], -len(every[k])))]
 
-    def _away(self, plane: Plane, motion: GroundedMotion, lanes: Sequence[Array]) -> list[float]:
-        there = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
-        return self.platform.base_poses().distances(there, motion.arms) if lanes else []
+    def _distances(self, plane: Plane, motion: GroundedMotion, lanes: Sequence[Array]) -> list[float]:
+        in_map = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
+        return self.platform.base_poses().distances(in_map, motion.arms) if lanes else []
 
     def _no_room(self, plane: Plane, motion: GroundedMotion) -> ConstraintsUnsatisfied:
-        """Return the failure that says that no place of a surface is free."""
+        """Build the failure for a surface without free positions."""
         name, arm = self.platform.scene.bodies.bind(plane.thing), motion.arms[0].name
-        said = f"{name} has no free place for {self.tool(motion)} with {HAND:.2f} m beside it for the hand"
-        return ConstraintsUnsatisfied(said, arm=arm, what=name)
+        message = f"{name} has no free place for {self.tool(motion)} with {HAND:.2f} m beside it for the hand"
+        return ConstraintsUnsatisfied(message, arm=arm, what=name)
 
     def _too_little(
         self,
@@ -149,20 +149,20 @@ class Wiping(StrokeWork):
         pending: Sequence[Array],
         problems: Sequence[PlanFailure],
     ) -> ConstraintsUnsatisfied:
-        """Return the failure that says how much was wiped, and what the rest is too far from."""
+        """Build the failure that reports how much was wiped, and why the rest was not."""
         name, arm = self.platform.scene.bodies.bind(plane.thing), motion.arms[0]
-        in_the_way = next((one for one in (getattr(each, "blocked_by", None) for each in problems) if one), None)
-        nearest = min(self._away(plane, motion, pending), default=math.inf)
-        why = (
-            f"{in_the_way} is in the way"
-            if in_the_way is not None
+        obstacle = next((one for one in (getattr(each, "blocked_by", None) for each in problems) if one), None)
+        nearest = min(self._distances(plane, motion, pending), default=math.inf)
+        reason = (
+            f"{obstacle} is in the way"
+            if obstacle is not None
             else "the base has no room beside the rest"
             if nearest == math.inf
             else f"the shoulder of {arm.name} gets no nearer to the rest than {nearest:.2f} m, out of its reach "
             f"with {self.tool(motion)} held flat"
         )
-        said = f"{share:.0%} of {name} was wiped, {ENOUGH:.0%} is due: {why}"
-        return ConstraintsUnsatisfied(said, arm=arm.name, what=name, blocked_by=in_the_way)
+        message = f"{share:.0%} of {name} was wiped instead of at least {ENOUGH:.0%}: {reason}"
+        return ConstraintsUnsatisfied(message, arm=arm.name, what=name, blocked_by=obstacle)
 
     def _room(self, plane: Plane, motion: GroundedMotion) -> Room:
         name, feature = self.platform.scene.bodies.bind(plane.thing), plane.height.world
@@ -174,6 +174,6 @@ class Wiping(StrokeWork):
 
 
 def _halves(lane: Array) -> tuple[Array, ...]:
-    """Divide a lane in two; one of three places or fewer is not divided."""
+    """Divide a lane in two; return none for a lane of at most SHORT waypoints."""
     places = lane[1:-1, :3]
     return tuple(map(lifted, np.array_split(places, 2))) if len(places) > SHORT else ()

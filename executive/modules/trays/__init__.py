@@ -1,1 +1,1 @@
-"""The process module for what takes two hands."""
+"""Process module for objects that take two hands."""

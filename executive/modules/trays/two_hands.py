@@ -1,7 +1,7 @@
-"""The process module for what one hand does not hold, such as trays: two hands take it, carry it level, put it down.
+"""Process module for objects that take two hands, such as trays: it grasps, carries and puts them down level.
 
-It drives to where both hands reach opposite sides of the thing, takes it, lifts it, and draws it in; the base drives
-with the arms as they are. Where it is put down the hands lower it together, and let go at once.
+The base drives to where the hands reach opposite sides of the object; they grasp it, lift it and draw it in. The arms
+keep their posture while the base drives. To put it down, both hands lower it together and release it at the same time.
 """
 
 from __future__ import annotations
@@ -45,29 +45,30 @@ from planlang.geometry import Array, Pose
 from planlang.language.process_module import process_module
 
 PLACES = 3
-"""Places of the base from which a thing is taken, or put down, one after another: what is seen there may differ."""
+"""Base poses to try in turn for grasping or putting down: an object may look different from each."""
 NEAR = 1.5
-"""Distance of the base from a place from which on it is tried from where the base is [m]."""
+"""Distance within which the current base pose is tried first [m]."""
 MOST_SPOTS, APART = 32, 0.12
-"""Places for a thing that are tried, and their distances from each other [m]."""
+"""Most poses for putting an object down, and their least difference [m, rad]."""
 LOOKED_AT = 4000
-"""Places for a thing among which these are chosen."""
+"""Samples from which to choose these poses."""
 WAYS = 4
-"""Ways that are tried from one place of the base: others differ little."""
+"""Pairs of hand paths to try from one base pose; more differ little."""
 SAME = 0.05
-"""Difference of two places of the base that are hardly another [m, rad]."""
+"""Difference below which two base poses count as the same [m, rad]."""
 OUTWARDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.05, 0.0)
-"""Distances by which what is held is held out to put it down [m]."""
+"""Distances to try for extending the held object outwards to put it down [m]."""
 HAIR = 1e-6
+"""Guard against division by zero [m]."""
 CLOSE = 0.3
-"""Distance of a thing from the axis of the base to which it is drawn in, if there is room [m]."""
+"""Distance from the base's axis to which a held object is drawn in, if there is room [m]."""
 
 T = TypeVar("T")
 
 
 @process_module
 class TwoHands(HandWork):
-    """Takes, carries and puts down what takes two hands."""
+    """Grasps, carries and puts down objects that take two hands."""
 
     name = "two_hands"
     actions = (
@@ -93,23 +94,24 @@ class TwoHands(HandWork):
         return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
-        """Do with ``object_acted_on`` what the action's class says; return the thing's name."""
+        """Perform what the action's class states on ``object_acted_on``; return the object's name."""
         what = action.get("object_acted_on")
         if not isinstance(what, Object):
-            raise ActionUnresolvable("it needs object_acted_on", designator=str(action))
-        name, kinds = self.platform.scene.bodies.bind(what), self.platform.ancestors(action.type)
-        if not {"GraspingSomething", "PickingUpAnObject", "TakingSomething"}.isdisjoint(kinds):
+            raise ActionUnresolvable("name the object to handle as object_acted_on", designator=str(action))
+        name, classes = self.platform.scene.bodies.bind(what), self.platform.ancestors(action.type)
+        if not {"GraspingSomething", "PickingUpAnObject", "TakingSomething"}.isdisjoint(classes):
             await self._take(name, what)
             return name
-        if "ReleasingGraspOfSomething" not in kinds:
-            await self._bring(name, what, action, lowers="CarryingWhileLocomoting" not in kinds)
-        if not {"ReleasingGraspOfSomething", "PuttingDownAnObject"}.isdisjoint(kinds):
+        if "ReleasingGraspOfSomething" not in classes:
+            await self._bring(name, what, action, lowers="CarryingWhileLocomoting" not in classes)
+        if not {"ReleasingGraspOfSomething", "PuttingDownAnObject"}.isdisjoint(classes):
             await self._let_go(name)
         return name
 
     # Taking
 
     async def _take(self, name: str, what: Object) -> None:
+        """Grasp the object from the current base pose or others; raises LocationUnresolvable if none works."""
         if name in self.platform.belief.held:
             return
         pairs, tried = self._pairs(name), list[BasePose]()
@@ -122,7 +124,7 @@ class TwoHands(HandWork):
                     if await self._from_here(pairs, name):
                         return
                 except (ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed) as failure:
-                    if name in self.platform.belief.held:  # it was taken, and something stopped it then
+                    if name in self.platform.belief.held:  # grasped; only a later motion was stopped
                         raise
                     problem = problem or failure
                     if not isinstance(failure, ManipulationPoseUnreachable):  # it is not quite where it was seen
@@ -139,10 +141,10 @@ class TwoHands(HandWork):
         raise self._nowhere(name, pairs, "take") from problem
 
     async def _from_here(self, pairs: Sequence[PairPaths], name: str) -> bool:
-        """Take the thing from where the base is; False if there is no way, a failure if there is and none was gone."""
+        """Grasp the object from the current base pose. Return False if no path exists; raise if every path failed."""
         problem, tried = None, 0
         for paths in pairs:
-            async for grasp in _found(paths.grasps(name, [self.platform.base()])):
+            async for grasp in _results(paths.grasps(name, [self.platform.base()])):
                 try:
                     await self._grasp(paths, grasp, name)
                     return True
@@ -158,14 +160,14 @@ class TwoHands(HandWork):
         return False
 
     async def _elsewhere(self, pairs: Sequence[PairPaths], name: str, tried: Sequence[BasePose]) -> BasePose | None:
-        """Return a place of the base from which there is a way, other than those that were tried; None without."""
+        """Find a base pose, other than those tried, from which both hands can grasp the object, if there is one."""
         block = self.platform.scene.bodies.block(name)
-        point, square = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
+        point, square_on = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
         for paths in pairs:
             poses, arms = self.platform.base_poses(), paths.pair.arms
-            every = chain(poses.before(point, arms, square), poses.before(point, arms))
+            every = chain(poses.before(point, arms, square_on), poses.before(point, arms))
             bases = (one for one in every if not _is_one_of(one, tried))
-            async for grasp in _found(paths.grasps(name, bases)):
+            async for grasp in _results(paths.grasps(name, bases)):
                 return grasp.base
         return None
 
@@ -173,7 +175,7 @@ class TwoHands(HandWork):
         return math.dist(point[:2], self.platform.base()[:2]) <= NEAR
 
     async def _seen(self, name: str, what: Object) -> None:
-        """Look at the thing if it has to be; raises ObjectNotFound."""
+        """Look at the object if it has not been seen since the base moved. Raises ObjectNotFound."""
         sensing = self.platform.sensing
         if sensing.must_look(what):
             await self.look(name)
@@ -182,7 +184,10 @@ class TwoHands(HandWork):
                 raise ObjectNotFound(what=name)
 
     def _pairs(self, name: str) -> list[PairPaths]:
-        """Return the pairs of free hands that carry a thing; raises HandsLacking or TooHeavy."""
+        """Find the pairs of empty hands that can carry an object with all that stands on it.
+
+        Raises HandsLacking or TooHeavy if there is none.
+        """
         platform, bodies = self.platform, self.platform.scene.bodies
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
@@ -193,10 +198,11 @@ class TwoHands(HandWork):
         if not pairs:
             payload = 2 * max(min(arm.payload for arm in pair) for pair in combinations(free, 2))
             raise TooHeavy(designator=name, what=name, mass=mass, payload=payload, hands=2)
-        still = platform.world.configuration().joints
-        return [PairPaths(platform, ArmPair(pair, still)) for pair in pairs]
+        joints = platform.world.configuration().joints
+        return [PairPaths(platform, ArmPair(pair, joints)) for pair in pairs]
 
     def _nowhere(self, name: str, pairs: Sequence[PairPaths], doing: str) -> LocationUnresolvable:
+        """Build the failure that counts why all candidates were rejected."""
         log = Rejections()
         for paths in pairs:
             log.include(paths.log)
@@ -204,6 +210,7 @@ class TwoHands(HandWork):
         return log.failure(f"{doing} {name}, {size} m, with two hands")
 
     async def _grasp(self, paths: PairPaths, grasp: PairGrasp, name: str) -> None:
+        """Approach, close both hands, lift and draw in. Raises GraspMissed if a hand does not feel the object."""
         hands, arms = self.platform.hands, paths.pair.arms
         for arm, fingers in zip(arms, grasp.fingers, strict=True):
             await hands.move(arm, closed=False, fingers=fingers)
@@ -222,19 +229,19 @@ class TwoHands(HandWork):
         await self._draw_in(paths, name)
 
     async def _arms_to(self, paths: PairPaths, q: Array, name: str) -> None:
-        """Bring the arms, one after the other, to joint values (n,); one may have to make room for the other."""
-        waiting = list(zip(paths.pair.arms, paths.pair.group.columns, strict=True))
+        """Move the arms one after the other to joint positions (n,), in the order in which they find paths."""
+        pending = list(zip(paths.pair.arms, paths.pair.group.columns, strict=True))
         tries = Tries(ManipulationPoseUnreachable)
-        for _ in range(len(waiting)):
-            for arm, columns in tuple(waiting):
+        for _ in range(len(pending)):  # moving one arm may make room for the other
+            for arm, columns in tuple(pending):
                 with tries:
                     await self.follow_to_end(arm.name, self.planned(arm, q[columns], None), name)
-                    waiting = [one for one in waiting if one[0] is not arm]
-        if waiting and tries.problem is not None:
+                    pending = [one for one in pending if one[0] is not arm]
+        if pending and tries.problem is not None:
             raise tries.problem
 
     async def _go(self, paths: PairPaths, rows: Array, name: str, *, held: bool = False) -> None:
-        """Move both arms on a way (k, n)."""
+        """Move both arms along a joint path (k, n)."""
         if len(rows) < 2:
             return
         arms = " and ".join(arm.name for arm in paths.pair.arms)
@@ -245,7 +252,7 @@ class TwoHands(HandWork):
         await self.follow_to_end(arms, trajectory, name)
 
     async def _draw_in(self, paths: PairPaths, name: str) -> None:
-        """Bring a held thing close to the base, as far as that goes."""
+        """Draw a held object in towards the base as far as possible."""
         x, y, _ = paths.pose_of(name, paths.now())[:3, 3].tolist()
         away = math.hypot(x, y)
         if away > CLOSE:
@@ -256,19 +263,19 @@ class TwoHands(HandWork):
     # Putting down
 
     def _holding(self, name: str) -> PairPaths:
-        """Return the ways of the arms that hold a thing; raises ActionUnresolvable if two do not."""
+        """Build the path planner of the two arms that hold an object. Raises ActionUnresolvable if two do not."""
         platform = self.platform
         grip = platform.belief.held.get(name)
         arms = [arm for arm in platform.scene.arms.all if grip is not None and arm.name in grip.arms]
         if len(arms) != 2:
-            raise ActionUnresolvable(f"two hands do not hold {name}", designator=name)
+            raise ActionUnresolvable(f"{name} is not held in two hands; grasp it first", designator=name)
         return PairPaths(platform, ArmPair((arms[0], arms[1]), platform.world.configuration().joints))
 
     async def _bring(self, name: str, what: Object, action: Action, *, lowers: bool) -> None:
-        """Bring what is held to where a place is in reach, and lower it there."""
+        """Carry the held object to where ``to_location`` is in reach and, if ``lowers``, lower it there."""
         paths, where = self._holding(name), action.get("to_location")
         if not isinstance(where, (Object, Location)):
-            raise ActionUnresolvable("it needs to_location", designator=str(action))
+            raise ActionUnresolvable("state where to carry the object as to_location", designator=str(action))
         location, tried = resting_on(where), list[BasePose]()
         tries = Tries(ManipulationPoseUnreachable, NavigationFailure)
         for number in range(PLACES + 1):
@@ -290,9 +297,9 @@ class TwoHands(HandWork):
         raise self._nowhere(name, [paths], "put down") from tries.problem
 
     async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> bool:
-        """Lower what is held from where the base is; False without a way, a failure if none that there is was gone."""
+        """Lower the held object without moving the base. Return False if no path exists; raise if every path failed."""
         tries, tried, here = Tries(ManipulationPoseUnreachable), 0, partial(_only, self.platform.base())
-        async for place in _found(paths.places(name, spots, here)):
+        async for place in _results(paths.places(name, spots, here)):
             with tries:
                 if lowers:
                     await self._go(paths, place.lower, name, held=True)
@@ -304,7 +311,7 @@ class TwoHands(HandWork):
         return False
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
-        """Yield free places of the base before a place of what is held: first where it has only to be held out."""
+        """Yield free base poses before a put-down pose, those first from which the object is only extended outwards."""
         poses = self.platform.base_poses()
         bases = chain(
             self._held_out(poses, paths, name, pose), poses.before(np.array(pose.position[:2]), paths.pair.arms)
@@ -312,17 +319,20 @@ class TwoHands(HandWork):
         return (one for one in bases if not _is_one_of(one, tried))
 
     def _held_out(self, poses: BasePoses, paths: PairPaths, name: str, pose: Pose) -> Iterator[BasePose]:
-        """Yield free places of the base from which what is held comes to a place when it is moved straight away."""
+        """Yield free base poses from which extending the held object straight outwards brings it to a put-down pose."""
         here = Pose.from_matrix(paths.pose_of(name, paths.now()))
         x, y, _ = here.position
-        shares = 1.0 + np.array(OUTWARDS) / max(math.hypot(x, y), HAIR)
-        outs = (Pose.planar(x * share, y * share, here.yaw) for share in shares.tolist())
-        bases = [Pose.planar(*pose.position[:2], pose.yaw) @ out.inverse() for out in outs]
+        factors = 1.0 + np.array(OUTWARDS) / max(math.hypot(x, y), HAIR)
+        extended = (Pose.planar(x * factor, y * factor, here.yaw) for factor in factors.tolist())
+        bases = [Pose.planar(*pose.position[:2], pose.yaw) @ one.inverse() for one in extended]
         rows = np.array([(*base.position[:2], base.yaw) for base in bases])
         return poses.with_room(rows[poses.free(rows)])
 
     def _spots(self, what: Object, location: Location) -> list[Pose]:
-        """Return places for a thing, the best ones of those that are apart; raises LocationUnresolvable."""
+        """Choose put-down poses for an object: the best that differ enough, each also turned by half a turn.
+
+        Raises LocationUnresolvable if there is none.
+        """
         spots: list[Pose] = []
         for pose in self.platform.resolver.best_things(location, what, LOOKED_AT):
             near = (one for one in spots if one.distance(pose) < APART and abs(one.yaw - pose.yaw) < APART)
@@ -334,7 +344,7 @@ class TwoHands(HandWork):
         return [pose for both in zip(spots, turned, strict=True) for pose in both]
 
     async def _rise(self, paths: PairPaths, name: str, height: float) -> None:
-        """Lift a held thing to where it passes over the edge of its support, at a height of its middle [m]."""
+        """Lift a held object to LIFT above its put-down height [m], so that it clears the edge of the support."""
         missing = height + LIFT - float(paths.pose_of(name, paths.now())[2, 3])
         if missing > 0:
             await self._go(paths, paths.shifted(name, np.array([0.0, 0.0, missing])), name, held=True)
@@ -347,13 +357,13 @@ class TwoHands(HandWork):
             await self.look(one)
 
     async def _let_go(self, name: str) -> None:
-        """Open both hands, draw them back, and bring the arms close to the robot."""
+        """Open both hands, retreat, and tuck the arms."""
         platform, paths = self.platform, self._holding(name)
         arms = paths.pair.arms
         platform.check_hold([arm.name for arm in arms])
-        opened = [platform.arms.opening(arm) for arm in arms]
+        openings = [platform.arms.opening(arm) for arm in arms]
         platform.hands.let_go(name)
-        for arm, fingers in zip(arms, opened, strict=True):
+        for arm, fingers in zip(arms, openings, strict=True):
             await platform.hands.move(arm, closed=False, fingers=fingers)
         await platform.hands.settled(name)
         await self._go(paths, paths.away(name), name)
@@ -365,21 +375,21 @@ def _only(base: BasePose, pose: Pose) -> list[BasePose]:
 
 
 def _is_one_of(base: BasePose, tried: Iterable[BasePose]) -> bool:
-    """Return whether a place of the base is one that was tried, or hardly another."""
+    """Check whether a base pose is close to one that was tried."""
     return any(math.dist(base[:2], one[:2]) < SAME and abs(base[2] - one[2]) < SAME for one in tried)
 
 
-async def _found(ways: Iterator[T | None]) -> AsyncIterator[T]:
-    """Yield ways; other tasks go on while they are looked for."""
-    for way in ways:
-        if way is not None:
-            yield way
+async def _results(results: Iterator[T | None]) -> AsyncIterator[T]:
+    """Yield the results of a slow search; at each None, other tasks get a turn."""
+    for result in results:
+        if result is not None:
+            yield result
         else:
             await checkpoint()
 
 
-async def _first(ways: Iterator[T | None]) -> T | None:
-    """Return the first way of some; other tasks go on while it is looked for."""
-    async for way in _found(ways):
-        return way
+async def _first(results: Iterator[T | None]) -> T | None:
+    """Take the first result of a slow search, as :func:`_results`; None if there is none."""
+    async for result in _results(results):
+        return result
     return None

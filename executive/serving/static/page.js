@@ -1,10 +1,10 @@
-// Help with typing: names are completed, keys are remembered until the tab is closed, files are read into the text.
+// Help with typing: completes names, remembers the key until the tab is closed, loads files into the text.
 // Every page works without it.
 "use strict";
 
 const KEY = "planlang.key";
-const SLOTH = 120; // ms without a key pressed before names are asked for
-const LARGEST_TEXT = 1e6; // bytes of a file that is read into the text
+const DELAY = 120; // time without a keystroke before names are requested [ms]
+const LARGEST_TEXT = 1e6; // largest file that is loaded into the text [bytes]
 
 function rememberKeys() {
   for (const field of document.querySelectorAll("input[name=key]")) {
@@ -13,14 +13,14 @@ function rememberKeys() {
   }
 }
 
-/** The name that ends where the caret is: its beginning and its text. */
+/** The name before the caret: its start and its text. */
 function wordBefore(field) {
   const before = field.value.slice(0, field.selectionStart);
   const word = before.match(/[\p{L}\p{N}_-]*$/u)[0];
   return { start: before.length - word.length, text: word };
 }
 
-/** Let a field offer names while somebody types: a combobox with a list, as the ARIA practices describe it. */
+/** Complete names in a field: an editable combobox with a listbox, by the ARIA Authoring Practices. */
 function complete(field) {
   const list = document.createElement("ul");
   list.id = field.id + "-names";
@@ -84,7 +84,7 @@ function complete(field) {
     if (number === asked) show(names.length === 1 && names[0] === word ? [] : names);
   }
 
-  field.addEventListener("input", () => { clearTimeout(waiting); waiting = setTimeout(ask, SLOTH); });
+  field.addEventListener("input", () => { clearTimeout(waiting); waiting = setTimeout(ask, DELAY); });
   field.addEventListener("blur", () => { asked++; close(); });
   field.addEventListener("keydown", (event) => {
     if (list.hidden) return;
@@ -97,7 +97,7 @@ function complete(field) {
   });
 }
 
-/** Read a chosen file into the text, where it can be mended; a large one, or one that is not UTF-8, is sent as it is. */
+/** Load a chosen file into the text for editing; large files and files that are not UTF-8 are sent unchanged. */
 async function readInto(field) {
   const file = field.files[0];
   if (!file || file.size > LARGEST_TEXT) return;
@@ -111,7 +111,7 @@ async function readInto(field) {
   field.value = "";
 }
 
-/** Put the caret on a line of the text. */
+/** Move the caret to a line of the text. */
 function goTo(event) {
   event.preventDefault();
   const text = document.getElementById("text");

@@ -1,6 +1,6 @@
-"""A process module: what the robot does for a class of actions. ``--modules template_name.py`` adds it to a run.
+"""A process module: code that performs a class of actions. ``--modules template_name.py`` adds it to a run.
 
-A recipe whose step is below ``Whistling`` can be run with it: declare the class there, below a class of the vocabulary.
+It performs steps below ``Whistling``. Declare that class in the recipe, as a subclass of a class of the vocabulary.
 """
 
 from planlang import process_module, sleep
@@ -8,12 +8,12 @@ from planlang.failures import ManipulationFailure
 
 
 class OutOfBreath(ManipulationFailure):
-    """Plans can recover from failures of your own as from those of planlang."""
+    """Plans can recover from your own failures like from planlang's."""
 
 
 @process_module
 class Whistling:
-    """Takes two seconds, and needs nothing of the robot."""
+    """Takes two seconds, and needs no part of the robot."""
 
     name = "template_name"
     actions = ("Whistling",)
@@ -23,10 +23,10 @@ class Whistling:
         self.platform = platform
 
     def resources(self, action):
-        """Name what is used: two actions that use the same arm wait for each other."""
+        """Name the resources: of two actions that need the same arm, one waits for the other."""
         return ()
 
     async def execute(self, action):
-        """Do it; plan time passes in ``sleep`` and in motions of ``self.platform`` only."""
+        """Perform the action; plan time passes only in ``sleep`` and in motions of ``self.platform``."""
         await sleep(2.0)
         return "whistled"

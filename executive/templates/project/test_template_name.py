@@ -1,4 +1,4 @@
-"""Tests of the plan that planlang compiles from template_name.omn; a scripted robot performs its actions."""
+"""Tests of the plan compiled from template_name.omn; a scripted robot performs the actions."""
 
 from planlang.failures import GraspMissed
 from planlang.testing import compiled

@@ -80,7 +80,7 @@ def test_a_trace_is_shown_as_a_tree_with_its_end_and_as_a_page(trace: Path, tmp_
 
 def test_json_says_which_kind_of_file_it_is(trace: Path) -> None:
     kinds = {
-        name: json.loads(invoke("show", name, "--json").stdout)["kind"] for name in ("pr2", "tea_room", str(trace))
+        name: json.loads(invoke("show", name, "--json").stdout)["kind"] for name in ("amigo", "tea_room", str(trace))
     }
     assert list(kinds.values()) == ["robot", "map", "trace"]
 

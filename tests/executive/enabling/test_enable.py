@@ -107,7 +107,7 @@ def test_a_content_that_is_not_what_its_entry_states_is_refused(tmp_path: Path) 
         database.execute("UPDATE blobs SET data = ? WHERE sha256 = ?", (b"", wrong))
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
     assert (code, found["missing"]) == (3, ["recognition model Patient"])
-    refused = f"it cannot be used: {PIECES['recognition model Patient']} has not the content that its entry states"
+    refused = f"the content of {PIECES['recognition model Patient']} differs from the checksum of its entry"
     assert refused in json.dumps(found["explanation"])
     assert not (tmp_path / "amigo").exists()
 

@@ -41,7 +41,7 @@ def test_what_is_kept_is_renewed_when_the_knowledge_base_has_a_newer_revision(tm
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
     told = json.dumps(found["explanation"])
     assert (code, found["taken"], found["renewed"]) == (0, [], [BOTTLE])
-    assert f"{BOTTLE} is renewed from {tmp_path / 'kb.sqlite'}: revision 2 in the place of 1" in told
+    assert f"{BOTTLE} is updated from {tmp_path / 'kb.sqlite'}: revision 2" in told
     assert f"{PIECES['recipe']} is kept in {tmp_path / 'amigo'}, unchanged" in told
     assert (tmp_path / "amigo" / "objects" / BOTTLE / f"{BOTTLE}.omn").read_text() == newer
     assert enable(tmp_path / "kb.sqlite", tmp_path / "amigo")[1]["renewed"] == []
@@ -96,7 +96,7 @@ def test_a_recognition_model_without_its_file_is_refused_by_name_and_recognises_
     put(store, Kind.OBJECT, "ada", model)
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
     assert (code, found["missing"]) == (3, ["recognition model DrinkingBottle"])
-    assert "the file of the model is not with it: bottle.model" in json.dumps(found["explanation"])
+    assert "not attached: bottle.model" in json.dumps(found["explanation"])
     (tmp_path / "models").mkdir()
     (tmp_path / "models" / "bottle.omn").write_text(model)
     words = ["run", "serve_a_drink", "--models", str(tmp_path / "models"), "--json"]
@@ -139,7 +139,7 @@ def test_an_entry_that_is_deleted_or_changed_after_it_was_found_is_refused(
     monkeypatch.setattr(SqliteStore, "content", lambda store, uid, number=None: b"Ontology: <urn:another>")
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
     assert (code, found["missing"]) == (3, ["recipe serve_a_drink"])
-    assert "has not the content that its entry states" in json.dumps(found["explanation"])
+    assert "differs from the checksum" in json.dumps(found["explanation"])
     assert not (tmp_path / "amigo").exists()
 
 
@@ -167,5 +167,5 @@ def test_entries_that_need_each_other_and_import_themselves_end_in_a_name(tmp_pa
     store.close()
     code, found = enable(tmp_path / "kb.sqlite", tmp_path / "amigo")
     assert (code, found["missing"]) == (3, ["component Hen"])
-    assert "it is needed for itself" in json.dumps(found["explanation"])
+    assert "it depends on itself" in json.dumps(found["explanation"])
     assert not (tmp_path / "amigo").exists()

@@ -90,7 +90,7 @@ def test_commands_are_posted_and_never_asked_for(server: LiveServer, here: Here)
 def test_what_is_no_command_is_refused(server: LiveServer, here: Here, body: bytes) -> None:
     sent = httpx.post(f"{server.address}command", content=body, headers={"Origin": origin(server)})
     assert sent.status_code == 400
-    assert sent.text == "a command is a JSON object\n"
+    assert "JSON object" in sent.text
     assert here.commands == []
 
 

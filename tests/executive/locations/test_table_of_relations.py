@@ -359,7 +359,7 @@ def relations() -> str:
 
 def forms() -> str:
     """Return how each relation and each grasp is said."""
-    lines = ["| relation, grasp | said | also |", "|---|---|---|"]
+    lines = ["| relation, grasp | phrase | also |", "|---|---|---|"]
     for name, (first, *others) in {
         **{name: relation.forms for name, relation in RELATIONS.items()},
         **GRASP_FORMS,

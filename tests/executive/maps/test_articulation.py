@@ -1,4 +1,4 @@
-"""Doors, drawers and lids of maps: real ones, and small ones that state or leave out what tells their joints."""
+"""Doors, drawers and lids: those of real maps, and small ones with stated and with derived joints."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_every_leaf_of_the_kitchen_opens_away_from_its_furniture(corpus: Path) -
         assert moved > 0.0, joint.leaf
 
 
-def test_the_door_in_the_middle_of_the_cabinet_is_moved_to_the_face_of_its_handle(corpus: Path) -> None:
+def test_the_door_inside_the_cabinet_is_moved_to_the_face_with_its_handle(corpus: Path) -> None:
     joint = joints_of(corpus / "environments" / "ias_hospital_room@re_stack.owl.in")["door1"]
     assert joint.point[0] == pytest.approx(-1.366, abs=1e-3)
     assert joint.point[1] == pytest.approx(-2.262, abs=1e-3)
@@ -101,24 +101,24 @@ def cabinet(thing: Write, seen: Write, *more: str, parts: str = "door1", facts: 
 
 
 def only(semantic_map: SemanticMap) -> Articulation:
-    """The one joint of a map."""
+    """The only joint of a map."""
     (joint,) = scene_of(semantic_map).joints
     return joint
 
 
-def test_a_door_without_handle_hangs_on_the_side_of_its_furniture(map_of: Read, thing: Write, seen: Write) -> None:
+def test_a_door_without_handle_hinges_at_the_side_of_its_furniture(map_of: Read, thing: Write, seen: Write) -> None:
     joint = only(map_of(*cabinet(thing, seen)))
     assert (joint.point[:2], joint.axis, joint.upper) == ((0.25, -0.45), (0.0, 0.0, -1.0), 1.57)
 
 
-def test_a_door_hangs_opposite_of_its_handle(map_of: Read, thing: Write, seen: Write) -> None:
+def test_a_door_hinges_opposite_its_handle(map_of: Read, thing: Write, seen: Write) -> None:
     handle = thing("handle1", "Handle", (0.02, 0.02, 0.1)), seen("handle1", (0.28, -0.4, 0.5))
     joint = only(map_of(*cabinet(thing, seen, *handle, facts=("properPhysicalParts handle1",))))
     assert joint.point[:2] == pytest.approx((0.25, -0.05))
     assert (joint.axis, joint.handle) == ((0.0, 0.0, 1.0), "handle1")
 
 
-def test_what_a_file_says_of_a_hinge_counts_first(map_of: Read, thing: Write, seen: Write) -> None:
+def test_a_stated_hinge_takes_precedence(map_of: Read, thing: Write, seen: Write) -> None:
     hinge = (
         "Individual: hinge1\n    Types: knowrob:HingedJoint\n"
         "    Facts: knowrob:minJointValue 0.0, knowrob:maxJointValue 2.0, knowrob:direction up\n",
@@ -131,7 +131,7 @@ def test_what_a_file_says_of_a_hinge_counts_first(map_of: Read, thing: Write, se
 
 
 @pytest.mark.parametrize("z", [1.0, -1.0])
-def test_a_stated_axis_about_which_a_hinge_opens_towards_smaller_values_is_turned_around(
+def test_a_stated_axis_is_reversed_if_the_hinge_opens_towards_smaller_values(
     z: float, map_of: Read, thing: Write, seen: Write
 ) -> None:
     hinge = (
@@ -145,7 +145,7 @@ def test_a_stated_axis_about_which_a_hinge_opens_towards_smaller_values_is_turne
     assert (joint.axis, joint.lower, joint.upper) == ((0.0, 0.0, -z), 0.0, 1.2)
 
 
-def test_without_an_axis_a_hinge_opens_away_from_the_inside_whichever_sign_its_limits_have(
+def test_without_an_axis_a_hinge_opens_outwards_whatever_the_sign_of_its_limits(
     map_of: Read, thing: Write, seen: Write
 ) -> None:
     hinge = (
@@ -156,7 +156,7 @@ def test_without_an_axis_a_hinge_opens_away_from_the_inside_whichever_sign_its_l
     assert (stated.axis, stated.lower, stated.upper) == (plain.axis, 0.0, 1.2)
 
 
-def test_a_slide_of_a_file_has_its_limits(map_of: Read, thing: Write, seen: Write) -> None:
+def test_a_stated_slide_has_its_limits(map_of: Read, thing: Write, seen: Write) -> None:
     slide = "Individual: slide1\n    Types: knowrob:PrismaticJoint\n    Facts: knowrob:maxJointValue 0.3\n"
     joint = only(
         map_of(
@@ -201,12 +201,12 @@ def shelf(map_of: Read, thing: Write, seen: Write) -> SemanticMap:
 
 @pytest.fixture
 def believed(shelf: SemanticMap) -> tuple[Belief, PlanningWorld]:
-    """A belief about it without a robot."""
+    """A belief about the shelf, without a robot."""
     world = PlanningWorld(scene_of(shelf))
     return Belief(shelf, world), world
 
 
-def test_what_is_behind_a_closed_door_or_in_a_closed_drawer_is_told(believed: tuple[Belief, PlanningWorld]) -> None:
+def test_the_belief_knows_which_closed_leaf_hides_an_object(believed: tuple[Belief, PlanningWorld]) -> None:
     belief, world = believed
     bodies = BelievedBodies(world, belief)
     names = ("bottle1", "bottle2", "cup1", "cabinet1")
@@ -269,7 +269,7 @@ def test_what_is_believed_of_joints_is_remembered(believed: tuple[Belief, Planni
         other.restore({**belief.snapshot(), "leaves": {"door7": 0.2}})
 
 
-def test_seeds_move_what_stands_in_a_cabinet_only_within_its_room(shelf: SemanticMap) -> None:
+def test_seeds_displace_objects_in_a_cabinet_only_within_it(shelf: SemanticMap) -> None:
     scene = scene_of(shelf)
     for seed in range(1, 9):
         real = perturb(scene, seed)
@@ -277,7 +277,7 @@ def test_seeds_move_what_stands_in_a_cabinet_only_within_its_room(shelf: Semanti
         assert np.abs(np.array(real.body("bottle1").pose.position[:2]) - (0.0, -0.25)).max() < 0.25
 
 
-def test_parts_that_are_parts_of_each_other_in_a_circle_are_read(map_of: Read, thing: Write, seen: Write) -> None:
+def test_circular_parts_are_read(map_of: Read, thing: Write, seen: Write) -> None:
     names = [f"drawer{number}" for number in range(60)]
     parts = zip(names, [*names[1:], names[0]], strict=True)
     semantic_map = map_of(

@@ -1,4 +1,4 @@
-"""Parts that a class has, at the same places in each of its instances."""
+"""Parts stated by class models, at the same poses in each instance."""
 
 import math
 from collections.abc import Callable
@@ -62,7 +62,7 @@ def test_each_instance_has_the_parts_of_its_class_where_the_class_has_them(
     assert joints == {"one_LockerDoor": "one_LockerHandle", "two_LockerDoor": "two_LockerHandle"}
 
 
-def test_a_part_that_the_map_has_is_not_made_again_and_gets_a_pose_if_it_has_none(
+def test_a_part_of_the_map_is_not_duplicated_and_gets_a_pose_if_it_has_none(
     map_of: Read, locker: Write, thing: Write, seen: Write
 ) -> None:
     door = thing("door1", "Door", (0.02, 0.8, 0.8)).replace("Types: ", "Types: LockerDoor, ")

@@ -1,4 +1,4 @@
-"""Contents, vessels and devices that are on, in maps."""
+"""Contents, vessels and running devices of maps."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ CUP = ("cup1", "Cup", (0.08, 0.08, 0.1))
 
 
 def inside(name: str, cls: str, container: str, *facts: str) -> str:
-    """The frame of what something holds."""
+    """The frame of a content of a vessel."""
     stated = ", ".join(f"knowrob:{fact}" for fact in (f"in-ContGeneric {container}", *facts))
     return f"Individual: {name}\n    Types: knowrob:{cls}\n    Facts: {stated}\n"
 
 
-def test_what_is_in_a_vessel_without_a_place_is_its_content(map_of: Read, thing: Write, seen: Write) -> None:
+def test_an_object_without_a_pose_inside_a_vessel_is_its_content(map_of: Read, thing: Write, seen: Write) -> None:
     found: list[Diagnostic] = []
     mix = inside("mix1", "PancakeMix", "cup1", "amount 200.0")
     scene = scene_of(map_of(thing(*CUP), seen("cup1", (1, 0, 0.05)), mix), found)

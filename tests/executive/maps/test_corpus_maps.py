@@ -1,4 +1,4 @@
-"""Maps and object models of the corpus: poses and sizes against the truth files, and what a bad number costs."""
+"""Maps and object models of the corpus: poses and sizes against the truth files, and the effect of bad numbers."""
 
 import json
 import re
@@ -38,12 +38,12 @@ ENVIRONMENTS = tuple(name for name in TRUTHS if name.startswith("environments/")
 
 
 def renamed(iri: str) -> str:
-    """The IRI as it is read: the vocabulary's old namespace is the new one's."""
+    """The IRI as it is read: the vocabulary's old namespace is mapped to the new one."""
     return iri.replace("http://ias.cs.tum.edu/kb/knowrob.owl", "http://knowrob.org/kb/knowrob.owl")
 
 
 @pytest.mark.parametrize("name", TRUTHS)
-def test_every_pose_and_size_of_the_truth_is_read_or_its_repair_told(corpus: Path, name: str) -> None:
+def test_every_true_pose_and_size_is_read_or_its_repair_noted(corpus: Path, name: str) -> None:
     truth = json.loads((corpus / "truth" / f"map_{Path(name).name}.json").read_text())
     ontology, found = load(corpus / name), list[Diagnostic]()
     poses, compared = PosesOfThings(ontology, found), 0
@@ -57,7 +57,7 @@ def test_every_pose_and_size_of_the_truth_is_read_or_its_repair_told(corpus: Pat
 
 
 def check_pose(ontology: Ontology, place: str | None, expected: dict[str, Any]) -> None:
-    """A pose as its file states it, relative ones in their frame."""
+    """Compare a pose with its file; relative ones in the frame of their parent."""
     assert place is not None
     told: list[Diagnostic] = []
     matrix = read_transform(ontology, place, told)
@@ -70,12 +70,12 @@ def check_pose(ontology: Ontology, place: str | None, expected: dict[str, Any]) 
 def test_every_map_is_read_and_placed_in_room_3001_of_karlstrasse_45(corpus: Path, name: str) -> None:
     ontology = load(corpus / name)
     scene_of(read_map(ontology))
-    if name != "environments/ias_semantic_map@hydro.owl":  # which tells of no place
+    if name != "environments/ias_semantic_map@hydro.owl":  # which states no hierarchy of places
         asked = {("room", "3001"), ("floor", "3"), ("building", "45"), ("street", "Karlstrasse 45"), ("city", "Munich")}
         assert asked <= set(places(ontology))
 
 
-def test_a_place_that_is_stated_as_a_part_of_a_smaller_one_is_turned_around_and_told(corpus: Path) -> None:
+def test_a_place_that_is_stated_as_a_part_of_a_smaller_one_is_reversed_with_a_note(corpus: Path) -> None:
     semantic_map = read_map(load(corpus / "environments" / "map_hospital_room@re_stack.owl.in"))
     assert [one.code for one in semantic_map.diagnostics].count("M021") == 4
     room = next(thing for thing in semantic_map.objects if thing.name == "Room7635")
@@ -108,7 +108,7 @@ SMALL = (*ENVIRONMENTS[:4], ENVIRONMENTS[5])
 
 @cache
 def texts() -> dict[str, str]:
-    """Maps by name: real ones, and one that came with planlang."""
+    """Maps by name: real ones, and a bundled one."""
     here = {name: (CORPUS / name).read_text(encoding="utf-8") for name in SMALL if (CORPUS / name).is_file()}
     room = bundled("ontologies") / "environments" / "hospital_room.omn"
     return here | {room.name: room.read_text(encoding="utf-8")}
@@ -116,7 +116,7 @@ def texts() -> dict[str, str]:
 
 @cache
 def placed(name: str, text: str) -> tuple[SemanticMap, set[str], list[Diagnostic]]:
-    """The map of a text, its things with a place, and what was found."""
+    """The map of a text, its objects with a pose, and the diagnostics."""
     semantic_map = read_map(load(Path(name), content=text.encode()))
     found = [*semantic_map.diagnostics]
     scene_of(semantic_map, found)

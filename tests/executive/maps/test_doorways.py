@@ -1,4 +1,4 @@
-"""Maps of several rooms: which rooms connect, where walls have openings, and that the robot searches through them."""
+"""Maps of several rooms: connections, openings in walls, and a robot that searches the next room."""
 
 import math
 from collections.abc import Callable
@@ -28,7 +28,7 @@ HERE = Pose((0.0, 0.0, 0.0))
 
 @pytest.fixture
 def rooms(map_of: Read, thing: Write, seen: Write) -> Callable[..., tuple[Scene, list[Diagnostic]]]:
-    """Reads a map of two rooms, 0.2 m apart along x, whose frame has a pose; with facts of the first, and frames."""
+    """Reads a map of two rooms, 0.2 m apart along x, in a frame with a pose; with facts about the first, and frames."""
 
     def read(
         *facts: str, frame: Pose = HERE, frames: tuple[str, ...] = (), away: float = 4.2
@@ -52,11 +52,11 @@ Rooms = Callable[..., tuple[Scene, list[Diagnostic]]]
 
 
 def openings(scene: Scene) -> list[tuple[float, ...]]:
-    """The middles of all openings in the walls, in the map."""
+    """The centres of all openings in walls, in the map frame."""
     return [(room.pose @ Pose(cut.centre)).position for room in scene.bodies for cut in room.cavities]
 
 
-def test_rooms_of_which_nothing_says_that_they_connect_have_walls_all_around(rooms: Rooms) -> None:
+def test_unconnected_rooms_have_closed_walls(rooms: Rooms) -> None:
     scene, found = rooms()
     assert openings(scene) == []
     assert found == []
@@ -82,7 +82,7 @@ def test_connected_rooms_have_a_doorway_in_the_middle_of_their_walls_wherever_th
     assert np.allclose(sizes, [(0.2, WIDTH, HEIGHT)] * 2, atol=1e-6)
 
 
-def test_a_doorway_that_has_a_place_is_an_opening_there_and_no_body(rooms: Rooms, thing: Write, seen: Write) -> None:
+def test_a_placed_doorway_is_an_opening_and_not_a_body(rooms: Rooms, thing: Write, seen: Write) -> None:
     doorway = thing("doorway1", "Doorway", (0.2, 0.9, 2.1)), seen("doorway1", (2.1, 1.2, 1.05))
     scene, found = rooms(CONNECTED, frames=doorway)
     assert np.allclose(sorted(openings(scene)), [(2.05, 1.2, 1.05), (2.15, 1.2, 1.05)])
@@ -90,22 +90,22 @@ def test_a_doorway_that_has_a_place_is_an_opening_there_and_no_body(rooms: Rooms
 
 
 @pytest.mark.parametrize("prop", ["connectedTo", "betweenContainers"])
-def test_rooms_connect_by_a_doorway_without_a_place(rooms: Rooms, prop: str) -> None:
+def test_a_doorway_without_a_pose_connects_rooms(rooms: Rooms, prop: str) -> None:
     frames = f"Individual: way\n    Types: knowrob:Doorway\n    Facts: knowrob:{prop} room1, knowrob:{prop} room2\n"
     scene, found = rooms(frames=(frames,))
     assert len(openings(scene)) == 2
     assert [one.code for one in found] == ["M029"]
 
 
-def test_rooms_that_connect_and_do_not_adjoin_are_told_of(rooms: Rooms) -> None:
+def test_connected_rooms_that_share_no_wall_are_reported(rooms: Rooms) -> None:
     scene, found = rooms(CONNECTED, away=9.0)
     assert openings(scene) == []
     assert ["there is no way" in one.message for one in found] == [True]
 
 
-def test_where_a_grid_has_something_in_the_doorway_that_is_in_the_way(rooms: Rooms, tmp_path: Path) -> None:
+def test_an_obstacle_of_a_grid_blocks_a_doorway(rooms: Rooms, tmp_path: Path) -> None:
     picture = np.full((60, 90), 254, np.uint8)
-    picture[:, 41:43] = 0  # the wall, all along
+    picture[:, 41:43] = 0  # the whole wall
     (tmp_path / "grid.pgm").write_bytes(b"P5 90 60 255\n" + picture.tobytes())
     (tmp_path / "grid.yaml").write_text("image: grid.pgm\nresolution: 0.1\norigin: [-2.05, -3, 0]\nheight: 2.0\n")
     grid = 'Individual: grid1\n    Types: knowrob:Map\n    Facts: knowrob:linkToMapFile "grid.yaml"\n'

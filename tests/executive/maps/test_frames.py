@@ -1,4 +1,4 @@
-"""Merging maps whose frames differ: by what they state of their frames, by the things of both, or not at all."""
+"""Merging maps in different frames: transformations that are stated, estimated from common objects, or unknown."""
 
 import math
 from collections.abc import Callable
@@ -39,7 +39,7 @@ FRAME = Pose.planar(4.0, -2.0, math.pi / 2)
 
 @pytest.fixture
 def merged(tmp_path: Path) -> Merge:
-    """Merges maps that consist of frames, each a list; they are called one and two, their things by ``names``."""
+    """Merges maps, each given as a list of frames; the files are one and two, the prefixes of objects ``names``."""
 
     def merge_all(*maps: list[str], names: str = "") -> tuple[SemanticMap, Merged]:
         paths = [tmp_path / f"{name}.omn" for name in ("one", "two")]
@@ -54,7 +54,7 @@ def merged(tmp_path: Path) -> Merge:
 
 @pytest.fixture
 def mapped(thing: Write, seen: Write) -> Callable[..., list[str]]:
-    """Frames of things where they are in the first map, seen from another frame."""
+    """Frames of objects with their poses in the first map, transformed into another frame."""
 
     def write(*names: str, frame: Pose = Pose((0.0, 0.0, 0.0)), **moved: Pose) -> list[str]:  # noqa: B008
         frames = []
@@ -74,7 +74,7 @@ Mapped = Callable[..., list[str]]
 
 
 def place(semantic_map: SemanticMap, name: str) -> tuple[float, ...]:
-    """The position of a thing."""
+    """The position of an object."""
     thing = semantic_map.find(name)
     assert thing
     assert thing.pose
@@ -92,7 +92,7 @@ def frame_of(of: str, relative_to: str, pose: Pose) -> str:
     )
 
 
-def test_a_map_whose_frame_is_stated_relative_to_the_other_map_is_moved_into_that(
+def test_a_map_whose_frame_is_stated_relative_to_the_other_map_is_moved_into_its_frame(
     merged: Merge, mapped: Mapped
 ) -> None:
     stated = frame_of("map1", "one:map1", FRAME)
@@ -117,7 +117,7 @@ def test_a_frame_may_be_stated_relative_to_a_thing_of_the_other_map(merged: Merg
     assert place(semantic_map, "table1") == pytest.approx(PLACES["table1"])
 
 
-def test_maps_of_two_frames_that_are_not_merged_are_told_of(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
+def test_loading_two_maps_with_different_frames_warns(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
     merged(mapped("cabinet1"), [frame_of("map1", "one:map1", FRAME), *mapped("table1", frame=FRAME)])
     both = read_map(load(tmp_path / "one.omn", also=[tmp_path / "two.omn"]))
     assert [one.code for one in both.diagnostics] == ["M027"]
@@ -146,7 +146,7 @@ def test_frames_may_be_stated_relative_to_one_place(merged: Merge, mapped: Mappe
     yaw=st.floats(-3.1, 3.1),
     noise=st.lists(st.floats(-0.01, 0.01), min_size=8, max_size=8),
 )
-def test_three_things_that_have_not_moved_tell_the_transformation(
+def test_three_objects_that_have_not_moved_determine_the_transformation(
     x: float,
     y: float,
     yaw: float,
@@ -172,11 +172,11 @@ def test_three_things_that_have_not_moved_tell_the_transformation(
         assert math.dist(place(semantic_map, one), at) < 0.05
 
 
-def test_a_thing_that_was_moved_is_a_conflict_also_where_the_frames_differ(merged: Merge, mapped: Mapped) -> None:
+def test_a_moved_object_is_a_conflict_even_if_the_frames_differ(merged: Merge, mapped: Mapped) -> None:
     there = Pose((6.0, 6.0, 0.4))
     semantic_map, result = merged(mapped(*PLACES), mapped(*PLACES, frame=FRAME, chair1=there), names="one")
     assert [one.code for one in result.diagnostics] == ["M027", "M022"]
-    assert "by 3 things of both" in result.diagnostics[0].message
+    assert "3 common objects" in result.diagnostics[0].message
     assert place(semantic_map, "chair1") == pytest.approx((6.0, 6.0, 0.4))
 
 
@@ -190,7 +190,7 @@ def test_things_that_moved_together_do_not_move_the_rest(merged: Merge, mapped: 
     assert "M027" not in {one.code for one in result.diagnostics}
 
 
-def test_joints_and_files_of_a_map_that_is_moved_go_with_it(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
+def test_joints_and_files_move_with_their_map(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
     (tmp_path / "cloud.xyz").write_text("0.0 0.0 0.525\n")
     semantic_map, _ = merged(
         mapped("cabinet1", "table1", "bed1"),
@@ -212,7 +212,7 @@ def test_joints_and_files_of_a_map_that_is_moved_go_with_it(merged: Merge, mappe
     assert [float(values[f"vector{axis}"]) for axis in "XYZ"] == pytest.approx([0, 1, 0])
 
 
-def test_a_frame_relative_to_what_the_other_map_lacks_is_refused_and_that_is_named(
+def test_a_frame_relative_to_an_object_that_the_other_map_lacks_is_refused_by_name(
     merged: Merge, mapped: Mapped
 ) -> None:
     with pytest.raises(BadInput) as problem:
@@ -223,9 +223,7 @@ def test_a_frame_relative_to_what_the_other_map_lacks_is_refused_and_that_is_nam
     assert "relativeTo the map of one.omn" in (one.help or "")
 
 
-def test_poses_relative_to_two_maps_of_which_nothing_is_known_are_refused(
-    merged: Merge, thing: Write, seen: Write
-) -> None:
+def test_poses_relative_to_two_unrelated_frames_are_refused(merged: Merge, thing: Write, seen: Write) -> None:
     maps = [
         [thing(name, "Cabinet-PieceOfFurniture", BOX), seen(name, (1, 0, 0), relative_to="map1")]
         for name in ("cabinet1", "cabinet2")
@@ -234,9 +232,9 @@ def test_poses_relative_to_two_maps_of_which_nothing_is_known_are_refused(
         merged(*maps)
 
 
-def test_maps_of_which_nothing_is_where_it_was_are_refused(merged: Merge, mapped: Mapped) -> None:
+def test_maps_without_an_object_in_the_same_place_are_refused(merged: Merge, mapped: Mapped) -> None:
     elsewhere = {name: Pose((3.0 * index, 7.0 + index**2, 0.4)) for index, name in enumerate(PLACES)}
-    with pytest.raises(BadInput, match="none of the 4 things"):
+    with pytest.raises(BadInput, match="none of their 4 common objects"):
         merged(mapped(*PLACES), mapped(*PLACES, **elsewhere))
 
 

@@ -1,4 +1,4 @@
-"""Maps written in Manchester syntax and read again are the same world: real ones, bundled ones, generated ones."""
+"""Real, bundled and generated maps describe the same world after export to Manchester syntax."""
 
 from pathlib import Path
 
@@ -30,21 +30,21 @@ BUNDLED = tuple(sorted(path.name for path in (bundled("ontologies") / "environme
 
 
 def world(path: Path) -> Scene | list[str]:
-    """The world of a map, with imports found among the real ontologies; the codes of errors if it is none."""
+    """The world of a map, with imports from the corpus; the codes of its errors if it is invalid."""
     try:
         return scene_of(read_map(load(path, folders=[CORPUS / "ontologies"])))
     except BadInput as problem:
         return sorted(one.code for one in problem.diagnostics if one.severity is Severity.ERROR)
 
 
-def told(body: Body) -> tuple[object, ...]:
-    """What a map says of a body, beside its pose."""
+def properties(body: Body) -> tuple[object, ...]:
+    """Properties of a body other than its pose."""
     return (body.name, body.size, body.shape, body.iri, body.type, body.movable, body.wall, body.soft, body.centre)
 
 
 def check_same(before: Scene, after: Scene) -> None:
-    """Bodies, joints and controls are the same, whatever the order of the file."""
-    assert sorted(map(told, before.bodies), key=str) == sorted(map(told, after.bodies), key=str)
+    """Assert that bodies, joints and controls are the same, in any order."""
+    assert sorted(map(properties, before.bodies), key=str) == sorted(map(properties, after.bodies), key=str)
     again = {body.name: body for body in after.bodies}
     for body in before.bodies:
         assert body.pose == again[body.name].pose, body.name
@@ -55,7 +55,7 @@ def check_same(before: Scene, after: Scene) -> None:
 
 
 def check_export(path: Path, folder: Path, target: Target = Target.MANCHESTER) -> None:
-    """A map, exported beside what it names, is the same world."""
+    """Assert that a map describes the same world after export."""
     converted = convert(path, target)
     exported = folder / "exported.omn"
     exported.write_text(converted.text, encoding="utf-8")
@@ -86,9 +86,9 @@ QUATERNIONS = ("0 0 0 1", "0 0 1 0", "0.5 0.5 0.5 0.5", "0 0 0.6 0.8", "1 0 0 0.
 
 @st.composite
 def maps(draw: st.DrawFn) -> str:
-    """A map of a few things: sizes with and without units, perceptions, relative poses, parts, joints, bad numbers."""
+    """A map of a few objects: sizes with and without units, perceptions, relative poses, parts, joints, bad numbers."""
     names = draw(st.lists(st.sampled_from(["one", "two", "three-3", "four_4", "five.5"]), min_size=1, unique=True))
-    frames, free = [HEADER], dict.fromkeys(names)  # a thing is a part of one other at most
+    frames, free = [HEADER], dict.fromkeys(names)  # an object is a part of at most one other
     for number, name in enumerate(names):
         facts = [f"knowrob:{extent} {draw(LENGTH)}" for extent in EXTENTS if draw(st.integers(0, 9))]
         left = [one for one in names[number + 1 :] if one in free]

@@ -1,4 +1,4 @@
-"""Merging maps of one place: which pose counts, what is kept, what is told of where they disagree."""
+"""Merging maps of one place: the newest poses, all other facts, and reports of conflicts."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +25,7 @@ Ontology: <http://example.org/{name}.owl>
 
 @pytest.fixture
 def merged(tmp_path: Path) -> Callable[..., tuple[SemanticMap, Merged]]:
-    """Merges maps that consist of frames, each a list; names of things are those of the first unless told otherwise."""
+    """Merges maps, each given as a list of frames; without ``names``, objects have the prefix of the first map."""
 
     def merge_all(*maps: list[str], names: tuple[str, ...] = ("a", "a", "a")) -> tuple[SemanticMap, Merged]:
         paths = [tmp_path / f"{number}.omn" for number in range(len(maps))]
@@ -42,7 +42,7 @@ Merge = Callable[..., tuple[SemanticMap, Merged]]
 
 
 def place(semantic_map: SemanticMap, name: str) -> tuple[float, ...]:
-    """The position of a thing."""
+    """The position of an object."""
     thing = semantic_map.find(name)
     assert thing
     assert thing.pose
@@ -94,7 +94,7 @@ def test_times_are_seconds_or_dates(text: str, seconds: float | None) -> None:
     assert seconds_of(text) == seconds
 
 
-def test_perceptions_with_dates_and_with_seconds_are_compared_and_both_poses_are_told(
+def test_perceptions_with_dates_and_with_seconds_are_compared_and_both_poses_reported(
     merged: Merge, thing: Write, seen: Write
 ) -> None:
     frames = [thing("one", "Cabinet-PieceOfFurniture", BOX)]
@@ -117,7 +117,9 @@ def test_without_times_the_map_that_is_named_later_counts(merged: Merge, thing: 
     assert ["is named later" in d.message for d in result.diagnostics] == [True]
 
 
-def test_what_is_stated_relative_to_a_thing_goes_with_its_newest_pose(merged: Merge, thing: Write, seen: Write) -> None:
+def test_an_object_moves_with_the_newest_pose_of_what_it_is_relative_to(
+    merged: Merge, thing: Write, seen: Write
+) -> None:
     frames = [thing("cabinet1", "Cabinet-PieceOfFurniture", BOX), thing("door1", "Door", (0.02, 0.4, 0.6))]
     semantic_map, _ = merged(
         [*frames, seen("cabinet1", (1, 0, 0)), seen("door1", (0.2, 0, 0), relative_to="cabinet1")],
@@ -127,10 +129,10 @@ def test_what_is_stated_relative_to_a_thing_goes_with_its_newest_pose(merged: Me
 
 
 @pytest.mark.parametrize("later", [True, False])
-def test_what_is_stated_relative_to_a_place_of_the_other_map_has_its_newest_pose_there(
+def test_a_pose_relative_to_an_object_of_the_other_map_follows_its_newest_pose(
     merged: Merge, thing: Write, seen: Write, later: bool
 ) -> None:
-    """A map of today has only where the cup is on the table, which that of yesterday places."""
+    """Today's map has only the cup, relative to a table that yesterday's map places."""
     points = [f"Individual: timepoint_{t}\n    Types: knowrob:TimePoint\n" for t in ("5", "90")]
     times = ("timepoint_5", "timepoint_90") if later else ("timepoint_90", "timepoint_5")
     frames = [thing("table1", "Table-PieceOfFurniture", BOX), thing("cup1", "Cup", (0.08, 0.08, 0.1)), *points]
@@ -143,9 +145,7 @@ def test_what_is_stated_relative_to_a_place_of_the_other_map_has_its_newest_pose
     assert [d.code for d in result.diagnostics] == ["M010", "M022"]
 
 
-def test_things_of_both_maps_with_all_that_is_said_of_them_are_in_the_merged_one(
-    merged: Merge, thing: Write, seen: Write
-) -> None:
+def test_a_merged_map_has_the_objects_of_both_with_all_their_facts(merged: Merge, thing: Write, seen: Write) -> None:
     semantic_map, result = merged(
         [thing("one", "Cabinet-PieceOfFurniture", BOX, "hingedTo two"), seen("one", (1, 0, 0))],
         [thing("two", "Door", (0.02, 0.4, 0.6)), seen("two", (2, 0, 0))],
@@ -156,7 +156,7 @@ def test_things_of_both_maps_with_all_that_is_said_of_them_are_in_the_merged_one
     assert (one.size, one.hinged_to) == (BOX, ("http://example.org/a.owl#two",))
 
 
-def test_sizes_and_classes_that_differ_are_told_and_the_later_size_counts(
+def test_conflicting_sizes_and_classes_are_reported_and_the_later_size_counts(
     merged: Merge, thing: Write, seen: Write
 ) -> None:
     semantic_map, result = merged(
@@ -167,7 +167,7 @@ def test_sizes_and_classes_that_differ_are_told_and_the_later_size_counts(
     assert semantic_map.objects[0].size == (0.4, 0.9, 0.8)
 
 
-def test_one_thing_by_two_names_is_one_if_it_is_at_one_place(merged: Merge, thing: Write, seen: Write) -> None:
+def test_objects_under_two_names_at_one_place_are_identified(merged: Merge, thing: Write, seen: Write) -> None:
     semantic_map, result = merged(
         [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (1, 0, 0))],
         [thing("other", "Cabinet-PieceOfFurniture", BOX), seen("other", (1.05, 0, 0))],
@@ -178,7 +178,9 @@ def test_one_thing_by_two_names_is_one_if_it_is_at_one_place(merged: Merge, thin
     assert [d.code for d in result.diagnostics] == ["M023", "M022"]
 
 
-def test_namesakes_at_different_places_stay_two_and_are_told(merged: Merge, thing: Write, seen: Write) -> None:
+def test_objects_of_one_name_at_different_places_stay_apart_with_a_note(
+    merged: Merge, thing: Write, seen: Write
+) -> None:
     semantic_map, result = merged(
         [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (1, 0, 0))],
         [thing("one", "Cabinet-PieceOfFurniture", BOX), seen("one", (3, 0, 0))],

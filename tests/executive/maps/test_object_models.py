@@ -1,4 +1,4 @@
-"""Features of things, from models of real files and from boxes."""
+"""Features of objects, from published models and from boxes."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def model(corpus: Path, name: str) -> Ontology:
 
 
 def placed(ontology: Ontology, iri: str, *path: str) -> tuple[str, tuple[float, ...], tuple[float, ...]] | None:
-    """Return kind, position and direction, rounded, of the feature to which a path leads."""
+    """Kind, position and direction, rounded, of the feature at the end of a path."""
     thing = Thing(iri, (0.3, 0.3, 0.2), LEVEL)
     found = ObjectModels(ontology).grounded(a_feature(of=an_object("Thing"), path=path), thing)
     if found is None or found.kind is None or found.position is None:
@@ -41,7 +41,7 @@ def test_the_features_of_pouring_are_the_cap_and_the_largest_plane_that_points_u
     )  # fmt: skip
 
 
-def test_of_parts_of_parts_the_one_with_the_fewest_steps_to_the_whole_is_meant(corpus: Path) -> None:
+def test_of_nested_parts_the_one_nearest_to_the_whole_is_used(corpus: Path) -> None:
     spatulas = model(corpus, "spatula-features")
     pancake, left, right = (
         f"{SPATULAS}{name}" for name in ("Pancake_PjkWnkr1", "Spatula_LvaYsvy6", "Spatula_Rkpqmqf1")
@@ -57,7 +57,7 @@ def test_of_parts_of_parts_the_one_with_the_fewest_steps_to_the_whole_is_meant(c
     assert placed(spatulas, right, "Handle") is None
 
 
-def test_what_has_no_model_has_the_features_of_its_box(corpus: Path) -> None:
+def test_an_object_without_a_model_has_the_features_of_its_box(corpus: Path) -> None:
     spatulas = model(corpus, "spatula-features")
     assert placed(spatulas, "http://example.org/cup1", "MouthOfVessel") == ("LINE", (0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
     assert placed(spatulas, "http://example.org/cup1", "SupportingPlane") == ("PLANE", (0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
@@ -66,7 +66,7 @@ def test_what_has_no_model_has_the_features_of_its_box(corpus: Path) -> None:
 
 @pytest.mark.parametrize(("palm", "side"), [(0.1, -1.0), (-0.1, 1.0)])
 @pytest.mark.parametrize("up", [LEVEL, -LEVEL])
-def test_the_flat_side_of_what_is_held_in_its_middle_looks_away_from_the_palm_however_it_is_turned(
+def test_the_flat_side_of_an_object_held_in_its_middle_faces_away_from_the_palm(
     corpus: Path, palm: float, side: float, up: np.ndarray
 ) -> None:
     models, flat = ObjectModels(model(corpus, "spatula-features")), a_feature(of=an_object("Thing"), path=("FlatSide",))
@@ -87,7 +87,7 @@ def test_the_box_of_a_tool_ends_at_the_front_of_its_blade(corpus: Path) -> None:
 
 @pytest.fixture
 def kitchen(corpus: Path, tmp_path: Path) -> SemanticMap:
-    """A map of a table, which imports the model of spatulas and a pancake."""
+    """A map of a table that imports the models of spatulas and a pancake."""
     table = tmp_path / "table.omn"
     table.write_text(
         "Prefix: : <http://example.org/t.owl#>\nPrefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>\n"
@@ -101,12 +101,12 @@ def kitchen(corpus: Path, tmp_path: Path) -> SemanticMap:
     return read_map(load(table, folders=[corpus / "objects"]))
 
 
-def test_parts_of_models_are_no_things_of_a_map(kitchen: SemanticMap) -> None:
+def test_parts_of_models_are_not_objects_of_a_map(kitchen: SemanticMap) -> None:
     names = {"Pancake_PjkWnkr1", "Spatula_LvaYsvy6", "Spatula_Rkpqmqf1", "table1"}
     assert {thing.name for thing in kitchen.objects} == names
 
 
-def test_a_spatula_points_ahead_of_the_hand_and_its_blade_lies_as_the_fingers_close(kitchen: SemanticMap) -> None:
+def test_a_spatula_points_along_the_approach_with_its_blade_in_the_closing_plane(kitchen: SemanticMap) -> None:
     arm, spatula = bind_robot("amigo").arms[0], kitchen.find("Spatula_LvaYsvy6")
     assert spatula is not None
     pose = grip_of(arm, spatula, kitchen)
@@ -116,7 +116,7 @@ def test_a_spatula_points_ahead_of_the_hand_and_its_blade_lies_as_the_fingers_cl
     assert pose.rotation[:, 0] == pytest.approx(np.cross(approach, closing), abs=1e-9)
 
 
-def test_things_in_hands_are_in_no_place_of_the_scene(kitchen: SemanticMap) -> None:
+def test_objects_in_hands_have_no_place_in_the_scene(kitchen: SemanticMap) -> None:
     scene = scene_of(kitchen)
     assert scene.body("Spatula_LvaYsvy6").pose == STOWED
     assert max(map(abs, scene.bounds)) < 3.0

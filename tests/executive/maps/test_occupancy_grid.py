@@ -1,4 +1,4 @@
-"""Occupancy grids of ROS map_server: what is read of them, what strangers' files do, the obstacles that they are."""
+"""Occupancy grids of ROS map_server: reading, hostile files, and obstacles."""
 
 import math
 from collections.abc import Callable
@@ -31,7 +31,7 @@ ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 def written(
     folder: Path, picture: NDArray[np.uint8], resolution: float = 0.05, x: float = 0, y: float = 0, yaw: float = 0
 ) -> Path:
-    """A grid of a picture whose upper row has the greatest y."""
+    """Write a grid and its picture, whose upper row has the greatest y."""
     rows, columns = picture.shape
     header = f"P5\n# CREATOR: a test {resolution} m/pix\n{columns} {rows}\n255\n".encode()
     (folder / "grid.pgm").write_bytes(header + picture.tobytes())
@@ -51,7 +51,7 @@ def test_the_origin_turns_the_grid(tmp_path: Path) -> None:
     assert np.allclose(moved(grid.frame.matrix(), grid.centres()), [[4.5, 1.5, 0.0]])
 
 
-def test_plain_pictures_negated_values_and_lists_in_blocks_are_read(tmp_path: Path) -> None:
+def test_plain_pgm_negated_values_and_block_lists_are_read(tmp_path: Path) -> None:
     (tmp_path / "plain.pgm").write_text("P2\n2 1\n9\n9 0\n")
     text = 'image: "plain.pgm"  # a comment\nresolution: 0.1\norigin:\n- 1.0\n- 2.0\n- 0.0\nnegate: 1\n'
     (tmp_path / "grid.yaml").write_text(text)
@@ -78,7 +78,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_a_file_that_is_no_grid_is_refused_with_its_reason(kind: str, tmp_path: Path) -> None:
+def test_an_invalid_grid_is_refused_with_the_reason(kind: str, tmp_path: Path) -> None:
     path = written(tmp_path, np.zeros((2, 2), np.uint8))
     path.write_text(WRONG[kind])
     with pytest.raises(BadInput) as problem:
@@ -92,14 +92,14 @@ def test_a_file_that_is_no_grid_is_refused_with_its_reason(kind: str, tmp_path: 
     | st.binary(max_size=20).map(lambda tail: b"P5 3 2 255\n" + tail)
     | st.sampled_from([b"P5 99999 99999 255\n", b"P5 0 0 255\n", b"P2 2 1 9\n1 x\n", b"P5 1 1 99999\n\x00"])
 )
-def test_whatever_the_picture_it_is_read_or_refused(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_any_picture_is_read_or_refused(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = written(tmp_path_factory.mktemp("grid"), np.zeros((2, 2), np.uint8))
     (path.parent / "grid.pgm").write_bytes(content)
     assert read_or_refused(path) in ([], ["M024"])
 
 
 def read_or_refused(path: Path) -> list[str]:
-    """The codes with which a grid is refused; none if it is read."""
+    """The codes of errors in a grid; none if it can be read."""
     try:
         read_grid(path)
     except BadInput as problem:
@@ -114,7 +114,7 @@ Around = Callable[[NDArray[np.uint8]], tuple[Scene, list[Diagnostic]]]
 
 @pytest.fixture
 def around(tmp_path: Path) -> Around:
-    """Reads the bundled room with a grid of 7 m by 6 m around its middle, cells of 5 cm."""
+    """Reads the bundled room with a grid of 7 m by 6 m around its centre, with cells of 5 cm."""
 
     def scene(picture: NDArray[np.uint8]) -> tuple[Scene, list[Diagnostic]]:
         path = written(tmp_path, picture[::-1], x=-3.5, y=-3.0)
@@ -125,16 +125,16 @@ def around(tmp_path: Path) -> Around:
 
 
 def empty() -> NDArray[np.uint8]:
-    """A picture of nothing, the first row being that of the smallest y."""
+    """A picture without obstacles; its first row has the smallest y."""
     return np.full((120, 140), FREE, np.uint8)
 
 
 def obstacles(scene: Scene) -> list[Body]:
-    """The bodies that a grid tells of."""
+    """The bodies made from a grid."""
     return [body for body in scene.bodies if body.name.startswith(OBSTACLE)]
 
 
-def test_what_no_thing_of_the_map_explains_is_an_obstacle_where_the_grid_has_it(around: Around) -> None:
+def test_occupied_cells_that_no_object_explains_are_obstacles(around: Around) -> None:
     picture = empty()
     picture[40:60, 58:70] = OCCUPIED
     scene, found = around(picture)
@@ -147,7 +147,7 @@ def test_what_no_thing_of_the_map_explains_is_an_obstacle_where_the_grid_has_it(
     assert found == []
 
 
-def test_a_grid_tells_the_height_of_its_obstacles(around: Around, tmp_path: Path) -> None:
+def test_a_grid_states_the_height_of_its_obstacles(around: Around, tmp_path: Path) -> None:
     picture = empty()
     picture[40:60, 58:70] = OCCUPIED
     around(picture)
@@ -157,7 +157,7 @@ def test_a_grid_tells_the_height_of_its_obstacles(around: Around, tmp_path: Path
     assert (box.pose.position[2], box.size[2]) == (0.15, 0.3)
 
 
-def test_walls_and_things_that_the_map_knows_are_no_obstacles(around: Around) -> None:
+def test_walls_and_objects_of_the_map_are_not_obstacles(around: Around) -> None:
     scene, _ = around(empty())
     bed = scene.body("bed1")
     picture = empty()
@@ -177,7 +177,7 @@ def test_a_grid_of_many_specks_is_made_coarser_and_still_covers_each(around: Aro
     assert any((abs(np.array(middle[0]) - box.pose.position[:2]) <= np.array(box.size[:2]) / 2).all() for box in boxes)
 
 
-def test_a_grid_that_cannot_be_read_costs_its_obstacles_and_a_warning(around: Around, tmp_path: Path) -> None:
+def test_an_unreadable_grid_is_ignored_with_a_warning(around: Around, tmp_path: Path) -> None:
     picture = empty()
     around(picture)
     (tmp_path / "grid.pgm").write_bytes(b"P5 7 7 255\n")
@@ -188,7 +188,7 @@ def test_a_grid_that_cannot_be_read_costs_its_obstacles_and_a_warning(around: Ar
 
 
 @pytest.mark.parametrize("kind", ["2D_occupancy_map", "octomap"])
-def test_files_of_real_maps_are_told_of_and_never_fetched(corpus: Path, kind: str) -> None:
+def test_files_of_real_maps_are_reported_and_never_fetched(corpus: Path, kind: str) -> None:
     found: list[Diagnostic] = []
     scene = scene_of(read_map(load(corpus / "environments" / f"ias_hospital_room_{kind}@re_stack.owl.in")), found)
     assert scene.bodies == ()
@@ -196,7 +196,7 @@ def test_files_of_real_maps_are_told_of_and_never_fetched(corpus: Path, kind: st
 
 
 @pytest.mark.long
-def test_a_robot_drives_around_what_only_the_grid_has(around: Around, tmp_path: Path) -> None:
+def test_a_robot_drives_around_obstacles_of_the_grid(around: Around, tmp_path: Path) -> None:
     picture = empty()
     picture[45:65, 58:72] = OCCUPIED
     around(picture)

@@ -1,4 +1,4 @@
-"""Scenes made of semantic maps: shapes, what can be taken, what stands on what, and where the robot begins."""
+"""Scenes of semantic maps: shapes, movable objects, supports, and start poses."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -53,7 +53,7 @@ def test_everything_in_the_hospital_room_stands_on_something(room: Scene) -> Non
     assert set(supports.values()) == {"floor"}
 
 
-def test_nothing_in_the_hospital_room_sticks_in_a_wall(room: Scene) -> None:
+def test_nothing_in_the_hospital_room_penetrates_a_wall(room: Scene) -> None:
     x_min, y_min, x_max, y_max = room.bounds
     for body in room.bodies:
         outline = footprint(body.pose, body.size)
@@ -94,7 +94,7 @@ def test_parts_and_hinged_things_stay_where_they_are(map_of: Read, thing: Write,
     assert [body.name for body in scene.bodies if body.movable] == ["ball1"]
 
 
-def test_a_handle_is_a_part_of_a_body_that_hands_take_by_it_and_not_of_furniture(
+def test_handles_of_movable_objects_belong_to_their_bodies_and_those_of_furniture_do_not(
     map_of: Read, thing: Write, seen: Write
 ) -> None:
     things = {"pot": "StoveTopCookingPot", "stool": "Stool", "tray": "Tray"}
@@ -126,25 +126,25 @@ def test_the_support_is_the_highest_surface_below() -> None:
     assert support_of(Scene((table, tray, cup)), "cup", {"cup": Pose((0.4, 0, 0.75))}) == "table"
 
 
-def test_the_robot_begins_at_the_free_place_nearest_the_middle(room: Scene) -> None:
+def test_the_robot_starts_at_the_free_pose_nearest_the_centre(room: Scene) -> None:
     assert next(default_starts(room, 0.333)) == (0.0, 0.0, 0.0)
     table = Body("table", Pose((0.0, 0.0, 0.35)), (0.8, 1.2, 0.7))
     start = next(default_starts(replace(room, bodies=(*room.bodies, table)), 0.333))
     assert start == (-0.85, 0.0, 0.0)
 
 
-def test_a_crowded_room_has_no_place_for_the_robot() -> None:
+def test_a_crowded_room_has_no_start_pose() -> None:
     walls = Body("room", Pose((0, 0, 1)), (1.0, 1.0, 2.0), "room")
     assert next(default_starts(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.4)) == (0.0, 0.0, 0.0)
     assert next(default_starts(Scene((walls,), (-0.5, -0.5, 0.5, 0.5)), 0.45), None) is None
 
 
-def test_lamps_far_above_do_not_keep_the_robot_away() -> None:
+def test_the_robot_starts_under_lamps_above_its_head() -> None:
     lamp = Body("lamp", Pose((0, 0, 2.4)), (1.0, 1.0, 0.2))
     assert next(default_starts(Scene((lamp,), (-2, -2, 2, 2)), 0.4)) == (0.0, 0.0, 0.0)
 
 
-def test_a_map_of_far_places_is_searched_near_its_middle_only() -> None:
+def test_start_poses_of_a_vast_map_are_searched_near_its_centre_only() -> None:
     far = Body("far", Pose((3e6, 0, 0.5)), (1.0, 1.0, 1.0))
     near = Body("near", Pose((-3e6, 0, 0.5)), (1.0, 1.0, 1.0))
     assert next(default_starts(Scene((far, near), (-3e6, -5, 3e6, 5)), 0.4)) == (0.0, 0.0, 0.0)

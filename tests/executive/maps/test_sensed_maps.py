@@ -1,4 +1,4 @@
-"""Points and octrees: what is read of them, what strangers' files do, and the obstacles that they are."""
+"""Point clouds and octrees: reading, hostile files, and obstacles."""
 
 import struct
 from collections.abc import Callable, Iterable, Iterator
@@ -69,7 +69,7 @@ FORMATS: dict[str, tuple[Callable[[Array, str], bytes], str, str]] = {
 
 
 def octree(cells: Iterable[Key], resolution: float, *, full: bool = False) -> bytes:
-    """An octree with these occupied cells, counted from the origin of the map; eight that fill one are that one."""
+    """An octree with these occupied cells, counted from the origin; eight that fill a larger cell are merged."""
     kind = "" if full else "binary "
     header = f"# Octomap OcTree {kind}file\n# a test\nid OcTree\nsize 1\nres {resolution}\ndata\n".encode()
     keys = sorted((x + HALF, y + HALF, z + HALF) for x, y, z in cells)
@@ -136,7 +136,7 @@ def test_an_octree_has_the_cells_that_were_written(
     assert {tuple(cell) for cell in np.floor(centres / length).astype(int).tolist()} == cells
 
 
-def test_an_octree_that_is_one_large_leaf_is_read_coarsely_and_soon(tmp_path: Path) -> None:
+def test_an_octree_with_one_huge_leaf_is_read_coarsely_and_fast(tmp_path: Path) -> None:
     header = b"# Octomap OcTree binary file\nid OcTree\nsize 1\nres 0.05\ndata\n"
     (tmp_path / "tree.bt").write_bytes(header + struct.pack("<H", 2 << 2 * 7))
     centres, length = read_octree(tmp_path / "tree.bt")
@@ -145,7 +145,7 @@ def test_an_octree_that_is_one_large_leaf_is_read_coarsely_and_soon(tmp_path: Pa
 
 
 def codes(path: Path) -> list[str]:
-    """The codes with which a file is refused; none if it is read."""
+    """The codes of errors in a file; none if it can be read."""
     try:
         (read_octree if path.suffix in (".bt", ".ot") else read_points)(path)
     except BadInput as problem:
@@ -178,16 +178,14 @@ WRONG = {
 
 
 @pytest.mark.parametrize("name", WRONG)
-def test_a_file_that_is_not_as_announced_is_refused_with_its_reason(name: str, tmp_path: Path) -> None:
+def test_a_file_that_contradicts_its_header_is_refused_with_the_reason(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(WRONG[name])
     assert codes(tmp_path / name) == ["M024"]
 
 
 @settings(max_examples=150, deadline=None)
 @given(data=st.data())
-def test_whatever_is_changed_in_a_file_it_is_read_or_refused(
-    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_any_corrupted_file_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
     points = np.arange(9.0).reshape(3, 3)
     whole = {f"{kind}{suffix}": write(points, how) for kind, (write, how, suffix) in FORMATS.items()}
     whole |= {f"a{suffix}": octree([(0, 0, 0), (2, 1, 0)], 0.1, full=suffix == ".ot") for suffix in (".bt", ".ot")}
@@ -205,14 +203,14 @@ def test_whatever_is_changed_in_a_file_it_is_read_or_refused(
 
 
 def covers(boxes: list[tuple[Pose, tuple[float, float, float]]], points: Array) -> NDArray[np.bool_]:
-    """Which points are in one of the boxes."""
+    """Mask of the points inside any of the boxes."""
     inside = [(np.abs(points - pose.position) <= np.array(size) / 2 + 1e-9).all(axis=1) for pose, size in boxes]
     return np.any(inside, axis=0) if inside else np.zeros(len(points), dtype=bool)
 
 
 @settings(max_examples=60, deadline=None)
 @given(cells=st.sets(st.tuples(*2 * [st.integers(-20, 20)], st.integers(1, 20)), min_size=1, max_size=60))
-def test_boxes_cover_the_cells_that_have_points_and_no_other(cells: set[Key]) -> None:
+def test_boxes_cover_exactly_the_cells_with_points(cells: set[Key]) -> None:
     points = (np.array(sorted(cells)) + 0.5) * 0.1
     boxes, _ = OccupiedSpace(points, 0.1).boxes([])
     assert covers(boxes, points).all()
@@ -227,7 +225,7 @@ def test_a_cloud_of_many_specks_is_made_coarser_and_still_covered() -> None:
     assert covers(boxes, points).all()
 
 
-def test_what_stands_alone_and_walls_stay_as_they_are_beside_what_is_dense() -> None:
+def test_isolated_obstacles_and_walls_stay_exact_beside_dense_clutter() -> None:
     random = np.random.default_rng(1)
     alone = random.uniform([-6, -4, 0.1], [0, 4, 2], size=(300, 3))
     dense = random.uniform([4, 2, 0.1], [5, 3, 1.1], size=(3000, 3))
@@ -242,7 +240,7 @@ def test_what_stands_alone_and_walls_stay_as_they_are_beside_what_is_dense() -> 
 
 
 @pytest.mark.parametrize(("size", "severity"), [(300, None), (2000, "warning")])
-def test_obstacles_that_are_joined_over_gaps_are_told_of(tmp_path: Path, size: int, severity: str | None) -> None:
+def test_obstacles_joined_over_gaps_are_reported(tmp_path: Path, size: int, severity: str | None) -> None:
     points = np.random.default_rng(1).uniform([-3, -2, 0.1], [3, 2, 2], size=(size, 3))
     path = tmp_path / "cloud.pcd"
     path.write_bytes(pcd(points, "ascii"))
@@ -251,7 +249,7 @@ def test_obstacles_that_are_joined_over_gaps_are_told_of(tmp_path: Path, size: i
     assert [one.severity.value for one in found if one.code == "M032"] == ([severity] if severity else [])
 
 
-def test_the_floor_what_is_over_any_robot_and_what_the_map_knows_are_no_obstacles() -> None:
+def test_floor_ceiling_and_known_objects_are_not_obstacles() -> None:
     table = Body("table1", Pose((1.0, 0.0, 0.4)), (1.0, 1.0, 0.8))
     none = [[0, 0, FLOOR / 2], [0, 0, HIGHEST + 0.1], [1.2, 0.3, 0.85], [np.nan, 0, 1], [0, 1e5, 1]]
     points = np.array([*none, [0.0, 0.0, 1.0], [1.0, 0.0, 1.5]])
@@ -260,7 +258,7 @@ def test_the_floor_what_is_over_any_robot_and_what_the_map_knows_are_no_obstacle
 
 
 @pytest.mark.long
-def test_a_robot_drives_around_what_only_an_octree_has(tmp_path: Path) -> None:
+def test_a_robot_drives_around_obstacles_of_an_octree(tmp_path: Path) -> None:
     path = tmp_path / "crate.bt"
     crate = [(x, y, z) for x in range(-6, 6) for y in range(-8, 8) for z in range(12)]
     floor = [(x, y, 0) for x in range(-60, 60) for y in range(-60, 60)]

@@ -37,7 +37,7 @@ def test_features_are_those_of_what_the_action_acts_on_and_goes_to(target: objec
 
 
 def test_a_motion_that_does_not_say_what_it_is_about_is_refused() -> None:
-    with pytest.raises(ActionUnresolvable, match="needs to_location"):
+    with pytest.raises(ActionUnresolvable, match="to_location"):
         constraints_of(action("PouringMotion", object_acted_on=CUP, constrained_by=(ABOVE,)))
 
 

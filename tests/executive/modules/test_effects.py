@@ -276,7 +276,7 @@ def test_a_name_of_what_is_destroyed_means_nothing_until_there_is_another_one(ki
 
 
 def test_a_module_cannot_change_what_its_class_does_not_declare(kitchen: Make) -> None:
-    with pytest.raises(PlanStructureError, match="which only declared effects do"):
+    with pytest.raises(PlanStructureError, match="only declared effects"):
         kitchen(Cheating).run(do("Icing", object_acted_on=MILK))
 
 
@@ -317,7 +317,7 @@ def test_equal_runs_have_equal_traces(kitchen: Make) -> None:
 
 def test_what_is_turned_over_has_turned_or_the_action_fails(kitchen: Make) -> None:
     cook = kitchen()
-    with pytest.raises(ObjectNotTurned, match="nothing is there that FlippingAnObject could turn over"):
+    with pytest.raises(ObjectNotTurned, match="nothing that FlippingAnObject"):
         cook.run(do("FlippingAnObject", object_acted_on=PANCAKE))
     cook.run(do("FlippingAnObject", object_acted_on=EGG))
     assert cook.truth.pose("egg1").rotation[2, 2] == pytest.approx(-1.0)

@@ -276,7 +276,7 @@ def test_an_arm_that_meets_what_was_not_believed_to_be_there_stops_and_names_it(
 
 
 def test_reaching_without_a_location_is_refused(ward: Stage) -> None:
-    with pytest.raises(ActionUnresolvable, match="needs to_location"):
+    with pytest.raises(ActionUnresolvable, match="to_location"):
         do(ward, action("Reaching"))
 
 

@@ -49,7 +49,7 @@ def test_an_arm_that_holds_something_with_another_does_not_move_alone_under_cons
     top = a_feature("PLANE", of=table, position=(0.0, 0.0, 0.37), direction=(0.0, 0.0, 1.0))
     over = action("ITaSCMotion", constrained_by=(a_constraint("HEIGHT", mine, top, lower=0.1, name="over"),))
     before = stage.truth.configuration().joints
-    with pytest.raises(ActionUnresolvable, match="the arms hold something together: neither moves alone"):
+    with pytest.raises(ActionUnresolvable, match="neither moves alone"):
         stage.run(lambda: perform(over))
     arms = [joint for arm in stage.platform.scene.arms.all for joint in arm.joints]
     assert [stage.truth.configuration().joints[one] for one in arms] == [before[one] for one in arms]

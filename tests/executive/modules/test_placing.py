@@ -125,7 +125,7 @@ def test_an_empty_hand_puts_nothing_down(make_stage: MakeStage) -> None:
     async def plan() -> None:
         await perform(action("LoweringAnObject", object_acted_on=THE_BOTTLE, to_location=THE_TABLE))
 
-    with pytest.raises(ActionUnresolvable, match="no bottle in a hand"):
+    with pytest.raises(ActionUnresolvable, match="no hand holds bottle"):
         stage.run(plan)
 
 

@@ -37,7 +37,7 @@ def test_an_open_leaf_is_pushed_shut(stack: ExitStack, seed: int, value: float) 
 
 def test_what_cannot_be_pushed_is_refused(stack: ExitStack) -> None:
     stage = room(stack, drawn(DRAWER))
-    with pytest.raises(ActionUnresolvable, match="cannot be pushed along"):
+    with pytest.raises(ActionUnresolvable, match="cannot be pushed"):
         stage.do("PushingMotion", "case")
 
 

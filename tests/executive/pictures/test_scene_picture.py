@@ -65,7 +65,7 @@ def test_all_of_the_robot_is_in_the_picture(world: PyBulletWorld) -> None:
     stage = Stage(world)
     poses = stage.poses()
     view = view_of(stage, poses, subjects(stage, poses, ["bottle"]), SMALL[0] / SMALL[1])
-    seen = np.concatenate([view.seen(stage.corners(path, poses[path]), SMALL) for path in stage.robot(poses)])
+    seen = np.concatenate([view.project(stage.corners(path, poses[path]), SMALL) for path in stage.robot(poses)])
     assert (seen[:, :2] > 0).all()
     assert (seen[:, :2] < SMALL).all()
 
@@ -113,7 +113,9 @@ def test_what_hangs_in_the_air_is_shown_from_the_side_with_a_vertical_to_what_is
         about = subjects(stage, poses, ["bottle"])
         assert about[1:] == [[("bodies", "bottle")], [("bodies", "shelf")]], "with what is below it"
         view = view_of(stage, poses, about, 1.5)
-        seen = np.concatenate([view.seen(stage.corners(path, poses[path]), SMALL) for paths in about for path in paths])
+        seen = np.concatenate(
+            [view.project(stage.corners(path, poses[path]), SMALL) for paths in about for path in paths]
+        )
         assert ((seen[:, :2] > 0) & (seen[:, :2] < SMALL)).all(), "all of it is in the picture"
         assert seen[:, 2].max() < 2.5 * seen[:, 2].min(), "nothing is so near that it looks much larger"
         assert view.eye[2] - view.target[2] < 0.3 * np.linalg.norm(np.subtract(view.eye, view.target))

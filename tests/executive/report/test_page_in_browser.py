@@ -132,7 +132,7 @@ def test_a_run_that_was_cut_off_opens_where_it_stopped(browser: Any, tmp_path: P
     assert shown.locator("#slider").get_attribute("aria-valuetext") == "2.00 s of 2.00 s"
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", some(["light", "dark"]))
 def test_without_webgl_the_map_takes_the_place_of_the_scene_and_says_so(
     browser: Any, pages: dict[str, Path], scheme: str
 ) -> None:
@@ -227,6 +227,7 @@ def test_ten_thousand_steps_are_there_within_a_second(browser: Any, tmp_path: Pa
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_a_run_that_grows_is_shown_as_it_does(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["recovered"]).page
     page.evaluate(
@@ -241,6 +242,7 @@ def test_a_run_that_grows_is_shown_as_it_does(browser: Any, pages: dict[str, Pat
     assert status(page, "Later") == "running"
 
 
+@pytest.mark.long
 def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
     browser: Any, pages: dict[str, Path]
 ) -> None:
@@ -256,6 +258,7 @@ def test_open_cards_leave_room_for_the_scene_and_a_step_fails_only_once_it_has(
     assert page.get_by_role("option").first.inner_text().startswith("bottle1, a thing")
 
 
+@pytest.mark.long
 def test_a_card_that_is_cut_fades_and_grows_to_all_of_it(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["failed"]).page
     cards, last = page.locator("#cards"), page.locator("#cards .card").first.locator(".excerpt").last
@@ -268,6 +271,7 @@ def test_a_card_that_is_cut_fades_and_grows_to_all_of_it(browser: Any, pages: di
     page.wait_for_selector("#cards.fading")
 
 
+@pytest.mark.long
 def test_showing_a_moment_at_which_the_clock_is_flashes_it(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["failed"]).page
     page.get_by_role("button", name="Show the moment").click()
@@ -276,6 +280,7 @@ def test_showing_a_moment_at_which_the_clock_is_flashes_it(browser: Any, pages: 
     page.wait_for_selector(".row-line.flash")
 
 
+@pytest.mark.long
 def test_a_story_opens_at_the_clock_and_keeps_it_in_view(browser: Any, pages: dict[str, Path]) -> None:
     page = opened(browser, pages["recovered"]).page
     page.keyboard.press("End")
@@ -296,6 +301,7 @@ def far(page: Any) -> float:
     return float(page.evaluate("planlang.scene.camera.position.distanceTo(planlang.scene.controls.target)"))
 
 
+@pytest.mark.long
 def test_the_camera_opens_on_what_happens_and_stays_unless_it_is_to_follow(
     browser: Any, pages: dict[str, Path]
 ) -> None:
@@ -317,6 +323,7 @@ def test_the_camera_opens_on_what_happens_and_stays_unless_it_is_to_follow(
     assert far(page) == pytest.approx(near)
 
 
+@pytest.mark.long
 def test_marks_of_the_scene_are_explained_and_things_named_where_they_are_clicked(
     browser: Any, pages: dict[str, Path]
 ) -> None:
@@ -343,6 +350,7 @@ def test_marks_of_the_scene_are_explained_and_things_named_where_they_are_clicke
     assert watched.said == []
 
 
+@pytest.mark.long
 def test_a_narrow_page_has_everything_below_each_other(browser: Any, pages: dict[str, Path]) -> None:
     watched = opened(browser, pages["failed"])
     watched.page.set_viewport_size({"width": 400, "height": 800})

@@ -1,4 +1,4 @@
-"""Recipes compared with robots: what is missing, and why."""
+"""Matching of recipes with robots: missing requirements, and why."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import FindingKind, Semantics
-from executive.robots.closed_world import ClosedWorld, compared
+from executive.robots.closed_world import ClosedWorld, cardinality
 from executive.robots.matching import Possessions
 from executive.robots.robot import Part, claims_of, parts_of, read_self_model
 from executive.robots.tasks import Match, match
@@ -229,7 +229,7 @@ Class: :Breakfast
     assert any(line.startswith("Driving (Translation-LocationChange) - missing") for line in lines)
 
 
-def test_a_robot_without_self_model_is_unknown_where_its_shape_shows_nothing(tmp_path: Path) -> None:
+def test_a_robot_without_self_model_is_unknown_where_its_urdf_does_not_decide(tmp_path: Path) -> None:
     arm = Part("arm", frozenset({"http://knowrob.org/kb/srdl2-comp.owl#ArmComponent"}))
     bare = Possessions("bare", (arm,), {})
     software = written(tmp_path, TASK.replace("{requires}", needing("some srdl2-comp:ArmMotionController")))
@@ -238,7 +238,7 @@ def test_a_robot_without_self_model_is_unknown_where_its_shape_shows_nothing(tmp
     assert matched(shape, bare, task="MakingTea").feasible is False
 
 
-def test_dependencies_in_a_circle_are_not_available_by_that_way(tmp_path: Path) -> None:
+def test_circular_dependencies_do_not_make_a_capability_available(tmp_path: Path) -> None:
     circle = ", srdl2-cap:dependsOnCapability some :StirringCapability"
     other = """
 Class: :StirringCapability
@@ -257,7 +257,7 @@ def expressions(folder: Path, text: str) -> tuple[Ontology, ClosedWorld]:
     return ontology, ClosedWorld([ontology])
 
 
-def test_individuals_of_a_defined_class_need_not_be_said_to_be_of_it(tmp_path: Path) -> None:
+def test_individuals_are_classified_by_the_definition_of_a_class(tmp_path: Path) -> None:
     text = "Class: :Big\n    EquivalentTo: :Spout and (:litres some xsd:decimal[>= 1.0])\n"
     _, world = expressions(tmp_path, text)
     big = Expression("name", Span("kitchen.omn"), KITCHEN + "Big")
@@ -265,7 +265,7 @@ def test_individuals_of_a_defined_class_need_not_be_said_to_be_of_it(tmp_path: P
     assert world.satisfies(KITCHEN + "right", big) is False
 
 
-def test_expressions_are_told_in_manchester_syntax(tmp_path: Path) -> None:
+def test_expressions_are_written_in_manchester_syntax(tmp_path: Path) -> None:
     words = ":Spout and (:litres some xsd:decimal[>= 1.0]) and not (:cleanedBy only :Kettle)"
     ontology, _ = expressions(tmp_path, f"Class: :Odd\n    SubClassOf: {words}\n")
     (triple,) = [t for t in ontology.triples(KITCHEN + "Odd") if isinstance(t.object, BNode)]
@@ -291,7 +291,7 @@ def test_expressions_are_told_in_manchester_syntax(tmp_path: Path) -> None:
 def test_counts_are_unknown_only_if_the_unknown_decides(
     kind: str, number: int, answers: list[bool | None], expected: bool | None
 ) -> None:
-    assert compared(kind, number, answers) is expected
+    assert cardinality(kind, number, answers) is expected
 
 
 # -- the command
@@ -335,14 +335,14 @@ def breakfast(folder: Path, *options: str, claims: str = CLAIM) -> tuple[int, di
     return result.exit_code, json.loads(result.stdout)
 
 
-def test_a_step_that_nobody_knows_is_unknown_and_named(tmp_path: Path) -> None:
+def test_an_undefined_step_is_unknown_and_named(tmp_path: Path) -> None:
     code, data = breakfast(tmp_path)
     assert (code, data["feasible"], data["unknown_steps"]) == (1, None, ["Stirring"])
     found = matched(tmp_path / "kitchen.omn", modelled(tmp_path / "kitchen.omn"), task="Breakfast")
     assert list(found.lines())[-1] == "nothing performs these steps or says what they require: Stirring"
 
 
-def test_what_is_missing_outweighs_what_is_unknown(tmp_path: Path) -> None:
+def test_missing_outweighs_unknown(tmp_path: Path) -> None:
     moving = (
         TASK.replace("{requires}", needing("some srdl2-comp:MobileBase")) + ROBOT.replace("{claims}", "") + STIRRING
     )
@@ -351,7 +351,7 @@ def test_what_is_missing_outweighs_what_is_unknown(tmp_path: Path) -> None:
     assert (found.feasible, found.unknown_steps()) == (False, ("Stirring",))
 
 
-def test_a_step_is_known_by_a_module_that_performs_it_or_by_what_its_class_requires(tmp_path: Path) -> None:
+def test_a_step_is_known_if_a_module_performs_it_or_its_class_states_requirements(tmp_path: Path) -> None:
     module = tmp_path / "stirrer.py"
     module.write_text(STIRRER, encoding="utf-8")
     code, data = breakfast(tmp_path, "--modules", str(module))
@@ -360,7 +360,7 @@ def test_a_step_is_known_by_a_module_that_performs_it_or_by_what_its_class_requi
     assert matched(path, modelled(path), task="Pouring").feasible is True
 
 
-def test_an_alternative_that_is_known_outweighs_one_that_is_not(tmp_path: Path) -> None:
+def test_a_known_alternative_outweighs_an_unknown_one(tmp_path: Path) -> None:
     text = """
 Class: :Boiling
     SubClassOf: knowrob:Action, knowrob:subAction some :Pouring
@@ -385,7 +385,7 @@ def test_every_step_of_the_exploration_recipe_is_known_and_the_pioneer_has_what_
 
 
 @pytest.mark.parametrize("semantics", ["closure", "original"])
-def test_an_action_class_of_the_vocabulary_may_be_asked(semantics: str) -> None:
+def test_match_accepts_an_action_class_of_the_vocabulary(semantics: str) -> None:
     for task, code in (
         ("PickingUpAnObject", 0),
         ("Reaching", 0),
@@ -405,7 +405,7 @@ def test_match_of_the_bundled_recipe_and_robot_lacks_nothing() -> None:
 
 
 @pytest.mark.parametrize("word", ["knowrob:dependsOnComponent", "<http://knowrob.org/kb/srdl2.owl#dependsOnComponent>"])
-def test_words_of_requirements_count_in_whatever_namespace(tmp_path: Path, word: str) -> None:
+def test_requirement_properties_count_in_any_namespace(tmp_path: Path, word: str) -> None:
     text = TASK.replace("{requires}", needing("some srdl2-comp:MobileBase")).replace(
         "srdl2-comp:dependsOnComponent", word
     )
@@ -415,9 +415,7 @@ def test_words_of_requirements_count_in_whatever_namespace(tmp_path: Path, word:
 
 
 @pytest.mark.parametrize(("needed", "code"), [("Tilting2DLaserScanner", 3), ("ArmComponent", 0)])
-def test_run_refuses_what_the_recipe_itself_requires_and_the_robot_lacks(
-    tmp_path: Path, needed: str, code: int
-) -> None:
+def test_run_refuses_a_robot_that_lacks_what_the_recipe_requires(tmp_path: Path, needed: str, code: int) -> None:
     parking = """
 Class: :Park
     SubClassOf: knowrob:Action, knowrob:subAction some :Reach, srdl2-comp:dependsOnComponent some srdl2-comp:{needed}

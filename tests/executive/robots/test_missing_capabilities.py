@@ -36,7 +36,7 @@ def test_amigo_lacks_nothing_for_serving(vocabulary: Ontology, amigo: Robot) -> 
     assert names(vocabulary, amigo, *SERVING, LOOKING, "GraspingSomething", "PickingUpAnObject") == []
 
 
-def test_a_robot_without_gripper_is_told_what_it_lacks_and_why(vocabulary: Ontology, amigo: Robot) -> None:
+def test_a_robot_without_gripper_is_reported_with_what_it_lacks_and_why(vocabulary: Ontology, amigo: Robot) -> None:
     handless = replace(amigo, arms=tuple(replace(arm, gripper=None) for arm in amigo.arms))
     missing = missing_capabilities(vocabulary, map(expand, SERVING), handless)
     assert "GripperMotionCapability" in [one.name for one in missing]
@@ -56,13 +56,13 @@ def test_a_claim_without_its_components_does_not_count(vocabulary: Ontology, ami
         assert "ObjectRecognitionCapability" in names(vocabulary, blind, action)
 
 
-def test_what_nobody_claims_or_explains_is_unknown(vocabulary: Ontology, amigo: Robot) -> None:
+def test_a_capability_without_claim_or_requirements_is_unknown(vocabulary: Ontology, amigo: Robot) -> None:
     nothing = replace(amigo, claims={}, parts=())
     found = missing_capabilities(vocabulary, [expand("Translation-LocationChange")], nothing)
     assert {one.kind for one in found} == {FindingKind.CAPABILITY, FindingKind.COMPONENT}
 
 
-def test_requirements_are_closed_over_capabilities(vocabulary: Ontology) -> None:
+def test_requirements_include_dependencies_of_capabilities(vocabulary: Ontology) -> None:
     capabilities, components = requirements(vocabulary, [expand("GraspingSomething")])
     found = {iri.rsplit("#")[-1] for iri in capabilities}
     assert {"GraspingCapability", "ArmMotionCapability", "GripperMotionCapability"} <= found

@@ -1,4 +1,4 @@
-"""`planlang match --semantics original` answers as KnowRob's rules do, which an oracle applies to rdflib's graphs."""
+"""`planlang match --semantics original` agrees with KnowRob's rules, which an oracle applies to rdflib graphs."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Corpus:
         return Possessions(model.name, parts_of(model), claims_of(model), model)
 
     def compare(self, ontology: Ontology, tasks: Iterable[str] | None = None) -> int:
-        """Assert that tasks are answered as by the oracle for every robot; return how many. By default all tasks."""
+        """Assert that tasks, by default all, match every robot as by the oracle; return their number."""
         robots = [robot for robot in map(self.robot, ROBOTS) if robot.model is not None]
         paths = [robot.model.ontology.documents[-1].path for robot in robots if robot.model]
         oracle = OriginalMatcher(map(self.graph, dict.fromkeys([*(one.path for one in ontology.documents), *paths])))
@@ -164,7 +164,7 @@ def names(found: Match, state: Availability) -> set[str]:
         ("SeeingCapability", "Box", {"Printer or Pen"}),
     ],
 )
-def test_inherited_sub_actions_count_circles_give_nothing_and_what_takes_nothing_is_there(
+def test_inherited_sub_actions_count_cycles_give_nothing_and_no_prerequisites_mean_available(
     tmp_path: Path, circle: str, part: str, missing: set[str]
 ) -> None:
     found = shelf(tmp_path, "SortingWell", circle, part)
@@ -172,12 +172,12 @@ def test_inherited_sub_actions_count_circles_give_nothing_and_what_takes_nothing
     assert names(found, Availability.MISSING) == missing | {"Tray"}
 
 
-def test_a_claim_is_believed_but_its_components_are_required_all_the_same(tmp_path: Path) -> None:
+def test_a_claim_is_believed_but_its_components_are_still_required(tmp_path: Path) -> None:
     found = shelf(tmp_path, "Tidying")
     assert (found.feasible, names(found, Availability.MISSING)) == (False, {"Tray"})
 
 
-def test_of_equivalent_classes_only_the_one_that_does_not_say_so_has_the_others_properties(tmp_path: Path) -> None:
+def test_of_equivalent_classes_only_the_one_without_the_axiom_inherits(tmp_path: Path) -> None:
     required = {one.text for one in shelf(tmp_path, "Tidying").required(FindingKind.CAPABILITY)}
     assert required == {"CarryingCapability"}  # nothing of SortingWell
     required = {one.text for one in shelf(tmp_path, "SortingWell").required(FindingKind.CAPABILITY)}

@@ -139,12 +139,12 @@ def test_an_improved_recognition_model_is_pulled_by_who_pulled_the_entry_before(
 def test_refusals_tell_what_else_there_is() -> None:
     unkept = invoke("pull", "serveadrink.ben", "--revision", "99")
     assert unkept.exit_code == 2
-    assert "revision 99 of serveadrink.ben is not kept; kept are 1" in unkept.stderr
+    assert "revision 99 of serveadrink.ben is not stored; stored are 1" in unkept.stderr
     Path("mine.omn").write_text(RECIPE.read_text() + "# mine\n")
     theirs = invoke("push", "mine.omn", "--kind", "recipe", "--name", "serveadrink.ben", "--update")
     assert (theirs.exit_code, codes(theirs)) == (2, ["K036"])
     assert "serveadrink.ben is not yours" in theirs.stderr
-    assert "without --update, what you push becomes an entry of your own" in theirs.stderr
+    assert "without --update you push an entry of your own" in theirs.stderr
 
 
 def test_a_pulled_recipe_needs_no_trust_and_a_pulled_plan_never_runs_without() -> None:

@@ -48,17 +48,17 @@ def test_a_recipe_is_uploaded_mended_found_and_rated(browser: Any, server: Runni
     diagnostic = page.locator(".source .diagnostic.error").first
     diagnostic.wait_for()
     line = BROKEN.split("\n").index("        knowrob:toLocation valu graspingPlace") + 1
-    assert page.locator(".source .said .number").first.inner_text() == str(line)
+    assert page.locator(".source .diagnosed .number").first.inner_text() == str(line)
     assert watched.findings() == []
 
-    diagnostic.get_by_role("link", name=f"mend line {line}").click()
+    diagnostic.get_by_role("link", name=f"edit line {line}").click()
     text = page.get_by_label("Text")
     chosen = text.evaluate("field => field.value.slice(field.selectionStart, field.selectionEnd)")
     assert chosen == "        knowrob:toLocation valu graspingPlace"
     page.keyboard.type(chosen.replace("valu ", "value "))
     assert page.get_by_label("Your key").input_value() == key
     page.get_by_role("button", name="Upload").click()
-    page.get_by_text("Taken.").wait_for()
+    page.get_by_text("Accepted.").wait_for()
     assert watched.findings() == []
 
     page.get_by_role("link", name="Search", exact=True).click()

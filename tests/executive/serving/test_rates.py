@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.serving.app import application
-from executive.serving.rates import BURST, MOST_ASKERS, Rates
+from executive.serving.rates import BURST, MOST_CLIENTS, Rates
 from executive.serving.workers import Staff
 from planlang.knowledge.sqlite_store import SqliteStore
 
@@ -48,10 +48,10 @@ def test_askers_are_counted_by_network_until_their_key_is_known() -> None:
 
 def test_as_many_askers_as_there_are_addresses_are_not_all_remembered() -> None:
     rates = Rates(0.05, lambda: 0.0)
-    for number in range(MOST_ASKERS + 2):
+    for number in range(MOST_CLIENTS + 2):
         assert rates.wait(str(number)) == 0
     assert rates.wait("0") == 0
-    assert rates.wait(str(MOST_ASKERS)) > 0
+    assert rates.wait(str(MOST_CLIENTS)) > 0
 
 
 def test_a_server_tells_when_to_come_back_and_an_author_is_not_held_up_by_strangers(

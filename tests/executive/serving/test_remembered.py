@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.robots import Availability
-from executive.serving.abilities import OVERHEAD, Abilities, Judgement, Remembered, digest
+from executive.serving.abilities import OVERHEAD, Abilities, Cache, Judgement, digest
 from executive.serving.workers import Workers
 from planlang.knowledge.entries import Entry, Kind, Revision, Store, Syntax
 
@@ -46,7 +46,7 @@ def test_of_many_self_models_of_a_megabyte_none_is_kept_but_each_is_compared_onc
 
 @given(st.lists(st.tuples(st.binary(max_size=2), st.integers(0, 999))))
 def test_the_latest_results_are_remembered_up_to_some_bytes(asked: list[tuple[bytes, int]]) -> None:
-    remembered, most = Remembered[int](5 * OVERHEAD), 5 * OVERHEAD
+    remembered, most = Cache[int](5 * OVERHEAD), 5 * OVERHEAD
     expected: dict[bytes, int] = {}
     for key, size in asked:
         remembered.keep(key, size, size)

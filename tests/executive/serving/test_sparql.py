@@ -81,7 +81,7 @@ def test_who_asks_while_contents_are_still_read_is_told_so_and_nobody_else_waits
         put(store, Kind.RECIPE, "ward", RECIPE)
         with closing(Mirror(store, staff.behind, Limits(seconds=0.2))) as mirror:
             mirror.start()
-            with pytest.raises(Exceeded, match="contents are still read, 0 entries so far"):
+            with pytest.raises(Exceeded, match="still loading contents, 0 entries so far"):
                 mirror.ask(COUNT)
             go_on.set()
             while True:

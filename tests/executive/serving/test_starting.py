@@ -27,8 +27,8 @@ def test_a_port_that_is_taken_is_told_with_another_one_to_take(tmp_path: Path) -
         refused = invoke("serve", "--store", tmp_path / "kb.sqlite", "--port", port)
     assert refused.exit_code == 2
     assert refused.stderr.splitlines()[:2] == [
-        f"error K005 nothing can listen at 127.0.0.1, port {port}: Address already in use",
-        "    help: --port names another one; 0 takes any that is free",
+        f"error K005 cannot listen at 127.0.0.1, port {port}: Address already in use",
+        "    help: choose another --port; 0 takes any free one",
     ]
 
 
@@ -43,7 +43,7 @@ def test_contents_that_cannot_be_kept_somewhere_are_refused(contents: str) -> No
     pytest.importorskip("obstore", reason="object storage is in the extra serve")
     refused = invoke("serve", "--store", "sparql+http://127.0.0.1:9/", "--contents", contents, "--new-key", "ada")
     assert refused.exit_code == 2
-    assert f"error K020 contents cannot be kept at {contents}: " in refused.stderr
+    assert f"error K020 cannot store contents at {contents}: " in refused.stderr
 
 
 def test_an_endpoint_that_does_not_answer_is_no_error_of_planlang(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_an_endpoint_that_does_not_answer_is_no_error_of_planlang(tmp_path: Path
     for wanted in (("--new-key", "ada"), ("--port", 0)):
         refused = invoke("serve", *store, *wanted)
         assert refused.exit_code == 1
-        assert refused.stderr.startswith("error K044 the SPARQL endpoint does not answer: "), refused.output
+        assert refused.stderr.startswith("error K044 the SPARQL endpoint does not respond: "), refused.output
 
 
 def test_a_key_that_leaked_is_dropped_and_another_takes_its_place(tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def refused_at(workers: Workers) -> None:
 def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     for endless, limit in ((spin, "1 s"), (fill, "200 MB of memory")):
-        with pytest.raises(BadInput, match=f"K015 to check this takes more than {limit}") as refused:
+        with pytest.raises(BadInput, match=f"K015 .* takes more than {limit}") as refused:
             workers.call(endless)
         assert ("--check-seconds" in str(refused.value.diagnostics[0].help)) == (endless is spin)
         assert workers.call(count) == 1
@@ -111,7 +111,7 @@ def test_a_worker_that_ends_within_its_limits_is_replaced_once_and_no_refusal(so
     workers, ended = Workers(source, 1, Limits()), tmp_path / "ended"
     ended.touch()
     assert workers.call(end, ended, 1) == 1
-    with pytest.raises(Failed, match="2 workers ended at end"):
+    with pytest.raises(Failed, match="2 workers died in end"):
         workers.call(end, ended, 9)
     assert workers.call(count) == 1
     workers.close()
@@ -179,7 +179,7 @@ def test_an_upload_that_takes_too_long_is_refused_with_the_limit(tmp_path: Path)
     answer = client.post("/v1/objects?name=large", content=LARGE)
     assert answer.status_code == HTTPStatus.UNPROCESSABLE_ENTITY, answer.text
     (diagnostic,) = answer.json()["diagnostics"]
-    assert (diagnostic["code"], diagnostic["message"]) == ("K015", "to check this takes more than 1 s")
+    assert (diagnostic["code"], diagnostic["message"]) == ("K015", "the check takes more than 1 s")
     assert client.post("/v1/recipes?name=ward", content=RECIPE).status_code == HTTPStatus.CREATED
     app.state.serving.close()
     store.close()

@@ -151,7 +151,7 @@ def test_a_file_of_another_sweep_is_refused_and_what_differs_is_said(tmp_path: P
 def test_a_file_without_a_sweep_is_refused_and_stays(tmp_path: Path, content: str) -> None:
     out = tmp_path / "rows"
     out.write_text(content)
-    with pytest.raises(BadInput, match="C030 this file has no sweep"):
+    with pytest.raises(BadInput, match="C030 this is not the file of a sweep"):
         run(numbered(1), SQUARE, out=out)
     assert out.read_text() == content
 
@@ -174,7 +174,7 @@ def test_shards_of_different_sweeps_and_contradicting_rows_are_not_merged(tmp_pa
     with pytest.raises(BadInput, match=r"C031 .*robot is pr2, not None"):
         merged([read_sweep(path) for path in paths[:2]])
     paths[2].write_text(paths[0].read_text().replace('"square": 1', '"square": 2'))
-    with pytest.raises(BadInput, match="world 1 ended otherwise"):
+    with pytest.raises(BadInput, match="world 1 ended differently"):
         merged([read_sweep(paths[0]), read_sweep(paths[2])])
     assert merged([read_sweep(paths[0])]).missing == (2,)
 

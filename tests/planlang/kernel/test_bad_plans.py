@@ -488,9 +488,7 @@ def test_recursion_without_end_by_await_is_an_error_that_names_the_function_and_
 
 @pytest.mark.parametrize("endless", some([endless_by_par, endless_by_pursue_and_timeout]))
 def test_recursion_without_end_by_constructs_is_an_error_that_names_the_functions(endless: Any) -> None:
-    with pytest.raises(
-        PlanStructureError, match=f"more than 10000 constructs nested.*: {endless.__name__} at test_bad_plans"
-    ):
+    with pytest.raises(PlanStructureError, match=f"10000 nested.*: {endless.__name__} at test_bad_plans"):
         go(endless)
 
 

@@ -152,7 +152,7 @@ def test_the_step_limit_holds_while_the_plan_waits_for_a_source() -> None:
     clock = Clock()
     host = clock.host()
     host.source("silent sensor")
-    with pytest.raises(StepLimit, match="more than 480 world steps, 2 s of plan time"):
+    with pytest.raises(StepLimit, match=r"480 world steps \(2 s of plan time\)"):
         run(partial(wait_for, Fluent(False)), host=host, max_steps=480)
     assert clock.now == pytest.approx(1002.0, abs=1e-3)
 
@@ -330,7 +330,7 @@ def test_a_run_in_real_time_is_resumed_where_it_was_left_and_not_replayed() -> N
     assert run(top, host=clock.host(), trace=again, resumable=True, resume=Past(past)) == (None, 5, None, 5)
     assert asked == [3.0]
     assert clock.now < 1001, "what is taken over takes no time"
-    with pytest.raises(ValueError, match="resumed, not replayed"):
+    with pytest.raises(ValueError, match="not replayed"):
         replay(top, again)
 
 

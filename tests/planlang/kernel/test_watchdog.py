@@ -179,7 +179,7 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> tuple[Run, dog.Watch, list[type[
     summoned: list[type[BaseException]] = []
     one = Run()
     watch = dog.Watch(one, 10.0, signal_number=signal.SIGINT)  # type: ignore[arg-type]
-    monkeypatch.setattr(watch, "_summon", summoned.append)
+    monkeypatch.setattr(watch, "_interrupt", summoned.append)
     return one, watch, summoned
 
 
@@ -267,11 +267,11 @@ def test_a_summons_that_no_longer_applies_is_dropped_and_a_real_ctrl_c_is_told_a
     watch = dog.Watch(one, 10.0, signal_number=signal.SIGINT)  # type: ignore[arg-type]
     frame = sys._getframe()
     assert not watch.answer(frame)
-    watch._summons = (Overdue, (9, 9, 9))  # the run has moved since
+    watch._request = (Overdue, (9, 9, 9))  # the run has moved since
     assert watch.answer(frame)
-    watch._summons = (KeyboardInterrupt, one.mark)  # heeded meanwhile
+    watch._request = (KeyboardInterrupt, one.mark)  # heeded meanwhile
     assert watch.answer(frame)
-    watch._summons = (Overdue, one.mark)
+    watch._request = (Overdue, one.mark)
     with pytest.raises(Overdue):
         watch.answer(frame)
 
@@ -287,8 +287,8 @@ def test_code_of_the_scheduler_itself_is_never_interrupted(monkeypatch: pytest.M
     watch = dog.Watch(Run(), 10.0, signal_number=signal.SIGINT)  # type: ignore[arg-type]
     own = SimpleNamespace(f_code=SimpleNamespace(co_filename=dog.__file__))
     monkeypatch.setattr(dog.sys, "_current_frames", lambda: {threading.get_ident(): own})
-    watch._summon(Overdue)
-    assert watch._summons is None
+    watch._interrupt(Overdue)
+    assert watch._request is None
 
 
 def test_the_thread_of_the_watchdog_ends_when_there_is_nothing_to_watch() -> None:

@@ -149,7 +149,7 @@ def test_nobody_waits_for_hours() -> None:
     server = Server(httpx.Response(429, headers={"Retry-After": "7200"}))
     with pytest.raises(TooMany) as refused:
         server.client().entry("servingtea.ward")
-    assert (server.pauses, refused.value.__notes__) == ([], ["the server asks to come back in 7200 s"])
+    assert (server.pauses, refused.value.__notes__) == ([], ["the server asks to try again in 7200 s"])
 
 
 def test_a_change_whose_answer_was_lost_was_made_once() -> None:
@@ -170,12 +170,12 @@ def test_a_change_whose_answer_was_lost_was_made_once() -> None:
     [
         (httpx.Response(200, content=b"x" * (LARGEST + 1)), "more than 16 MB"),
         (httpx.Response(200, content=b"{}", headers={"Content-Encoding": "unknown"}), "compressed"),
-        (httpx.Response(200, content=b"<html>"), "no JSON"),
-        (httpx.Response(200, content=b"[" * 100_000), "no JSON"),
-        (httpx.Response(200, json=[]), "no JSON object"),
-        (httpx.Response(200, json=record(uid="../../etc/passwd")), "names nothing"),
-        (httpx.Response(200, json=record(uid="servingtea.other")), "servingtea.other is the answer"),
-        (httpx.Response(302, headers={"Location": "http://elsewhere.test"}), "sends us elsewhere"),
+        (httpx.Response(200, content=b"<html>"), "not JSON"),
+        (httpx.Response(200, content=b"[" * 100_000), "not JSON"),
+        (httpx.Response(200, json=[]), "not a JSON object"),
+        (httpx.Response(200, json=record(uid="../../etc/passwd")), "invalid name"),
+        (httpx.Response(200, json=record(uid="servingtea.other")), "returned servingtea.other"),
+        (httpx.Response(302, headers={"Location": "http://elsewhere.test"}), "redirects"),
     ],
 )
 def test_an_answer_that_is_none_is_refused(answer: httpx.Response, reason: str) -> None:
@@ -251,14 +251,14 @@ def test_a_content_is_what_record_and_header_say() -> None:
         httpx.Response(200, content=DATA, headers={"Repr-Digest": "sha-256=:AAAA:"}),
         httpx.Response(200, content=DATA, headers={"Repr-Digest": "sha-256=:=:"}),
     ):
-        with pytest.raises(NotAsAgreed, match="damaged on its way"):
+        with pytest.raises(NotAsAgreed, match="damaged in transfer"):
             Server(answer).client().content(entry())
     check_digest(DATA, "sha-512=:AAAA:", None, "a digest that we do not know is not looked at")
 
 
 def test_a_server_that_goes_round_in_circles_is_left() -> None:
     page = httpx.Response(200, json={"entries": [record()], "next": "servingtea.ward"})
-    with pytest.raises(NotAsAgreed, match="circles"):
+    with pytest.raises(NotAsAgreed, match="repeat"):
         list(Server(page).client().entries(Kind.RECIPE))
 
 

@@ -43,7 +43,7 @@ def test_an_unknown_name_is_refused_with_similar_ones_where_it_stands() -> None:
     assert (said.code, said.help) == ("K002", "did you mean Flask?")
     assert said.span is not None
     assert said.span.line == 2
-    assert refused("holds some <urn:c#Mug>").message == "nothing here knows <urn:c#Mug>"
+    assert refused("holds some <urn:c#Mug>").message == "unknown name <urn:c#Mug>"
 
 
 @pytest.mark.parametrize(

@@ -52,11 +52,11 @@ def test_a_question_that_names_its_graphs_is_about_these_alone(endpoint: Endpoin
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("FILTER(" + "(" * 20_000 + "1" + ")" * 20_000 + ")", "more than 200 brackets inside each other"),
-        ("{" * 20_000 + "}" * 20_000, "more than 200 brackets inside each other"),
-        ("FILTER(" + "!" * 20_000 + "true)", "more than 200 brackets inside each other, or signs in a row"),
-        ("FILTER(" + "||".join(["true"] * 20_000) + ")", "too long a chain of one operator"),
-        ("SERVICE <http://127.0.0.1/> { ?a ?b ?c }", "SERVICE asks another server"),
+        ("FILTER(" + "(" * 20_000 + "1" + ")" * 20_000 + ")", "more than 200 nested brackets"),
+        ("{" * 20_000 + "}" * 20_000, "more than 200 nested brackets"),
+        ("FILTER(" + "!" * 20_000 + "true)", "more than 200 nested brackets, or signs in a row"),
+        ("FILTER(" + "||".join(["true"] * 20_000) + ")", "nested too deeply"),
+        ("SERVICE <http://127.0.0.1/> { ?a ?b ?c }", "SERVICE is not supported"),
     ],
 )
 def test_what_the_engine_cannot_read_is_refused_with_its_reason(endpoint: Endpoint, text: str, reason: str) -> None:
@@ -112,7 +112,7 @@ def test_an_answer_of_too_many_rows_is_refused(endpoint: Endpoint) -> None:
 
 def test_an_answer_of_too_many_bytes_is_refused_however_short_the_question(endpoint: Endpoint) -> None:
     doubled = " ".join(f"BIND(CONCAT(?x{n}, ?x{n}) AS ?x{n + 1})" for n in range(24))
-    with pytest.raises(Exceeded, match="the answer has more than 16 MB"):
+    with pytest.raises(Exceeded, match="more than 16 MB"):
         endpoint.ask(f'SELECT ?x24 {{ BIND("a" AS ?x0) {doubled} }}')
     assert endpoint.ask("ASK { <urn:r7> ?p ?o }")["boolean"] is True
 

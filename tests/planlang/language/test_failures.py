@@ -371,7 +371,7 @@ def test_a_branch_that_returns_a_coroutine_is_told_what_to_return() -> None:
     with pytest.raises(PlanStructureError) as caught:
         go(partial(par, body))
     assert str(caught.value).splitlines() == [
-        "branch par/par/body returned a call of reach() that was not awaited, so nothing was done",
+        "branch par/par/body returned reach() without await, so nothing was done",
         "  wrong: return reach(...)",
         "  right: return await reach(...)",
     ]

@@ -122,7 +122,7 @@ def test_a_plain_function_as_branch_is_refused_with_the_right_form() -> None:
 @pytest.mark.parametrize("construct", [par, seq, pursue, race, try_all, try_in_order])
 @pytest.mark.parametrize("word", ["name", "limit"])
 def test_reserved_words_do_not_name_branches(construct: Any, word: str) -> None:
-    with pytest.raises(TypeError, match=f"'{word}' is reserved(.|\n)*wrong(.|\n)*right: .*the_{word}=reach"):
+    with pytest.raises(TypeError, match=f"'{word}' (.|\n)*wrong(.|\n)*right: .*the_{word}=reach"):
         go(partial(construct, **{word: reach}))
 
 
@@ -183,7 +183,7 @@ def test_asyncios_sleep_zero_is_refused_at_its_line_with_the_right_form() -> Non
     "body", [lambda: asyncio.sleep(1), lambda: asyncio.Queue().get(), lambda: asyncio.to_thread(abs, -1)]
 )
 def test_asyncio_code_without_its_event_loop_says_how_it_runs_in_a_plan(body: Any) -> None:
-    with pytest.raises(PlanStructureError, match=r"asyncio code needs an event loop" + ASYNCIO):
+    with pytest.raises(PlanStructureError, match=r"asyncio code needs an asyncio event loop" + ASYNCIO):
         go(partial(par, body))
 
 
@@ -222,7 +222,7 @@ def test_a_condition_in_and_shows_how_conditions_are_combined() -> None:
 
 
 def test_the_value_of_a_fluent_given_to_wait_for_is_called_one() -> None:
-    with pytest.raises(TypeError, match=r"the fluent itself: its \.value is one value that does not change"):
+    with pytest.raises(TypeError, match=r"pass the fluent itself"):
         go(lambda: wait_for(Fluent(False).value))  # type: ignore[arg-type]
 
 

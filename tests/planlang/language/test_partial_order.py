@@ -251,9 +251,9 @@ def test_a_state_that_returns_no_outcome_is_a_type_error_with_the_right_form() -
         ({("nowhere", "x"): "b"}, "a", "b", r"transition \(nowhere, x\) -> b: no state 'nowhere'"),
         ({("a", "x"): "a"}, "a", "b", "no transitions lead from 'a' to the end state 'b'"),
         ({("a", "x"): "a"}, "a", ["a", "b"], "end state"),
-        ({("a", "x"): "b", ("b", "x"): "a"}, "a", "b", "'b' is an end state, which is left by failures only"),
-        ({("a", KeyError): "b"}, "a", "b", "which KeyError is not"),
-        ({("a", 3): "b"}, "a", "b", "an outcome is a string or an Enum member"),
+        ({("a", "x"): "b", ("b", "x"): "a"}, "a", "b", "'b' is an end state"),
+        ({("a", KeyError): "b"}, "a", "b", "KeyError is not a subclass of PlanFailure"),
+        ({("a", 3): "b"}, "a", "b", "a string or an Enum member"),
         ({}, "a", [], "needs an end state"),
     ],
 )

@@ -279,7 +279,7 @@ def test_a_world_fluent_that_was_not_read_before_cannot_be_read_before_the_run_g
 
     whole = run_plan(top, resumable=True)
     reads.append("now")
-    with pytest.raises(PlanStructureError, match="was not read before"):
+    with pytest.raises(PlanStructureError, match="was not read"):
         run_plan(top, resume=cut(whole, completed(whole)[0]))
 
 

@@ -192,7 +192,7 @@ def test_a_recovery_that_decides_at_once_is_a_type_error_that_shows_how_to_write
     with pytest.raises(TypeError) as caught:
         go(partial(with_failure_handling, Body(GraspMissed()), Recovery(GraspMissed, at_once)))
     assert str(caught.value) == (
-        "do of the Recovery for GraspMissed returned RETRY at once; do is a function written with async def\n"
+        "do of the Recovery for GraspMissed returned RETRY without being async; write it with async def\n"
         "  wrong: Recovery(GraspMissed, lambda: ...)\n"
         "  right: async def do(failure): ...; return RETRY"
     )
@@ -219,7 +219,7 @@ async def retreats(failure: PlanFailure) -> RecoveryResult:
 
 
 def test_a_recovery_function_that_does_not_take_the_failure_is_refused_when_the_recovery_is_made() -> None:
-    with pytest.raises(TypeError, match=r"retreat cannot be called with the failure") as caught:
+    with pytest.raises(TypeError, match=r"retreat does not take the failure") as caught:
         Recovery(GraspMissed, retreat)  # type: ignore[arg-type]
     assert str(caught.value).splitlines()[1:] == [
         "  wrong: Recovery(GraspMissed, retreat)",

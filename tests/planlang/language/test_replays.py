@@ -289,7 +289,7 @@ def test_a_watch_whose_number_is_none_is_told_with_its_line() -> None:
     events = run_plan(top, resumable=True).trace.events
     (first,) = (place for place, one in enumerate(events) if one.get("node") == 1 and one["event"] == "started")
     watch = {"step": 0, "event": "world", "node": 1, "name": "watch", "number": [], "value": False}
-    with pytest.raises(ValueError, match=f"line {first + 2} tells of no watch"):
+    with pytest.raises(ValueError, match=f"line {first + 2}: number"):
         replay(top, RecordedRun.of([*events[: first + 1], watch, *events[first + 1 :]]))
 
 
@@ -409,7 +409,7 @@ def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:
             assert f"line {place + 1} is damaged" in str(found)
     assert str(replay(top, run)) == f"equal to the end: {len(run.trace.events)} lines"
     part = replay(top, RecordedRun.of(run.trace.events[:9]))
-    assert str(part) == "equal to the end: 9 lines, where the record ends before the plan does"
+    assert str(part) == "equal to the end: 9 lines, and the trace ends before the plan"
 
 
 async def lose() -> None:

@@ -321,9 +321,7 @@ def test_a_trace_of_another_run_is_refused_with_the_differences() -> None:
         await seq(partial(sleep, 1))
 
     run = run_plan(top, resumable=True)
-    with pytest.raises(
-        ValueError, match="trace is that of another run: seed was 0 and is 1; schedule was None and is 3"
-    ):
+    with pytest.raises(ValueError, match="seed was 0 and is 1; schedule was None and is 3"):
         run_plan(top, seed=1, schedule=3, resume=run)
     with pytest.raises(ValueError, match="plan was 'top' and is 'other'"):
         run_plan(other, resume=run)
@@ -342,7 +340,7 @@ def test_a_plan_that_does_not_repeat_its_beginning_is_told_at_the_line() -> None
 
     whole = run_plan(top, resumable=True)
     names[0] = "two"
-    with pytest.raises(Different, match="does not repeat what is recorded") as raised:
+    with pytest.raises(Different, match="does not repeat the recorded run") as raised:
         run_plan(top, resume=cut(whole, completed(whole)[3]))
     line = raised.value.line
     assert line is not None
@@ -433,7 +431,7 @@ def test_a_plan_that_ends_before_where_it_would_go_on_is_told() -> None:
 
     whole = run_plan(top, resumable=True)
     long[0] = False
-    with pytest.raises(Different, match="does not repeat what is recorded in line"):
+    with pytest.raises(Different, match="does not repeat line"):
         run_plan(top, resume=cut(whole, completed(whole)[-1]))
 
 
@@ -450,5 +448,5 @@ def test_a_fluent_that_is_not_there_any_more_is_told() -> None:
 
     whole = run_plan(top, resumable=True)
     kept.clear()
-    with pytest.raises(PlanStructureError, match="a door that is taken away, which there is not"):
+    with pytest.raises(PlanStructureError, match="a door that is taken away"):
         run_plan(top, resume=cut(whole, completed(whole)[0]))

@@ -205,16 +205,16 @@ def test_a_trace_file_is_read_and_a_line_cut_off_at_its_end_left_out(tmp_path: P
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("no trace\n", "no JSON"),
-        ('{"step": 0}\n', "no record of a trace"),
-        ('{"event": "x"}\n', "no record of a trace"),
-        ("[1]\n", "no record of a trace"),
+        ("no trace\n", "not JSON"),
+        ('{"step": 0}\n', "not a record of a trace"),
+        ('{"event": "x"}\n', "not a record of a trace"),
+        ("[1]\n", "not a record of a trace"),
     ],
 )
 def test_what_is_no_trace_is_refused_with_file_and_line(tmp_path: Path, text: str, problem: str) -> None:
     target = tmp_path / "odd.jsonl"
     target.write_text(text)
-    with pytest.raises(ValueError, match=rf"odd\.jsonl:1: this is {problem}"):
+    with pytest.raises(ValueError, match=rf"odd\.jsonl:1: {problem}"):
         TaskTree.read(target)
 
 

@@ -112,7 +112,7 @@ def test_what_survives_comes_back_as_it_was(value: Any) -> None:
 )
 def test_what_does_not_survive_is_refused_with_the_reason(value: Any, why: str) -> None:
     if why == "the fields":
-        with pytest.raises(ValueError, match="another type"):
+        with pytest.raises(ValueError, match="wrong type"):
             through_json(value)
     else:
         with pytest.raises(Lost) as lost:
@@ -280,15 +280,15 @@ def test_a_torn_last_line_is_left_out_and_a_whole_one_without_its_end_is_not(wri
 @pytest.mark.parametrize(
     ("line", "text", "told"),
     [
-        (3, "{", "no JSON"),
-        (3, "\x00", "no JSON"),
-        (3, "[" * 100_000, "no JSON: too deeply nested"),
-        (3, "[]", "no record"),
-        (3, '{"step": -1, "event": "x"}', "no record"),
-        (3, '{"step": true, "event": "x"}', "no record"),
-        (3, '{"step": 0}', "no record"),
+        (3, "{", "not JSON"),
+        (3, "\x00", "not JSON"),
+        (3, "[" * 100_000, "not JSON: too deeply nested"),
+        (3, "[]", "not a record"),
+        (3, '{"step": -1, "event": "x"}', "not a record"),
+        (3, '{"step": true, "event": "x"}', "not a record"),
+        (3, '{"step": 0}', "not a record"),
         (4, '{"step": 0, "event": "x", "node": 99, "name": "y"}', "has not started"),
-        (4, '{"step": 0, "event": "x", "node": [], "name": "y"}', "given by its number"),
+        (4, '{"step": 0, "event": "x", "node": [], "name": "y"}', "node has to be a number"),
         (4, '{"step": 0, "event": "started", "node": 99, "parent": 98, "name": "y"}', "has not started"),
         (1, '{"step": 0, "event": "started"}', "begins with its header"),
         (1, '{"step": 0, "event": "header", "schema": 1}', "schema 1"),
@@ -355,7 +355,7 @@ def test_what_should_be_told_by_its_number_and_is_not_is_told_with_its_line(
     number = next(number for number, line in enumerate(lines) if '"event": "started"' in line)
     lines[number] = json.dumps({**json.loads(lines[number]), "event": event, key: value})
     written.write_text("\n".join(lines) + "\n")
-    with pytest.raises(DamagedTrace, match="is given by its number") as damage:
+    with pytest.raises(DamagedTrace, match="has to be a number") as damage:
         Past(RecordedRun.read(written))
     assert damage.value.line == number + 1
 

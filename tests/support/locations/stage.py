@@ -116,10 +116,10 @@ class Stage:
         plan, arm, platform = way.plan, way.arm, self.platform
         fingers = dict(plan.fingers)
         motions, q = list[Array](), way.joints[0]
-        for pose, end in zip(plan.poses[1:], way.joints[1:], strict=True):
+        for pose in plan.poses[1:]:
             joints = {**self.world.configuration().joints, **fingers, **dict(zip(arm.joints, q.tolist(), strict=True))}
             self.world.set_configuration(Configuration(solution.base, joints))
-            motions.append(platform.arms.straight_path(arm, pose, end, plan.touches).positions)
+            motions.append(platform.arms.straight_path(arm, pose, plan.touches).positions)
             q = motions[-1][-1]
         names, target = tuple(arm.joints), plan.touches
         return Claim(solution.base, arm.name, names, way.joints, plan.poses, target, fingers, tuple(motions))
