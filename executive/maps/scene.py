@@ -283,6 +283,9 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnost
         is_inside = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
         if not is_inside.any() and standing.support(body.name) is None:  # boxes are inside themselves: never warned of
             notes.append(_unsupported(body, scene, thing.span))
+        for shelf in (boxes[index] for index in np.flatnonzero(is_inside).tolist()):
+            stated = semantic_map.find(shelf.iri)
+            notes += _over_board(body, shelf, () if stated is None else stated.boards, thing.span)
 
 
 def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:

@@ -305,19 +305,18 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     )
 
 
-def _base(table: _Table) -> BaseDrive:
-    """Read the parameters of the base; a fixed one needs no speeds."""
+def _base(table: _Table, mount: Mount | None) -> BaseDrive:
+    """Read the parameters of the base, no narrower than its mount; a fixed one needs no speeds."""
     *keys, fixed = _KEYS["base"]
     is_fixed = table.values.get(fixed, False)
     if not isinstance(is_fixed, bool):
         table.bad(fixed, f"must be true or false, not {is_fixed!r}")
-    if is_fixed is False:
-        return BaseDrive(*table.numbers(keys))
-    return replace(DEFAULT_BASE, radius=table.number("radius", positive=True), fixed=True)
+    base = BaseDrive(*table.numbers(keys)) if is_fixed is False else replace(DEFAULT_BASE, fixed=True)
+    return replace(base, radius=max(table.number("radius", positive=True), 0.0 if mount is None else mount.radius))
 
 
-def _urdf(path: Path, table: _Table, tools: Mapping[str, ToolPoint]) -> Path:
-    mount, value = _mount(table), table.values.get("urdf")
+def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> Path:
+    value = table.values.get("urdf")
     if isinstance(value, dict):
         source = table.table("urdf", "urdf")
         name, file = source.text("package"), source.text("file")
