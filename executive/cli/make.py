@@ -36,4 +36,5 @@ def command(arguments: MakeArguments) -> Answer:
         write_text(output, text)
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
     found = (*draft.diagnostics(), *robot.diagnostics)
-    return Answer(diagnostics=found, text=text if output is None else f"{output}: {robot.name}", data=data)
+    made = f"{output}: {robot.name}\nplanlang robot inspect {output} shows what the robot can do, and what it lacks"
+    return Answer(diagnostics=found, text=text if output is None else made, data=data)

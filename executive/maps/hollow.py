@@ -31,13 +31,13 @@ TOLERATED = 0.05
 def hollowed(
     bodies: Sequence[Body],
     joints: Iterable[Articulation],
-    stated: Callable[[Body], Cavity | None],
+    stated: Callable[[Body], Sequence[Cavity]],
     compartments: Callable[[Body], Sequence[Body]],
     report: Callable[[Body, Sequence[Body], Sequence[str]], None],
 ) -> list[Body]:
     """Cut cavities into furniture behind its doors, at its compartments and in its drawers, empty or not.
 
-    ``stated`` gives the cavity of a body that the map states to be open, ``compartments`` the parts of furniture that
+    ``stated`` gives the cavities of a body that the map states to be open, ``compartments`` the parts of furniture that
     may contain objects. ``report`` receives furniture, the objects inside and the names of its openings: none if
     nobody can reach into it. Returns all bodies.
     """
@@ -63,16 +63,17 @@ def hollowed(
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if cavity else [part for part in compartments(body) if part.name not in slides]
         rooms = _rooms(body, cavity, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
-        reachable = [thing for thing in things if any(_is_in(room, body, thing) for room in rooms.values())]
+        reachable = [thing for thing in things if any(_is_in(room, body, thing) for _, room in rooms)]
+        openings = list(dict(rooms))
         if things:
-            contents.append(_Contents(body, things, [*rooms] if reachable else []))
+            contents.append(_Contents(body, things, openings if reachable else []))
         if body.name in slide_cavities:
             by_name[body.name] = replace(body, cavities=tuple(slide_cavities[body.name]))
         if rooms and (reachable or not things):
-            cavities = tuple(_with_room(room, body, reachable) for room in rooms.values())
+            cavities = tuple(_with_room(room, body, reachable) for _, room in rooms)
             by_name[body.name] = replace(body, cavities=(*cavities, *slide_cavities.get(body.name, ())))
             for part in parts:  # a compartment is a cavity of its furniture from here on, not a body
-                if part.name in rooms:
+                if part.name in openings:
                     by_name[part.name] = replace(by_name[part.name], shape=BodyShape.MARKER, cavities=())
     for one in contents:
         if to_report := one.without_drawers(contents):
@@ -97,19 +98,25 @@ class _Contents:
 
 
 def _rooms(
-    body: Body, cavity: Cavity | None, doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
-) -> dict[str, Cavity]:
-    """Cavities of a body by the name of what opens them: doors, compartments without a door, or the body itself."""
-    if is_drawer and cavity is None:
-        return {body.name: _open_above(body)}
+    body: Body, cavities: Sequence[Cavity], doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
+) -> list[tuple[str, Cavity]]:
+    """Cavities of a body with the name of what opens them: doors, compartments without a door, or the body itself."""
+    if is_drawer and not cavities:
+        return [(body.name, _open_above(body))]
     front = _front(body, doors)
-    rooms = {door.name: room_behind(door, body) for door in doors}
-    rooms |= {part.name: _compartment(part, body, *front) for part in parts}
-    return rooms if rooms or cavity is None else {body.name: cavity}
+    rooms = [(door.name, room_behind(door, body)) for door in doors]
+    rooms += [(part.name, _compartment(part, body, *front)) for part in parts]
+    return rooms or [(body.name, cavity) for cavity in cavities]
 
 
-def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) -> Cavity | None:
-    """Cavity of a box that is open at sides such as "+x"; None if no side is valid or the walls leave no space."""
+def open_at(
+    size: Sequence[float], sides: Iterable[str], boards: Sequence[float] = (), walls: float = WALL
+) -> list[Cavity]:
+    """Cavities of a box that is open at sides such as "+x"; none if no side is valid or the walls leave no space.
+
+    ``boards`` divide it: heights of their tops above its lower end, in ascending order [m]. It is then open in front.
+    """
+    sides = tuple(sides) or ("+x",) * bool(boards)
     low, high = -np.asarray(size) / 2 + walls, np.asarray(size) / 2 - walls
     openings = [(sign, axis) for side in sides for sign in "+-" for axis in "xyz" if side == sign + axis]
     for sign, axis in openings:
@@ -117,7 +124,10 @@ def open_at(size: Sequence[float], sides: Iterable[str], walls: float = WALL) ->
             high["xyz".index(axis)] += walls + BEYOND
         else:
             low["xyz".index(axis)] -= walls + BEYOND
-    return _cavity(low, high) if openings and (low < high).all() else None
+    floors = [height - size[2] / 2 for height in boards] or [low[2]]
+    ceilings = [*(floor - walls for floor in floors[1:]), high[2]]
+    rooms = [((*low[:2], floor), (*high[:2], ceiling)) for floor, ceiling in zip(floors, ceilings, strict=True)]
+    return [_cavity(*map(np.array, room)) for room in rooms if openings and np.less(*room).all()]
 
 
 def room_behind(leaf: Body, furniture: Body) -> Cavity:

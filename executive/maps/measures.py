@@ -134,6 +134,30 @@ def read_size(ontology: Ontology, iri: str, types: Iterable[str], notes: list[Di
     return (x, y, z)
 
 
+def read_boards(
+    ontology: Ontology, iri: str, types: Iterable[str], size: Size | None, notes: list[Diagnostic]
+) -> tuple[float, ...]:
+    """Read the heights of the boards of a shelf above its lower end [m], the lowest first; none for what has no boards.
+
+    Those that the thing states, else those of its nearest class, of which the ones within its height are noted.
+    """
+    if size is None:
+        return ()
+    own = stated(ontology, iri, "boardHeights")
+    of_class = (one for cls in types for one in ontology.inherited_restrictions(cls, expand("boardHeights")))
+    default = None if own else next(of_class, None)
+    said = Triple(iri, expand("boardHeights"), default.filler, default.span) if default else own
+    heights = sorted(lengths(said, notes, LARGEST) or ()) if said else []
+    boards = tuple(height for height in heights if 0 <= height < size[2])
+    if own and len(boards) < len(heights):
+        notes.append(_unreadable(own, f"a shelf {size[2]} m high has boards from 0 m to there"))
+        return ()
+    if default and boards:
+        shown = ", ".join(f"{height} m" for height in boards)
+        notes.append(note("M005", f"{local_name(iri)}: boards at {shown} (default of its class)", ontology.span(iri)))
+    return boards
+
+
 def stated_size(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> tuple[float | None, ...]:
     """Read the three stated extents; None for each that is missing."""
     values: list[float | None] = [None, None, None]

@@ -246,9 +246,9 @@ def _opened(
     """Make furniture hollow, with a diagnostic about each piece that contains movable objects."""
     by_iri = {body.iri: body for body in bodies}
 
-    def stated(body: Body) -> Cavity | None:
+    def stated(body: Body) -> Sequence[Cavity]:
         thing = semantic_map.find(body.iri)
-        return None if thing is None else open_at(body.size, thing.open_sides, thing.walls or WALL)
+        return () if thing is None else open_at(body.size, thing.open_sides, thing.boards, thing.walls or WALL)
 
     def compartments(body: Body) -> list[Body]:
         thing = semantic_map.find(body.iri)
@@ -283,6 +283,9 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnost
         is_inside = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
         if not is_inside.any() and standing.support(body.name) is None:  # boxes are inside themselves: never warned of
             notes.append(_unsupported(body, scene, thing.span))
+        for shelf in (boxes[index] for index in np.flatnonzero(is_inside).tolist()):
+            stated = semantic_map.find(shelf.iri)
+            notes += _over_board(body, shelf, () if stated is None else stated.boards, thing.span)
 
 
 def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
@@ -302,6 +305,16 @@ def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
     message = f"{body.name} stands on nothing: its lowest point is {where}"
     help = f"a pose is that of the box centre: with z = {z + top - low:.3f}, {body.name} stands on {name}"
     return warning("M015", message, span, help)
+
+
+def _over_board(body: Body, shelf: Body, boards: Sequence[float], span: Span | None) -> Iterator[Diagnostic]:
+    """Yield the warning about a thing between the boards of a shelf that stands on none of them."""
+    floor, low = (float(corners(one.pose, one.size)[:, 2].min()) for one in (shelf, body))
+    below = [board for board in boards if floor + board <= body.pose.position[2]]
+    if below and (gap := low - floor - below[-1]) > GAP:
+        message = f"{body.name} stands on nothing: its lowest point is {gap:.3f} m over a board of {shelf.name}"
+        help = f"a pose is that of the middle: {gap:.3f} m lower {body.name} stands on the board at {below[-1]} m"
+        yield warning("M015", message, span, help)
 
 
 def _bounds(bodies: Iterable[Body]) -> tuple[float, float, float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.maps.class_names import with_known_classes
 from executive.maps.class_parts import StatedObject, parts_of_classes
-from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_size, read_transform, stated
+from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array, Pose
@@ -41,8 +41,10 @@ class MapObject:
     on: tuple[str, ...] = ()
     open_sides: tuple[str, ...] = ()
     """Sides of its box at which it is open, such as "+x"; with any, the box is hollow."""
+    boards: tuple[float, ...] = ()
+    """Heights of the tops of its boards above its lower end, in ascending order [m]."""
     walls: float | None = None
-    """Thickness of its walls [m]."""
+    """Thickness of its walls and boards [m]."""
     span: Span | None = None
 
 
@@ -112,7 +114,8 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 hinged_to=ontology.iris(iri, "hingedTo"),
                 inside=ontology.iris(iri, "in-ContGeneric"),
                 on=ontology.iris(iri, "on-Physical"),
-                open_sides=_texts(ontology, iri, "openSide"),
+                open_sides=_open_sides(ontology, iri, types),
+                boards=read_boards(ontology, iri, types, size, notes),
                 walls=_wall(ontology, iri, notes),
                 span=ontology.span(iri),
             )
@@ -249,6 +252,13 @@ def _perceptions(ontology: Ontology) -> Iterator[str]:
 def _texts(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
     values = ontology.values(iri, expand(prop))
     return tuple(dict.fromkeys(value.value.strip() for value in values if isinstance(value, Literal)))
+
+
+def _open_sides(ontology: Ontology, iri: str, types: tuple[str, ...]) -> tuple[str, ...]:
+    """Sides that a thing states, else those that its nearest class does."""
+    stated = _texts(ontology, iri, "openSide")
+    classes = (one for cls in types for one in ontology.inherited_restrictions(cls, expand("openSide")))
+    return stated or tuple(one.filler.value for one in classes if isinstance(one.filler, Literal))
 
 
 def _wall(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> float | None:

@@ -209,13 +209,12 @@ class _Maker:
         table = self.draft.table("base")
         drives, why = self._drives()
         table.add("radius", *self._radius())
-        if not drives:
-            is_said = self.srdf is not None and self.srdf.base_joint is not None
-            table.add("fixed", True, why, Status.DERIVED if is_said else Status.ASSUMED)
+        is_said = self.srdf is not None and self.srdf.base_joint is not None
+        table.add("fixed", not drives, why, Status.DERIVED if is_said or drives else Status.ASSUMED)
+        if is_said and not drives:
             return
         for key in ("speed", "acceleration", "turn_speed", "turn_acceleration", "jerk"):
             table.add(key, getattr(DEFAULT_BASE, key), "a slow default", Status.ASSUMED)
-        table.add("fixed", False, why)
 
     def _drives(self) -> tuple[bool, str]:
         if self.srdf is not None and self.srdf.base_joint is not None:
@@ -229,7 +228,7 @@ class _Maker:
         free = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
         if free:
             return True, f"{free[0]} moves freely"
-        return False, "the URDF has no wheel; with false the base drives, and needs speeds"
+        return False, "no wheel in the URDF, false if it stands on a base that drives"
 
     def _radius(self) -> tuple[float, str, Status]:
         """Radius of the base, its reason and its status: that of a circle around all links that no joint moves."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import math
 import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
@@ -39,6 +40,11 @@ class Mount:
     """Extents in x, y, z, or diameter and height [m]."""
     at: tuple[float, float, float]
     """Position of the root link in the frame of the base, whose origin is the centre of its bottom [m]."""
+
+    @property
+    def radius(self) -> float:
+        """Return the radius of its outline [m]."""
+        return math.hypot(*self.size[:-1]) / 2
 
 
 ToolPoint = tuple[str, tuple[float, float, float]]

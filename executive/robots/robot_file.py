@@ -278,7 +278,8 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     arms = table.tables("arms", "arms.*")
     offsets = {name: arm.vector("tool_offset") for name, arm in arms.items() if "tool_offset" in arm.values}
     tools = {tool_link(name): (arms[name].text("tip"), offset) for name, offset in offsets.items()}
-    urdf, model = _urdf(path, table, tools), table.text("self_model", "")
+    mount = _mount(table)
+    urdf, model = _urdf(path, table, mount, tools), table.text("self_model", "")
     if model and not (path.parent / model).is_file():
         table.bad("self_model", f"file not found beside this one: {model}")
     camera, neck = _camera(table)
@@ -291,7 +292,7 @@ def _robot(path: Path, table: _Table) -> RobotFile:
         urdf,
         path.parent / model if model else None,
         table.text("torso", "") or None,
-        _base(table.table("base", "base", required=True)),
+        _base(table.table("base", "base", required=True), mount),
         tuple(_arm(name, arm) for name, arm in arms.items()),
         camera,
         neck,
@@ -304,19 +305,18 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     )
 
 
-def _base(table: _Table) -> BaseDrive:
-    """Read the parameters of the base; a fixed one needs no speeds."""
+def _base(table: _Table, mount: Mount | None) -> BaseDrive:
+    """Read the parameters of the base, no narrower than its mount; a fixed one needs no speeds."""
     *keys, fixed = _KEYS["base"]
     is_fixed = table.values.get(fixed, False)
     if not isinstance(is_fixed, bool):
         table.bad(fixed, f"must be true or false, not {is_fixed!r}")
-    if is_fixed is False:
-        return BaseDrive(*table.numbers(keys))
-    return replace(DEFAULT_BASE, radius=table.number("radius", positive=True), fixed=True)
+    base = BaseDrive(*table.numbers(keys)) if is_fixed is False else replace(DEFAULT_BASE, fixed=True)
+    return replace(base, radius=max(table.number("radius", positive=True), 0.0 if mount is None else mount.radius))
 
 
-def _urdf(path: Path, table: _Table, tools: Mapping[str, ToolPoint]) -> Path:
-    mount, value = _mount(table), table.values.get("urdf")
+def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> Path:
+    value = table.values.get("urdf")
     if isinstance(value, dict):
         source = table.table("urdf", "urdf")
         name, file = source.text("package"), source.text("file")

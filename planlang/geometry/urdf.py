@@ -7,6 +7,7 @@ limits size and depth, and records the line of each element.
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
@@ -30,6 +31,8 @@ MOST = 200_000
 
 XACRO = "this is an expression of xacro; write it out first: xacro {0}.urdf.xacro > {0}.urdf"
 """Advice for a URDF that still has to be expanded."""
+_OPTIONAL = re.compile(r"\$\(optenv +\w+ ?([^()]*)\)")
+"""An expression that xacro leaves to the environment; its default is read, so that equal files are equal robots."""
 
 
 class BadXml(Exception):
@@ -89,12 +92,14 @@ class _Reader:
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._texts: list[str] = []
+        self._has_defaults = False
         if texts:
             self._parser.buffer_text = True
             self._parser.CharacterDataHandler = self._texts.append
         self._parser.EntityDeclHandler = self._entity
 
     def read(self, content: bytes) -> Element:
+        self._has_defaults = b"$(optenv" in content
         try:
             self._parser.Parse(content, True)
         except expat.ExpatError as problem:
@@ -117,6 +122,8 @@ class _Reader:
         self._texts.clear()
         if len(self._open) >= DEEPEST or self._count > MOST:
             raise BadXml("its elements are too many, or too deeply nested", self._parser.CurrentLineNumber)
+        if self._has_defaults:
+            attributes = {key: _OPTIONAL.sub(r"\1", value) for key, value in attributes.items()}
         element = Element(name, attributes)
         element.line = self._parser.CurrentLineNumber
         if self._open:

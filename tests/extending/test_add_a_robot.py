@@ -27,7 +27,6 @@ turn_speed = 1.0
 turn_acceleration = 1.0
 jerk = 5.0
 """
-DRIVES = ROBOT_FILE.partition("radius = 0.36\n")[2]
 CAMERA = """
 [camera]
 link = "camera"
@@ -100,7 +99,7 @@ def test_a_robot_file_is_made_from_the_urdf_and_completed(garage: Path) -> None:
     assert (made["exit_code"], made["output"]) == (0, str(garage / "cart.toml"))
     text = (garage / "cart.toml").read_text()
     assert "fixed = true" in text
-    (garage / "cart.toml").write_text(text.replace("fixed = true", DRIVES + "# fixed = true"))
+    (garage / "cart.toml").write_text(text.replace("fixed = true", "fixed = false"))
     assert run(garage / "drive.py", garage / "cart.toml")["exit_code"] == 0
     again = answer("robot", "make", garage / "cart.urdf", "-o", garage / "cart.toml")
     assert [one["code"] for one in again["diagnostics"]] == ["C005"], "what a person has completed is not replaced"

@@ -34,7 +34,7 @@ LONG = tuple(
             f"guides/{one}"
             for one in ("reasoning", "recording", "report", "resuming", "running", "searching", "sweeping", "testing")
         ),
-        *("first_steps/first_plan", "reference/formats", "reference/gallery"),
+        *("first_steps/first_plan", "first_steps/own_robot", "reference/formats", "reference/gallery"),
     )
 )
 """Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""

@@ -413,11 +413,20 @@ def test_angles_give_the_rotation_that_they_are_taken_from(angles: tuple[float, 
 
 
 def test_an_expression_of_xacro_is_recognised(tmp_path: Path) -> None:
-    turn = ARM.replace("0 0 1", "$(optenv ARM_XYZ 0 0 1)", 1)
+    turn = ARM.replace("0 0 1", "$(arg turns_about)", 1)
     with pytest.raises(BadInput) as refused:
         read_description(write(tmp_path, f'<link name="base"/><link name="arm"/>{turn}'))
     (found,) = refused.value.diagnostics
     assert found.help == "this is an expression of xacro; write it out first: xacro cart.urdf.xacro > cart.urdf"
+
+
+def test_what_xacro_leaves_to_the_environment_has_its_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ARM_XYZ", "1 0 0")
+    turn = ARM.replace("0 0 1", "$(optenv ARM_XYZ 0 0 1)", 1)
+    plain, with_default = (
+        read_description(write(tmp_path, f'<link name="base"/><link name="arm"/>{joint}')) for joint in (ARM, turn)
+    )
+    assert with_default.text == plain.text
 
 
 def test_of_too_many_joints_the_fixed_ones_are_counted_as_those_that_could_go(tmp_path: Path) -> None:

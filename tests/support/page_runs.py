@@ -35,6 +35,7 @@ from tests.support.extras import HAS_PR2
 from tests.support.pages import (
     CHECKOUT,
     ENDS_WITH_STATUS,
+    FIRST_RUN_ONLY,
     Block,
     Command,
     agrees,
@@ -46,8 +47,6 @@ from tests.support.pages import (
 )
 from tests.support.scenarios import CORPUS, Judged, judged_run, run_by
 
-FIRST_RUN_ONLY = "building the reachability map"
-"""How lines about what is kept for later runs begin; pages show a second run."""
 NEEDS: tuple[tuple[str, Callable[[], bool], str], ...] = (
     (r"\w@\w|\bcorpus/", CORPUS.is_dir, "published files are not beside this checkout"),
     (r"--robot pr2\b", lambda: HAS_PR2, "the PR2's URDF is in the extra pr2"),
@@ -130,7 +129,7 @@ class PageRun:
     def _write(self, block: Block) -> None:
         self.found.kinds["files written"] += 1
         self._texts.append(block.text)
-        path = self._folder / block.title
+        path = Path(block.title)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(block.text, encoding="utf-8")
 
@@ -167,7 +166,9 @@ class PageRun:
     def _command(self, command: Command, scenario_only: bool) -> None:
         words = shlex.split(command.words, comments=True)
         name = words[0].removeprefix(".venv/bin/")
-        if name in UNTRIED or self._is_measurement(words):
+        if name == "cd" and len(words) == 2:
+            self._enter(words[1])
+        elif name in UNTRIED or self._is_measurement(words):
             self._untried(command, name, words)
         elif name == "planlang" and (scenario_only or words[1] in WITHOUT_END):
             self.found.kinds["commands of scenarios, or without end"] += 1
@@ -184,6 +185,11 @@ class PageRun:
             self._prepare(command.words)
             status, printed = self._planlang(command, words[1:]) if name == "planlang" else self._shell(command, name)
             self._ended(command, status, printed)
+
+    def _enter(self, folder: str) -> None:
+        """Go on in a folder that an earlier command has made."""
+        if not self._dry:
+            os.chdir(folder)
 
     def _ended(self, command: Command, status: int, printed: str) -> None:
         self.found.kinds["commands run, outputs compared"] += 1
@@ -218,14 +224,15 @@ class PageRun:
         text = command.words.removeprefix(".venv/bin/")
         if name == "python":
             text = shlex.quote(sys.executable) + text.removeprefix("python")
-        environment = {**os.environ, "PYTEST_ADDOPTS": "-p no:cacheprovider", "PYTHONDONTWRITEBYTECODE": "1"}
+        path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # for a python within the command
+        settings = {"PATH": path, "PYTEST_ADDOPTS": "-p no:cacheprovider", "PYTHONDONTWRITEBYTECODE": "1"}
         ran = subprocess.run(
             ["bash", "-c", text],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
             check=False,
-            env=environment,
+            env={**os.environ, **settings},
         )
         return ran.returncode, ran.stdout
 

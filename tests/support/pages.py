@@ -16,6 +16,8 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 ELISION = "...\n"
 ENDS_WITH_STATUS = "; echo $?"
 """How a command ends whose exit code is shown, as the last line of its output; of all others it is 0."""
+FIRST_RUN_ONLY = "building the reachability map"
+"""How lines about what is kept for later runs begin; pages show a second run."""
 FENCE = re.compile(r"^( *)```+([^\s`]*)(?: +title=\"([^\"]+)\")?[^`]*$")
 CLOSING = re.compile(r"^ *```+$")
 COUNTED = r" (?:of \d+ )?(?:lines?|steps?|entr(?:y|ies)|errors?|warnings?|notes?|worlds?|things|conflicts?|passed)\b"

@@ -1,8 +1,12 @@
-"""Writes the pictures of docs/guides/report.md anew: ``python tests/support/report_pictures.py``; needs Chromium."""
+"""Writes the pictures of docs/guides/report.md and docs/first_steps/own_robot.md anew; needs Chromium.
+
+``python tests/support/report_pictures.py``
+"""
 
 from __future__ import annotations
 
 import io
+import shutil
 import sys
 import tempfile
 from dataclasses import replace
@@ -18,6 +22,9 @@ from PIL import Image  # noqa: E402
 from executive.runs.options import RunOptions  # noqa: E402
 from executive.runs.plan_run import run_plan_file  # noqa: E402
 from planlang.files import Bundled  # noqa: E402
+from tests.support.page_runs import PageRun  # noqa: E402
+
+TUTORIAL = CHECKOUT / "docs" / "first_steps" / "own_robot.md"
 
 SIZE = {"width": 1280, "height": 800}
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
@@ -50,12 +57,17 @@ def picture(browser: Any, page: Path, scheme: str, *actions: str) -> Image.Image
 
 
 def main() -> None:
-    """Write the pictures of a run that recovers, and of one that fails."""
+    """Write the pictures of a run that recovers, of one that fails, and of the tutorial."""
     with tempfile.TemporaryDirectory() as name, started_browser() as browser:
         folder = Path(name)
         run_plan_file(replace(SERVED, report=folder / "done.html"))
         run_plan_file(replace(SERVED, environment=raised_bottle(folder), seed=0, report=folder / "failed.html"))
+        PageRun(TUTORIAL.read_text(encoding="utf-8"), folder).run()
+        made = folder / "fetch_screwdriver"
+        for file in ("own_room.png", "own_robot.png", "own_robot_husky.png"):
+            shutil.copy(made / file, CHECKOUT / "docs" / "images" / file)
         for file, page, scheme, actions in (
+            ("own_robot_report.png", "fetch_screwdriver/run.html", "light", ("#aim", "t=18")),
             ("report.png", "done.html", "light", ("#aim", "t=30", ".legend")),
             ("report_map.png", "done.html", "dark", ("Map", "Story", "t=10")),
             ("report_failed.png", "failed.html", "light", ()),

@@ -333,6 +333,12 @@ def test_a_base_of_a_primitive_shape_is_put_under_the_root(
     assert mounted(tmp_path / "arm.urdf", Mount(size, (0.2, 0.0, 0.6))) != made
 
 
+def test_a_base_is_no_narrower_than_what_its_arm_is_mounted_on(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM_URDF)
+    (tmp_path / "robot.toml").write_text(BASE.replace("robot.urdf", "arm.urdf") + "[mount]\nsize = [0.6, 0.8, 0.5]\n")
+    assert bind_robot(tmp_path / "robot.toml").base.radius == pytest.approx(0.5)
+
+
 def test_a_package_is_found_by_the_name_of_its_import_too() -> None:
     with pytest.raises(PackageNotFoundError):
         distribution("PIL")

@@ -362,7 +362,7 @@ def test_things_are_told_by_labels_and_by_what_people_call_their_class(tmp_path:
         "Prefix: rdfs: <http://www.w3.org/2000/01/rdf-schema#>\nOntology: <http://example.org/my-home.owl>\n"
         "Import: <http://knowrob.org/kb/knowrob.owl>\n"
         'Class: OB_0001\n    Annotations: rdfs:label "juice box"\n    SubClassOf: knowrob:Container\n'
-        'Individual: thing8\n    Types: knowrob:EatingTable\n    Annotations: rdfs:label "Workbench"\n'
+        'Individual: thing8\n    Types: knowrob:EatingTable\n    Annotations: rdfs:label "Potting table"\n'
     )
     home = "http://example.org/my-home.owl#"
     box, bench = Object(home + "OB_0001", home + "thing7"), Object("EatingTable", home + "thing8")
@@ -371,5 +371,5 @@ def test_things_are_told_by_labels_and_by_what_people_call_their_class(tmp_path:
     told = {"the juice box": box, "the fridge": fridge, "the milk carton": milk, "the carton": milk, "the milk": milk}
     for noun, what in told.items():
         assert read_thing(noun, lexicon) == Object(what.type), noun
-    assert read_thing("the workbench", lexicon) == bench
+    assert read_thing("the potting table", lexicon) == bench
     assert read_thing("the milk", LEXICON) == Object("Milk")  # nothing of the map is called so
