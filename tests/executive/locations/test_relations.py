@@ -157,8 +157,8 @@ def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:
 @pytest.mark.parametrize(
     ("pose", "said"),
     [
-        (Pose((math.nan, 0.0, 0.9)), "at no place"),
-        (Pose((1.5, 0.0, 0.9), (0.0, 0.0, 0.0, 2.0)), "not a rotation"),
+        (Pose((math.nan, 0.0, 0.9)), "not finite"),
+        (Pose((1.5, 0.0, 0.9), (0.0, 0.0, 0.0, 2.0)), "not a unit quaternion"),
     ],
 )
 def test_a_thing_at_an_impossible_pose_is_named(pose: Pose, said: str, make_stage: MakeStage) -> None:
