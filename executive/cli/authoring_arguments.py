@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from executive.cli.arguments import Force
-from executive.cli.base_arguments import Arguments
+from executive.commands.arguments import Force
+from executive.commands.base_arguments import Arguments
 from planlang.records import dataclass
 
 

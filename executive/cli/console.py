@@ -7,55 +7,20 @@ import os
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, replace
-from enum import Enum, IntEnum
-from typing import Any
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 import typer
 
 from executive.cli.progress import PROGRESS
-from executive.cli.resources import no_room, out_of_resources
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.base_arguments import Arguments, Detail
+from executive.commands.resources import no_room, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity
-from planlang.records import dataclass
-
-
-class ExitCode(IntEnum):
-    """Exit codes of the command; 128 and its number after a signal, which makes 130 of Ctrl-C."""
-
-    DONE = 0
-    FAILED = 1
-    BAD_INPUT = 2
-    MISSING_CAPABILITY = 3
-    INTERNAL_ERROR = 70
-    OUT_OF_RESOURCES = 71
-    INTERRUPTED = 130
-
-
-class Detail(Enum):
-    """How many of its notes and warnings a command prints; errors are all printed."""
-
-    NONE = "none"
-    CODES = "codes"
-    """The first of each code, with how many more there are: many would hide the result."""
-    ADVICE = "advice"
-    """The first of each code and advice: for commands whose result they are."""
-    ALL = "all"
-
+from planlang.progress import Report, unreported
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The result of a command."""
-
-    exit_code: ExitCode = ExitCode.DONE
-    diagnostics: tuple[Diagnostic, ...] = ()
-    text: str = ""
-    """The result for people, printed to stdout."""
-    data: Mapping[str, Any] = field(default_factory=dict)
-    """The result for machines: further keys of the JSON object."""
 
 
 def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: Detail = Detail.CODES) -> None:
@@ -157,6 +122,21 @@ def say(line: str) -> None:
 
 def silent(_: object) -> None:
     """Print nothing: what takes the place of :func:`say` with ``--json`` or ``--quiet``."""
+
+
+def tell_of(arguments: Arguments) -> Callable[[str], None]:
+    """Function that prints a line about what the command does; it prints nothing with ``--json`` or ``--quiet``."""
+    return silent if arguments.is_silent else say
+
+
+def progress_of(arguments: Arguments) -> Report:
+    """Function that shows the progress of long work, unless the command is silent."""
+    return unreported if arguments.is_silent else PROGRESS
+
+
+def waiting(arguments: Arguments, what: Callable[[], str], most: float | None = None) -> AbstractContextManager[None]:
+    """Show work whose end is unknown, unless the command is silent; see :meth:`Progress.during`."""
+    return nullcontext() if arguments.is_silent else PROGRESS.during(what, most)
 
 
 def _counted(number: int, word: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from executive.cli.arguments import ConvertArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from planlang.diagnostics import error
 from planlang.files import Bundled
 from planlang.ontology import Literal

@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from executive.cli import run
-from executive.cli.arguments import EnableArguments, RunArguments
-from executive.cli.console import Answer, ExitCode, say, show
-from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
+from executive.cli.arguments import EnableArguments
+from executive.cli.console import say, show
 from executive.cli.match import possessions_in
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import RunArguments
+from executive.commands.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling

@@ -12,8 +12,8 @@ from typing import Any
 import typer
 
 from executive.cli.arguments import ExportArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from executive.runs.traces import damaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.experience import Experience, experience_of, narrative

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import InspectArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, refuse
+from executive.cli.console import progress_of
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_maps import reachability_map
 from executive.pictures.drawn import drawn_in, missing
@@ -41,7 +42,7 @@ def command(arguments: InspectArguments) -> Answer:
     problems += missing() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)
-    robot = with_carrying(bare, report=arguments.progress)
+    robot = with_carrying(bare, report=progress_of(arguments))
     world = PlanningWorld(Scene(()), robot.body())
     try:
         return _inspected(bare, robot, world, arguments, urdf or source)
@@ -57,7 +58,7 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
         if output is not None and not models:
             raise BadInput([error("C004", f"{output}: {robot.name} has no arm whose reach could be drawn")])
     maps = {
-        model.name: {grasp: reachability_map(model, grasp, robot.name, arguments.progress) for grasp in GraspClass}
+        model.name: {grasp: reachability_map(model, grasp, robot.name, progress_of(arguments)) for grasp in GraspClass}
         for model in models
     }
     if record is not None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import ListArguments, Listed
-from executive.cli.console import Answer, ExitCode
+from executive.commands.answers import Answer, ExitCode
 from planlang import failures
 from planlang.closure import reached
 from planlang.designators import local_name

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import MakeArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import check_files, refuse
+from executive.cli.console import progress_of, waiting
+from executive.commands.answers import Answer
+from executive.commands.inputs import check_files, refuse
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
@@ -24,12 +25,12 @@ def command(arguments: MakeArguments) -> Answer:
     problems += check_outputs({"--output": output}, {"the URDF": urdf, "--srdf": srdf}, force=arguments.force)
     refuse(problems)
     folder = Path() if output is None else output.parent
-    with arguments.waiting(lambda: f"reading {urdf.name}"):
+    with waiting(arguments, lambda: f"reading {urdf.name}"):
         draft = draft_of(urdf, srdf, named=os.path.relpath(urdf, folder))
         robot = bind_draft(draft, folder / f"{urdf.stem}.toml")
     if robot.arms and CARRYING not in robot.postures:
         table = draft.table("postures", CARRYING)
-        for joint, value in with_carrying(robot, report=arguments.progress).postures[CARRYING].items():
+        for joint, value in with_carrying(robot, report=progress_of(arguments)).postures[CARRYING].items():
             table.add(joint, value, "" if table.entries else "hands level, close to the body, without contact")
     text = draft.text()
     if output is not None:

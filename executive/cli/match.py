@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from executive.cli.arguments import MatchArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
 from executive.robots import Semantics, bind_robot, possessions_of
 from executive.robots.matching import Possessions

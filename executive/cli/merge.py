@@ -7,8 +7,8 @@ from typing import Any
 import typer
 
 from executive.cli.arguments import MergeArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import environments, refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import environments, refuse
 from executive.maps.merging import merge
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import check_outputs, write_text

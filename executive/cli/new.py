@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from executive.cli.authoring_arguments import NewArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import check_outputs, write_text
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from executive.cli.arguments import ReplayArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
 from executive.runs.options import RunOptions
 from executive.runs.plan_run import Run
 from executive.runs.traces import read_trace

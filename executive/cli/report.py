@@ -10,10 +10,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from executive.cli.arguments import ReportArguments, RunArguments, SituationArguments
-from executive.cli.console import Answer, say, silent
-from executive.cli.inputs import RecipeFile, read, refuse
-from executive.cli.run import options_of
+from executive.cli.arguments import ReportArguments
+from executive.cli.console import progress_of, say
+from executive.commands.answers import Answer
+from executive.commands.arguments import RunArguments, SituationArguments
+from executive.commands.inputs import RecipeFile, read, refuse
+from executive.commands.run import options_of
 from executive.runs.plan_run import run_plan_file
 from executive.runs.reporting import context_of
 from executive.runs.traces import TraceHeader, damaged
@@ -96,9 +98,8 @@ def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -
         return ("The run had no world: it was scripted, so there are plan, lanes and failures only.",)
     try:
         options = options_of(_as_run(arguments))
-        result = run_plan_file(
-            replace(options, report=output, trace=None, repeats=True, announce=lambda found: None, progress=silent)
-        )
+        long_work = progress_of(arguments)
+        result = run_plan_file(replace(options, report=output, trace=None, repeats=True, long_work=long_work))
     except BadInput as problem:
         first = problem.diagnostics[0]
         return (f"The world is not shown, as the run could not be repeated: {first.message.splitlines()[0]}.",)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from executive.cli.console import Answer
 from executive.cli.server_arguments import ServeArguments
+from executive.commands.answers import Answer
 from planlang.diagnostics import BadInput, error
 
 NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")

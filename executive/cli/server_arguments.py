@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from executive.cli.base_arguments import Arguments, OntologyArguments
+from executive.commands.base_arguments import Arguments, OntologyArguments
 from planlang.records import dataclass
 
 

@@ -7,8 +7,9 @@ from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.cli.console import Answer, ExitCode, show
+from executive.cli.console import show, tell_of
 from executive.cli.server_arguments import ServeArguments
+from executive.commands.answers import Answer, ExitCode
 from executive.processes.calls import Limits
 from executive.serving.access import Lines
 from executive.serving.app import application
@@ -45,7 +46,7 @@ def command(arguments: ServeArguments) -> Answer:
 def _serve(store: Store, arguments: ServeArguments) -> Answer:
     folders = arguments.folders
     lines = None if arguments.access_log is None else _lines(arguments.access_log)
-    tell = arguments.tell
+    tell = tell_of(arguments)
     with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
         staff.start()  # beside the index, which is made meanwhile
         app = application(store, staff, rates=Rates(arguments.rate), access=lines)

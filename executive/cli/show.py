@@ -12,10 +12,12 @@ from pathlib import Path
 
 import typer
 
-from executive.cli import check, inspect, report
-from executive.cli.arguments import CheckArguments, ReportArguments, ShowArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import PlanFile, read, refuse
+from executive.cli import inspect, report
+from executive.cli.arguments import ReportArguments, ShowArguments
+from executive.commands.answers import Answer
+from executive.commands.arguments import CheckArguments
+from executive.commands.check import check
+from executive.commands.inputs import PlanFile, read, refuse
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
@@ -99,7 +101,7 @@ def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
     """Show a recipe; a file without one is a map, or else the self-model of a robot."""
     asked = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies)
     try:
-        answer = check.command(asked)
+        answer = check(asked)
     except BadInput as problem:
         try:
             return _robot(path, arguments)
@@ -165,7 +167,7 @@ def _robot(path: Path, arguments: ShowArguments) -> Shown:
 def _plan(path: Path, arguments: ShowArguments) -> Shown:
     plan = read(str(path))
     assert isinstance(plan, PlanFile)
-    answer = check.command(CheckArguments(file=str(path), ontologies=arguments.ontologies))
+    answer = check(CheckArguments(file=str(path), ontologies=arguments.ontologies))
     state = str(answer.text).partition("\n")[0]
     module = ast.parse(plan.source)
     functions, classes = _plan_functions(module), _classes(module)

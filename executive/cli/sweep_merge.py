@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from executive.cli.arguments import SweepMergeArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
 from executive.cli.sweep_table import answered, write_csv
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from planlang.outputs import check_outputs
 

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from executive.cli.arguments import SweepTableArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
 from executive.sweeps.files import Sweep, read_sweep

@@ -10,9 +10,10 @@ from dataclasses import asdict
 
 import typer
 
-from executive.cli.console import Answer, say
+from executive.cli.console import say, tell_of
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
+from executive.commands.answers import Answer
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.answers import NoAnswer
 from planlang.knowledge.client import Client
@@ -31,7 +32,7 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
     if arguments.stop:
         return _stopped(client, arguments.uids or ())
     kept: deque[News] = deque(maxlen=MOST_KEPT)
-    tell = arguments.tell
+    tell = tell_of(arguments)
     try:
         for uid in arguments.uids or ():
             client.subscribe(uid)

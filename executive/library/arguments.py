@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
 
-from executive.cli.base_arguments import Arguments
+from executive.commands.base_arguments import Arguments
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.spelling import similar
 

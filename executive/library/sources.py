@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from executive.cli.inputs import starts_like_owl
+from executive.commands.inputs import starts_like_owl
 from planlang.compiler import CompiledPlan
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.records import dataclass

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
@@ -28,7 +28,7 @@ from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
-from planlang.progress import Report, unreported
+from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
 from sim import PyBulletWorld
@@ -58,8 +58,8 @@ class LocateOptions:
     """Draw the room with the candidates, too, which takes part of a second."""
     long_work: Report = unreported
     """Given the progress of long work: of maps that have to be built."""
-    waiting: Callable[[Callable[[], str]], AbstractContextManager[None]] = lambda what: nullcontext()
-    """Entered while poses are searched; given what returns words for the search at any time."""
+    waiting: Waiting = unwatched
+    """Entered while poses are searched."""
 
 
 @dataclass(slots=True)

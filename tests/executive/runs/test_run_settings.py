@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli.arguments import RunArguments
+from executive.commands.arguments import RunArguments
 from executive.runs.options import RunOptions
 from executive.runs.settings import RunSettings, in_header, shared, stated, taken
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from executive.cli.console import Answer, ExitCode
-from executive.cli.map_check import what_it_holds
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.map_check import what_it_holds
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, error

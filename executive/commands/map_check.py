@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from executive.cli.console import Answer
+from executive.commands.answers import Answer
 from executive.maps import read_map, scene_of
 from executive.maps.files import OBSTACLE
 from planlang.diagnostics import BadInput, Severity

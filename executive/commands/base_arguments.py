@@ -1,20 +1,27 @@
-"""Arguments that commands share: what they print, and where they read ontologies."""
+"""Options that commands share: what they print, and where they read ontologies."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from executive.cli.console import Detail, say, silent
-from executive.cli.progress import PROGRESS
 from planlang.diagnostics import BadInput, error
-from planlang.progress import Report, unreported
 from planlang.records import dataclass
+
+
+class Detail(Enum):
+    """How many of its notes and warnings a command prints; it prints all errors."""
+
+    NONE = "none"
+    CODES = "codes"
+    """The first of each code, with the number of others: many would hide the result."""
+    ADVICE = "advice"
+    """The first of each code and advice: for commands whose result they are."""
+    ALL = "all"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,20 +50,6 @@ class Arguments:
     def is_silent(self) -> bool:
         """True if nothing but results and diagnostics is printed."""
         return self.json or self.quiet
-
-    @property
-    def tell(self) -> Callable[[str], None]:
-        """What is given lines about what the command does."""
-        return silent if self.is_silent else say
-
-    @property
-    def progress(self) -> Report:
-        """What is given the progress of long work."""
-        return unreported if self.is_silent else PROGRESS
-
-    def waiting(self, what: Callable[[], str], most: float | None = None) -> AbstractContextManager[None]:
-        """Show progress of work whose end is unknown; see :meth:`Progress.during`."""
-        return nullcontext() if self.is_silent else PROGRESS.during(what, most)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,17 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from executive.cli.arguments import CheckArguments
-from executive.cli.console import Answer, ExitCode
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import CheckArguments
 from planlang.diagnostics import BadInput, Severity, has_errors
 from planlang.ontology import load
 from planlang.ontology.reasoning import Reasoner, missing, reason
+from planlang.progress import Waiting
 
 NO_TASK = "R001"
 """The code of a file that states no recipe."""
 
 
-def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer]) -> Answer:
+def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer], waiting: Waiting) -> Answer:
     """Return the answer of a check, with what the reasoner finds in the file and its imports; raises BadInput.
 
     A file that is neither a recipe nor a map is an ontology; what is wrong with a recipe does not keep it from the
@@ -27,7 +28,7 @@ def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer])
     reasoner = Reasoner(arguments.reasoner.value)
     code = answer.exit_code
     try:
-        with arguments.waiting(lambda: f"{reasoner.title} looks for contradictions", arguments.reason_seconds):
+        with waiting(lambda: f"{reasoner.title} looks for contradictions", arguments.reason_seconds):
             found = reason(ontology, reasoner, arguments.reason_seconds)
     except BadInput as problem:
         code = ExitCode.MISSING_CAPABILITY if missing() else ExitCode.BAD_INPUT

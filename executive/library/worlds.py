@@ -1,23 +1,23 @@
-"""The functions of the library; what only one of them needs is imported when it is called, as it may be slow."""
+"""``planlang.simulate``, ``planlang.locate`` and ``planlang.sweep``: they load a robot into a simulated world."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from executive.cli.arguments import CheckArguments, CompileArguments, LocateArguments, RunArguments, SweepArguments
+from executive.commands import locate as locate_command
+from executive.commands import run as run_command
+from executive.commands.arguments import LocateArguments, RunArguments, SweepArguments
+from executive.commands.resources import check_memory
+from executive.commands.sweep import swept
 from executive.library.arguments import arguments_of, in_python, in_words_of_python, reworded, with_options_of
 from executive.library.sources import Source, file_of
-from planlang.compiler import CompiledPlan
-from planlang.diagnostics import BadInput, Severity
-from planlang.files import Bundled
-
-if TYPE_CHECKING:
-    from executive.library.checked import CheckResult
-    from executive.runs.located import Located
-    from executive.runs.options import RunResult
+from executive.runs import locating
+from executive.runs.located import Located
+from executive.runs.options import Outcome, RunResult
+from executive.runs.plan_run import run_plan_file
 
 Name = str | os.PathLike[str]
 """The name of a bundled robot or environment, or the path of a file."""
@@ -27,47 +27,6 @@ Bindings = Mapping[str, object] | Sequence[str]
 """Parameters of a plan -> things of the map, phrases or numbers; or texts ``NAME=THING``, ``@FILE``."""
 Start = str | Sequence[float]
 """A pose of the base (x, y, yaw) [m, m, rad], or its text."""
-
-
-@with_options_of(CompileArguments)
-def compile(recipe: Source, *, task: str | None = None, **options: Any) -> CompiledPlan:
-    """Compile a recipe to a plan in Python, as ``planlang compile`` does.
-
-    ``recipe`` is the name of a bundled recipe, a path, or the text of a recipe; ``task`` chooses one of several. The
-    plan has ``source``, ``graph``, ``diagnostics`` (warnings and notes) and ``save(path)``. Raises BadInput with all
-    errors of the recipe.
-    """
-    from executive.cli.compile import compiled
-
-    with file_of(recipe) as file, in_python(CompileArguments):
-        plan, _ = compiled(arguments_of(CompileArguments, {"recipe": file.path, "task": task}, options))
-    return replace(plan, diagnostics=reworded(file.located(plan.diagnostics), CompileArguments))
-
-
-@with_options_of(CheckArguments)
-def check(file: Source, **options: Any) -> CheckResult:
-    """Check a recipe, a plan, a map or a folder of recipes, as ``planlang check`` does; nothing is run.
-
-    ``file`` is the name of a bundled recipe, a path, or a text. All that is wrong is in the result's ``diagnostics``;
-    ``ok`` is True without errors. Raises BadInput only for a file that cannot be read, or an option that cannot.
-    """
-    from executive.cli.check import command
-    from executive.cli.console import Answer, ExitCode
-    from executive.library.checked import CheckResult
-
-    with file_of(file) as named, in_python(CheckArguments):
-        path = named.path or ""
-        arguments = arguments_of(CheckArguments, {"file": path}, options)
-        if not os.path.isdir(path):
-            Bundled.RECIPE.find(path)
-        try:
-            answer = command(arguments)
-        except BadInput as problem:
-            if all(one.span is None for one in problem.diagnostics if one.severity is Severity.ERROR):
-                raise
-            answer = Answer(ExitCode.BAD_INPUT, problem.diagnostics, data={"kind": "recipe"})
-    found = reworded(named.located(answer.diagnostics), CheckArguments)
-    return CheckResult(answer.exit_code is ExitCode.DONE, answer.data["kind"], answer.text, found, answer.data)
 
 
 @with_options_of(RunArguments)
@@ -91,15 +50,10 @@ def simulate(
     A plan that fails is a result, with ``outcome``, ``failure``, ``final_state``, ``trace``, ``report(path)`` and
     ``picture(path)``. Raises BadInput for what cannot be used, KeyboardInterrupt if the run is interrupted.
     """
-    from executive.cli.resources import check_memory
-    from executive.cli.run import options_of
-    from executive.runs.options import Outcome
-    from executive.runs.plan_run import run_plan_file
-
     check_memory()
     own = _situation(robot, environment, set, start) | {"seed": seed}
     with file_of(recipe) as file, in_python(RunArguments):
-        result = run_plan_file(options_of(arguments_of(RunArguments, own | {"file": file.path}, options)))
+        result = run_plan_file(run_command.options_of(arguments_of(RunArguments, own | {"file": file.path}, options)))
     if result.outcome is Outcome.INTERRUPTED:  # a loop over many runs ends, too
         raise KeyboardInterrupt
     failure = result.failure
@@ -126,16 +80,12 @@ def locate(
     searched. The result is the sequence of its poses, at most ``count``, best first, with ``counts`` of why others were
     rejected and ``picture(path)``. Raises BadInput for what cannot be understood or used.
     """
-    from executive.cli.locate import options_of
-    from executive.cli.resources import check_memory
-    from executive.runs import locating
-
     check_memory()
     own = _situation(robot, environment, None, start) | {"phrase": phrase, "of": of, "count": count}
     del own["set"]
     with in_python(LocateArguments):
         arguments = arguments_of(LocateArguments, own, options)
-        found = locating.locate(replace(options_of(arguments), drawn=True))
+        found = locating.locate(replace(locate_command.options_of(arguments), drawn=True))
     if arguments.explain is not None and found.sheet is not None:
         found.picture(arguments.explain, force=True)
     return replace(found, diagnostics=reworded(found.diagnostics, LocateArguments))
@@ -160,8 +110,6 @@ def sweep(
     its causes), ``message``, ``duration`` [s of plan time], ``final_state``, ``largest_tilts`` [degrees] and
     ``repeat``, the command that repeats this world. Raises BadInput for what cannot be used.
     """
-    from executive.cli.sweep import swept
-
     own = _situation(robot, environment, set, start) | {"worlds": worlds, "first": first}
     with file_of(recipe) as file, in_python(SweepArguments):
         return swept(arguments_of(SweepArguments, own | {"recipe": file.path}, options))

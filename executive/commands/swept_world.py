@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.cli.command_lines import parsed
-from executive.cli.run import options_of
+from executive.commands.command_lines import parsed
+from executive.commands.run import options_of
 from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
@@ -23,7 +23,7 @@ LONGEST_MESSAGE = 2000
 def ended(world: Mapping[str, Any]) -> dict[str, Any]:
     """Return the row of a world: how the run ends that its command line (``repeat``) starts. Raises BadInput."""
     words = shlex.split(world["repeat"])[2:]
-    options = options_of(parsed([*words, "--json"]))
+    options = options_of(parsed(words))
     result = run_plan_file(options, INPUTS)
     if result.outcome is Outcome.FAILED and (page := world.get("report")) is not None:
         Path(page).parent.mkdir(parents=True, exist_ok=True)
