@@ -1,4 +1,4 @@
-"""Arguments of the commands: one dataclass each, whose fields are its parameters and whose docstring is its help."""
+"""Arguments of further commands, as in :mod:`executive.commands.arguments`."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from executive.runs.settings import Modules, Urdf
 from planlang.records import dataclass
 
 Output = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
+    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file instead of stdout.")
 ]
 
 
 class Syntax(Enum):
-    """The syntaxes that are written, here again as their writers take long to import."""
+    """Output syntaxes; repeated here as the module of the writers is slow to import."""
 
     MANCHESTER = "manchester"
     TURTLE = "turtle"
@@ -47,7 +47,7 @@ class Reading(Enum):
 
 
 class Listed(Enum):
-    """What is listed."""
+    """What ``list`` lists."""
 
     ROBOTS = "robots"
     ROOMS = "rooms"
@@ -59,99 +59,103 @@ class Listed(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ListArguments(Arguments):
-    """List what there is to name: bundled robots, rooms and recipes, classes, relations of locations, failures.
+    """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
 
-    Exit code 1: nothing has the word in its name, label or description.
+    Exit code 1: WORD is in no name, label or description.
     """
 
-    kind: Annotated[Listed, typer.Argument(help="What is listed.", show_default=False)]
+    kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only what has this in its name, label or description."),
+        typer.Argument(metavar="WORD", help="List only those with this in name, label or description."),
     ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShowArguments(TaskArguments):
-    """Show what is in a file: a recipe, a plan, a trace, a map or a robot.
+    """Show the contents of a file: a recipe, a plan, a trace, a map or a robot.
 
-    As text: steps of a recipe or plan as a tree, what a map or robot has, how a run went. With --output also as a
-    picture (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid) or as a page (traces: HTML).
+    Prints the steps of a recipe or plan as a tree, the contents of a map, the parts of a robot, the course of a run.
+    With --output also draws it (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid; traces: an HTML page).
     """
 
     file: Annotated[str, typer.Argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Draw it to this file; its suffix says how.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Draw to this file; the suffix selects the format."),
     ] = None
     view: Annotated[
         str | None,
-        typer.Option(metavar="VIEW", help="From where a map or robot is seen: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+        typer.Option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
     ] = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertArguments(Arguments):
-    """Write an ontology, such as a recipe, in another syntax, and list what is lost."""
+    """Convert an ontology, such as a recipe, to another syntax, and list what is lost."""
 
     file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
-    to: Annotated[Syntax, typer.Option("--to", help="The syntax to write.", show_default=False)]
+    to: Annotated[Syntax, typer.Option("--to", help="The target syntax.", show_default=False)]
     output: Output = None
     units: Units = None
     force: Force = False
 
 
 class Form(Enum):
-    """A form in which experience is written."""
+    """Formats for experience."""
 
     NEEM = "neem"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportArguments(Arguments):
-    """Write what was done in a run as others do: a NEEM, a narrative in Turtle with poses over time.
+    """Export a run as a NEEM: a narrative in Turtle, and poses over time.
 
-    The narrative has SOMA's and DUL's terms: actions, participants, intervals, outcomes, failures, designators and
-    what they were resolved to.
+    The narrative uses the terms of SOMA and DUL: actions, participants, intervals, outcomes, failures, designators and
+    their resolutions.
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
-    to: Annotated[Form, typer.Option("--to", help="The form to write.", show_default=False)]
+    to: Annotated[Form, typer.Option("--to", help="The target format.", show_default=False)]
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl here.")
+        Path,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl to this folder."),
     ]
     began: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="When the run began, in ISO 8601; default: 0 h on 1 January 1970, UTC."),
+        typer.Option(metavar="TIME", help="Start time of the run, in ISO 8601; default: 1970-01-01T00:00:00Z."),
     ] = None
     poses: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Also use the pose log that planlang run --poses wrote of this run."),
     ] = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class MergeArguments(OntologyArguments):
-    """Merge maps of one place, in one frame, and list what they disagree about.
+    """Merge maps of one place, in one frame, and list conflicts.
 
-    The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
+    The newest pose of each thing wins; for equally new poses, and for all other facts, the map named later wins.
     """
 
     maps: Annotated[
-        list[str], typer.Argument(metavar="MAP...", help="Files of maps (OWL or URDF), or bundled environments' names.")
+        list[str], typer.Argument(metavar="MAP...", help="Map files (OWL or URDF), or names of bundled environments.")
     ]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file, not to stdout.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
     ] = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchArguments(TaskArguments):
-    """Check whether a robot has what a recipe requires, and say why.
+    """Check whether a robot has what a recipe requires, and explain why.
 
-    Exit code 0: the robot has it; 3: something is missing; 1: that is unknown. --task may name any action class, also
-    one without sub-actions. What is missing, planlang enable looks for.
+    Exit code 0: the robot has it; 3: something is missing; 1: unknown. --task may name any action class, even one
+    without sub-actions. planlang enable searches a knowledge base for what is missing.
     """
 
     recipe: Recipe
@@ -159,17 +163,17 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     trust: Trust = False
-    semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
+    semantics: Annotated[Reading, typer.Option(help="How to read requirements; original: as KnowRob did.")] = (
         Reading.CLOSURE
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReportArguments(SituationArguments):
-    """Write a page that shows the run of a trace: plan, world and causes on one clock.
+    """Write an HTML page of a recorded run: plan, world and causes on one time line.
 
-    Where things were is found by repeating the run; name plan, robot and environment unless they are bundled. What
-    cannot be repeated is shown without the world, and the page says why.
+    The run is repeated to find where things were; name plan, robot and environment unless they are bundled. If it
+    cannot be repeated, the page has no world and explains why.
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
@@ -185,14 +189,15 @@ class ReportArguments(SituationArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class EnableArguments(OntologyArguments):
-    """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
+    """Find out what a robot lacks for a task, download exactly that from a knowledge base, and run the task.
 
-    Taken are the recipe, recognition models of the things among its parameters, a map that has them, and what these
-    depend on. Exit code 3: something is missing on both sides; then nothing is taken.
+    Downloads the recipe, recognition models of the things among its parameters, a map that has them, and their
+    dependencies. Exit code 3: neither side has what is needed; nothing is downloaded.
     """
 
     recipe: Annotated[
-        str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
+        str,
+        typer.Argument(metavar="TASK|RECIPE", help="An action class, the label or name of a recipe, or a recipe file."),
     ]
     source: Annotated[
         str | None,
@@ -200,42 +205,44 @@ class EnableArguments(OntologyArguments):
             "--from",
             metavar="URL|STORE",
             envvar="PLANLANG_SERVER",
-            help="The knowledge base: a server, or the file of a store.",
+            help="The knowledge base: a server, or a store file.",
         ),
     ] = None
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
-    room: Annotated[str | None, typer.Option(metavar="TEXT", help="The map is of this room: number or name.")] = None
-    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="The floor that the map shows.")] = None
-    building: Annotated[str | None, typer.Option(metavar="TEXT", help="The building that the map shows.")] = None
-    street: Annotated[str | None, typer.Option(metavar="TEXT", help="The street, with or without number.")] = None
-    city: Annotated[str | None, typer.Option(metavar="TEXT", help="The city that the map shows.")] = None
+    room: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this room: number or name.")] = None
+    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this floor.")] = None
+    building: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this building.")] = None
+    street: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Only maps of this street, with or without number.")
+    ] = None
+    city: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this city.")] = None
     store: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Keep what is taken in this folder; default: ROBOT_knowledge, here."),
+        typer.Option(metavar="FOLDER", help="Folder for downloads; default: ROBOT_knowledge in the current folder."),
     ] = None
-    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
+    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task, if RECIPE states several.")] = None
     modules: Modules = None
     trust: Trust = False
     limit: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Read at most N recipes and maps in search of a combination.")
+        int, typer.Option(min=1, metavar="N", help="Read at most N recipes and maps to find a combination.")
     ] = 300
-    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
-    run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
+    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be downloaded, and stop.")] = False
+    run: Annotated[bool, typer.Option("--run", help="Then run the task.")] = False
     set_: Set = None
     start: Start = None
     seed: Annotated[
-        int, typer.Option(min=0, metavar="N", help="With --run: displace things by this seed; 0: none.")
+        int, typer.Option(min=0, metavar="N", help="With --run: seed for displacing things; 0: displace nothing.")
     ] = 0
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="With --run: write the trace.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayArguments(TaskArguments):
-    """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
+    """Replay a plan from the trace of its run, without robot or world; stop at the first difference.
 
-    What process modules did, which base poses were found, what was read and believed is taken from the trace.
+    Results of process modules, base poses, sensor readings and beliefs are taken from the trace.
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
@@ -250,19 +257,19 @@ class ReplayArguments(TaskArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class InspectArguments(Arguments):
-    """Show a robot's chains, joints, limits and postures, what its arms reach, and what is missing.
+    """Show a robot's chains, joints, limits and postures, the reach of its arms, and what is missing.
 
     Exit code 3 if the robot has no arm.
     """
 
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
     urdf: Urdf = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG or SVG.")] = (
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the reach of the arms, as PNG or SVG.")] = (
         None
     )
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write what they reach as a recording for rerun (needs planlang[record])."),
+        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs planlang[record])."),
     ] = None
     force: Force = False
 
@@ -271,13 +278,13 @@ class InspectArguments(Arguments):
 class MakeArguments(Arguments):
     """Make a robot file (TOML) from a URDF, for you to complete.
 
-    Each derived value has its reason as a comment; what is missing stands there as a comment.
+    A comment gives the reason for each derived value; missing values are comments, too.
     """
 
     urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot's URDF.")]
     srdf: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The robot's SRDF; default: that of the same name beside the URDF."),
+        typer.Option(metavar="FILE", help="The robot's SRDF; default: the file of the same name beside the URDF."),
     ] = None
     output: Output = None
     force: Force = False
@@ -287,16 +294,16 @@ class MakeArguments(Arguments):
 class SweepMergeArguments(Arguments):
     """Merge the shards of a sweep into one file."""
 
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files of planlang sweep --out.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the sweep to this file.")]
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files written by planlang sweep --out.")]
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the merged sweep to this file.")]
     csv: Csv = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepTableArguments(Arguments):
-    """Print the table of a sweep again."""
+    """Print the table of a recorded sweep."""
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of planlang sweep --out.")]
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file written by planlang sweep --out.")]
     csv: Csv = None
     force: Force = False

@@ -1,4 +1,4 @@
-"""Arguments of the commands: one dataclass each, whose fields are its parameters and whose docstring is its help."""
+"""Arguments that command line and library share: fields are the parameters of a command, the docstring is its help."""
 
 from __future__ import annotations
 
@@ -12,45 +12,49 @@ from executive.commands.base_arguments import Detail, OntologyArguments, TaskArg
 from executive.runs.settings import Modules, RunSettings, SituationSettings, Urdf
 from planlang.records import dataclass
 
-Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
+Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe file, or the name of a bundled recipe.")]
 RecipeOrPlan = Annotated[
-    str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
+    str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe or plan file, or the name of a bundled recipe.")
 ]
-Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
+Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
 Environment = Annotated[
     list[str] | None,
     typer.Option(
         metavar="MAP",
-        help="The semantic map: a file (OWL or URDF), or a bundled environment's name; further ones add things to it.",
+        help="Semantic map: a file (OWL or URDF), or the name of a bundled environment; further maps add things to it.",
     ),
 ]
 Start = Annotated[
     str | None,
-    typer.Option(metavar="X,Y,YAW", help="Pose of the base at the start [m, m, rad]; default: free, near the middle."),
+    typer.Option(metavar="X,Y,YAW", help="Start pose of the base [m, m, rad]; default: a free pose near the middle."),
 ]
 Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="NAME=THING|@FILE",
-        help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
-        "lines of a file name; repeatable.",
+        help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, or a location to a phrase; @FILE: one "
+        "binding per line of a file. Repeatable.",
     ),
 ]
-Trust = Annotated[bool, typer.Option("--trust", help="Run Python that was pulled from a server: you have read it.")]
+Trust = Annotated[bool, typer.Option("--trust", help="Run Python code pulled from a server; read it first.")]
 Accept = Annotated[
     list[str] | None,
-    typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
+    typer.Option(
+        metavar="CODE", help="First apply uncertain fixes with this code to the recipe in memory; repeatable."
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 Units = Annotated[
     list[str] | None,
-    typer.Option(metavar="UNIT", help="Show numbers of its dimension in this unit of QUDT: Centimeter; repeatable."),
+    typer.Option(
+        metavar="UNIT", help="Express numbers of its dimension in this QUDT unit, such as Centimeter; repeatable."
+    ),
 ]
 
 
 class LogicReasoner(Enum):
-    """The reasoners that ``check`` may ask."""
+    """Reasoners for ``check --reason``."""
 
     HERMIT = "hermit"
     PELLET = "pellet"
@@ -60,31 +64,30 @@ class LogicReasoner(Enum):
 class CompileArguments(TaskArguments):
     """Compile a recipe to a plan in Python.
 
-    With --output, what was compiled is also kept beside the plan, as PLAN.base: from it --merge knows what was edited.
+    With --output, an unedited copy is also written beside the plan, PLAN.base, for --merge to find your edits.
     Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
     """
 
     recipe: Recipe
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file, not to stdout.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file instead of stdout."),
     ] = None
     modules: Modules = None
     trust: Trust = False
     graph: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Also draw the order of the steps: a .svg, .png, .dot or .mmd (Mermaid) file."
-        ),
+        typer.Option(metavar="FILE", help="Also draw the order of the steps, as .svg, .png, .dot or .mmd (Mermaid)."),
     ] = None
     scopes: Annotated[bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")] = (
         True
     )
     data_flow: Annotated[
-        bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data on.")
+        bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data between them.")
     ] = True
     merge: Annotated[
         bool,
-        typer.Option("--merge", help="Keep the edits of the plan: merge them with what the recipe compiles to now."),
+        typer.Option("--merge", help="Merge your edits of the plan with what the recipe compiles to now."),
     ] = False
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite plans edited by hand, and files that planlang did not write.")
@@ -95,20 +98,19 @@ class CompileArguments(TaskArguments):
 class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
-    For a recipe, lists all problems, of those with the same advice the first; for a folder, tabulates its recipes; for
-    a map, tells what it holds. For a plan, tells whether its recipe or the compiler has changed since it was compiled,
-    and what a person has edited; shows both.
+    Recipe: lists all problems, one for each advice. Folder: prints a table of its recipes. Map: counts its contents.
+    Plan: shows whether its recipe or the compiler has changed since it was compiled, and what was edited by hand.
     """
 
     file: RecipeOrPlan
     modules: Modules = None
     trust: Trust = False
     fix: Annotated[
-        bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
+        bool, typer.Option("--fix", help="Write a copy with all safe fixes, NAME.fixed.EXT, and show the changes.")
     ] = False
     accept: Annotated[
         list[str] | None,
-        typer.Option(metavar="CODE", help="With --fix: also apply uncertain fixes of this code; repeatable."),
+        typer.Option(metavar="CODE", help="With --fix: also apply uncertain fixes with this code; repeatable."),
     ] = None
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="With --fix: write the copy to this file.")
@@ -118,22 +120,22 @@ class CheckArguments(TaskArguments):
     ] = False
     reason: Annotated[
         bool,
-        typer.Option("--reason", help="Also let a reasoner for description logic look for contradictions; needs Java."),
+        typer.Option("--reason", help="Also search for contradictions with a description-logic reasoner; needs Java."),
     ] = False
-    reasoner: Annotated[LogicReasoner, typer.Option(help="With --reason: which one.")] = LogicReasoner.HERMIT
+    reasoner: Annotated[LogicReasoner, typer.Option(help="With --reason: the reasoner.")] = LogicReasoner.HERMIT
     reason_seconds: Annotated[
-        float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: the time that it has.")
+        float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: time limit [s].")
     ] = 120.0
 
     @property
     def summed(self) -> Detail:
-        """Each advice is printed: it is what is asked for."""
+        """Print every advice: a check is run for it."""
         return Detail.ADVICE
 
 
 @dataclass(frozen=True, kw_only=True)
 class SituationArguments(TaskArguments, SituationSettings):
-    """Options that say which robot runs a plan, where, and what it knows."""
+    """Options for the robot, its environment and its knowledge."""
 
     robot: Robot = None
     accept: Accept = None
@@ -152,14 +154,14 @@ class RunArguments(SituationArguments, RunSettings):
 
     file: Annotated[
         str | None,
-        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
+        typer.Argument(metavar="RECIPE|PLAN", help="A recipe or plan file, or the name of a bundled recipe."),
     ] = None
     verbose: Annotated[
-        bool, typer.Option("--verbose", help="List all notes and warnings, and inner actions of modules.")
+        bool, typer.Option("--verbose", help="List all notes and warnings, and actions inside process modules.")
     ] = False
     resume: Annotated[
         Path | None,
-        typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
+        typer.Option(metavar="TRACE", help="Resume this recorded run after the last completed step of its plan."),
     ] = None
 
 
@@ -176,47 +178,55 @@ class LocateArguments(OntologyArguments):
     start: Start = None
     of: Annotated[
         str | None,
-        typer.Option(metavar="THING", help='Find poses for this thing, e.g. "the bottle"; default: for the base.'),
+        typer.Option(metavar="THING", help='Find poses of this thing, e.g. "the bottle"; default: of the base.'),
     ] = None
     count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Number of poses, best first.")] = 3
     explain: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG or SVG.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the candidates and the reasons for rejection, as PNG or SVG."),
     ] = None
     units: Units = None
     force: Force = False
 
 
-Csv = Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the rows as a table of CSV.")]
+Csv = Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the rows as CSV.")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepArguments(SituationArguments):
-    """Run a plan or a recipe in many worlds, and count how the runs end.
+    """Run a plan or a recipe in many worlds, and count the outcomes.
 
-    The worlds are those of planlang run --seed 1, 2, ...: the same robot and map, but things lie elsewhere.
+    The worlds are those of planlang run --seed 1, 2, ...: the same robot and map, with things displaced.
     Exit code 1: in some worlds the plan failed or the run crashed.
     """
 
     recipe: RecipeOrPlan
     worlds: Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Number of worlds.")] = 100
-    first: Annotated[int, typer.Option(min=0, metavar="N", help="The first seed; 0: things lie as in the map.")] = 1
+    first: Annotated[
+        int, typer.Option(min=0, metavar="N", help="The first seed; 0: things are where the map has them.")
+    ] = 1
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Append a line of JSON for each world; if the file is there, go on with it."),
+        typer.Option(
+            metavar="FILE", help="Append a line of JSON for each world; continue the sweep if the file exists."
+        ),
     ] = None
     processes: Annotated[
-        int | None, typer.Option(min=1, max=1000, metavar="N", help="Worlds at a time; default: one for each core.")
+        int | None,
+        typer.Option(min=1, max=1000, metavar="N", help="Number of worlds run in parallel; default: one per core."),
     ] = None
     shard: Annotated[
         str | None,
-        typer.Option(metavar="K/N", help="Run every N-th world only, from the K-th on: a part for this machine."),
+        typer.Option(
+            metavar="K/N", help="Run only every N-th world, from the K-th on: the share of one of N machines."
+        ),
     ] = None
     csv: Csv = None
     reports: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="Write a page of each world in which the plan fails, HTML; that run is made twice."
+            metavar="FOLDER", help="Write an HTML page of each world in which the plan fails; its run is repeated."
         ),
     ] = None
-    seconds: Annotated[int, typer.Option(min=1, metavar="S", help="Most CPU time of one world [s].")] = 120
-    memory: Annotated[int, typer.Option(min=100, metavar="MB", help="Most memory of one world [MB].")] = 2000
+    seconds: Annotated[int, typer.Option(min=1, metavar="S", help="CPU time limit of a world [s].")] = 120
+    memory: Annotated[int, typer.Option(min=100, metavar="MB", help="Memory limit of a world [MB].")] = 2000

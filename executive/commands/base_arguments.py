@@ -29,26 +29,26 @@ class Arguments:
     """Options of every command."""
 
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")] = False
-    verbose: Annotated[bool, typer.Option("--verbose", help="List all notes and warnings, not one of each code.")] = (
-        False
-    )
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only to stderr, and no progress.")] = False
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="List all notes and warnings, not only the first of each code.")
+    ] = False
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print only errors to stderr, and no progress.")] = False
 
     @property
     def detail(self) -> Detail:
-        """How many notes and warnings are printed; raises a usage error if that is contradictory."""
+        """How many notes and warnings to print. Raises a usage error for contradictory options."""
         if self.quiet and self.verbose:
             raise typer.BadParameter("--quiet and --verbose exclude each other")
         return Detail.NONE if self.quiet else Detail.ALL if self.verbose else self.summed
 
     @property
     def summed(self) -> Detail:
-        """How many are printed unless an option asks for more or for none."""
+        """How many to print by default."""
         return Detail.CODES
 
     @property
     def is_silent(self) -> bool:
-        """True if nothing but results and diagnostics is printed."""
+        """True if only results and diagnostics are printed."""
         return self.json or self.quiet
 
 
@@ -57,12 +57,12 @@ class OntologyArguments(Arguments):
     """Options of commands that read ontologies."""
 
     ontologies: Annotated[
-        list[Path] | None, typer.Option(metavar="DIR", help="Also search this folder for imported files; repeatable.")
+        list[Path] | None, typer.Option(metavar="DIR", help="Also search this folder for imports; repeatable.")
     ] = None
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The folders in which imported files are looked for; raises BadInput for one that is none."""
+        """Folders to search for imports. Raises BadInput if one is no folder."""
         folders = tuple(self.ontologies or ())
         wrong = [path for path in folders if not os.path.isdir(path)]
         if wrong:
