@@ -15,7 +15,7 @@ from executive.cli import arguments as local
 from executive.cli import authoring_arguments as authoring
 from executive.cli import server_arguments as server
 from executive.cli.console import answer, give, say
-from executive.cli.usage import guessed_value, understood
+from executive.cli.usage import explain, guessed_value
 from executive.commands import arguments as shared
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.base_arguments import Arguments
@@ -56,7 +56,7 @@ _RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
 
 
 def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
-    """Make the function of a command. The module of its name does the work, imported late: some take long to import."""
+    """Make the function of a command. The module of the same name does the work, imported late as some are slow."""
 
     def called(given: Arguments) -> None:
         def work() -> Answer:
@@ -113,17 +113,17 @@ for name, arguments, example in (
     add(_command(name, arguments))
 
 
-# Some versions of typer bring a click of their own: its class of usage errors is found from one that typer exports.
+# Some versions of typer vendor click: find the class of usage errors among the bases of one that typer exports.
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
 
 
 def main() -> NoReturn:
-    """Run the command; ends the process. Wrong usage is a JSON object, too, if ``--json`` is among the words."""
+    """Run the command and end the process. With ``--json``, wrong usage is printed as a JSON object, too."""
     try:
         code = app(prog_name="planlang", standalone_mode=False)
     except _UsageError as problem:
         if "--json" in sys.argv:
-            name, message, advice = understood(problem)
+            name, message, advice = explain(problem)
             give(name, Answer(ExitCode.BAD_INPUT, data={"error": message, "help": advice}), as_json=True)
         else:
             problem.show()
@@ -134,7 +134,7 @@ def main() -> NoReturn:
         code = end.exit_code
     except typer.Abort:
         code = ExitCode.INTERRUPTED
-    except BrokenPipeError:  # the reader of stdout has had enough
+    except BrokenPipeError:  # the reader of stdout has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.FAILED
     sys.exit(int(code or 0))

@@ -1,4 +1,4 @@
-"""Output of the command: diagnostics and progress on stderr, results on stdout, for machines one JSON object."""
+"""Output of the command: diagnostics and progress on stderr, results on stdout, with ``--json`` as one JSON object."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YEL
 
 
 def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: Detail = Detail.CODES) -> None:
-    """Do a command's work and print its result; always ends by raising ``typer.Exit``.
+    """Do a command's work and print its result; always raises ``typer.Exit``.
 
     A user's mistake is shown as diagnostics. A programming error is reported in one line; with
     ``PLANLANG_TRACEBACK=1`` in the environment its traceback is printed too.
@@ -52,7 +52,7 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
 
 
 def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.CODES) -> None:
-    """Print a result; raises ``typer.Exit`` if stdout takes no more."""
+    """Print a result. Raises ``typer.Exit`` if stdout cannot be written."""
     if as_json:
         whole = {"command": command, "exit_code": int(reply.exit_code), **reply.data}
         whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
@@ -66,27 +66,27 @@ def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.
         sys.stdout.flush()
     except BrokenPipeError:
         raise
-    except OSError as problem:  # a full disk behind stdout; what is buffered would fail again at the end
+    except OSError as problem:  # a full disk, say; flushing the buffer at exit would fail again
         say(f"error: stdout cannot be written: {problem.strerror or problem}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(ExitCode.BAD_INPUT) from None
 
 
 def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> None:
-    """Print diagnostics to stderr, in their order, and how many there are of each severity.
+    """Print diagnostics to stderr, in their order, then the number of each severity.
 
-    The same help is printed once. Of what ``detail`` sums up, the first is printed, with the number of others.
+    Equal helps are printed once; of diagnostics that ``detail`` groups only the first, with the number of others.
     """
     diagnostics = list(diagnostics)
     if detail is Detail.NONE:
         diagnostics = [one for one in diagnostics if one.severity is Severity.ERROR]
-    like = Counter(_kind(one, detail) for one in diagnostics)
+    per_kind = Counter(_kind(one, detail) for one in diagnostics)
     shown: set[object] = set()
     printed: set[str | None] = {None}
     PROGRESS.clear()
     for diagnostic in diagnostics:
         kind = _kind(diagnostic, detail)
-        others = like[kind] - 1
+        others = per_kind[kind] - 1
         if others and kind in shown:
             continue
         shown.add(kind)
@@ -99,7 +99,7 @@ def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> No
 
 
 def _kind(diagnostic: Diagnostic, detail: Detail) -> object:
-    """Return what diagnostics have in common of which only the first is printed; errors are all different."""
+    """Key of the group of which only the first diagnostic is printed; each error is a group of its own."""
     if diagnostic.severity is Severity.ERROR or detail in (Detail.ALL, Detail.NONE):
         return id(diagnostic)
     return diagnostic.severity, diagnostic.code, diagnostic.help if detail is Detail.ADVICE else None
@@ -121,11 +121,11 @@ def say(line: str) -> None:
 
 
 def silent(_: object) -> None:
-    """Print nothing: what takes the place of :func:`say` with ``--json`` or ``--quiet``."""
+    """Print nothing, in place of :func:`say`."""
 
 
 def tell_of(arguments: Arguments) -> Callable[[str], None]:
-    """Function that prints a line about what the command does; it prints nothing with ``--json`` or ``--quiet``."""
+    """Function that prints a line about what the command does; prints nothing with ``--json`` or ``--quiet``."""
     return silent if arguments.is_silent else say
 
 

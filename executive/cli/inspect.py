@@ -1,4 +1,4 @@
-"""``planlang robot inspect``: a robot is bound, its arms are mapped and drawn, its parts listed."""
+"""``planlang robot inspect``: the parts of a robot, the reach of its arms, and what is missing."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ USEFUL = ("carrying", "prepare_grasp", "handover")
 """Postures that plans and the executive use."""
 
 _FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
-"""Directions of grasps in words."""
+"""Grasp directions in words."""
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
 
 def command(arguments: InspectArguments) -> Answer:
-    """Bind a robot, map its arms, list and draw what was found; raises BadInput."""
+    """Bind a robot, compute the reach of its arms, list and draw it. Raises BadInput."""
     source, urdf = Bundled.ROBOT.find(arguments.robot), arguments.urdf
     problems: list[Diagnostic] = []
     check_files(problems, urdf=urdf)
@@ -45,12 +45,12 @@ def command(arguments: InspectArguments) -> Answer:
     robot = with_carrying(bare, report=progress_of(arguments))
     world = PlanningWorld(Scene(()), robot.body())
     try:
-        return _inspected(bare, robot, world, arguments, urdf or source)
+        return _inspect(bare, robot, world, arguments, urdf or source)
     finally:
         world.close()
 
 
-def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
+def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
     picture, record = arguments.picture, arguments.record
     models = arm_models(robot, world)
     bounds = dict(world.robot.limits)
@@ -85,7 +85,7 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
 
 
 def summary(robot: Robot, file: Path) -> Iterator[str]:
-    """Yield what a robot has, in a few lines; nothing is computed for them."""
+    """Summarise a robot in a few lines, without computing its reach."""
     yield from _body_lines(robot, file)
     for arm in robot.arms:
         hand = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
@@ -131,13 +131,13 @@ def _positions(joints: Mapping[str, float]) -> str:
 
 
 def _lacking(robot: Robot) -> Iterator[str]:
-    """Yield parts that plans use and the robot does not have."""
+    """Parts that plans use and the robot lacks."""
     if not robot.arms:
         yield "arms"
     yield from (f"a gripper of the {arm.name} arm" for arm in robot.arms if arm.gripper is None)
     if robot.torso is None:
         yield "a torso that lifts the arms: they reach fewer heights"
     if robot.camera is None:
-        yield "a camera: nothing can be looked for ([camera] in the robot file)"
+        yield "a camera: the robot cannot look for things ([camera] in the robot file)"
     known = robot.postures
     yield from (f"a posture {name} ([postures.{name}] in the robot file)" for name in USEFUL if name not in known)

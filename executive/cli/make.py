@@ -1,4 +1,4 @@
-"""``planlang robot make``: a robot file is derived from a URDF and a SRDF."""
+"""``planlang robot make``: a robot file, derived from a URDF and an SRDF."""
 
 from __future__ import annotations
 

@@ -20,11 +20,11 @@ from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.recipe.reading import choose_task, named_action
 
 EXIT_CODES = {True: ExitCode.DONE, False: ExitCode.MISSING_CAPABILITY, None: ExitCode.FAILED}
-"""Exit codes by what is found: feasible, not, unknown."""
+"""Exit codes for feasible, infeasible and unknown."""
 
 
 def command(arguments: MatchArguments) -> Answer:
-    """Compare, and explain; a robot without URDF is compared by its self-model alone. Raises BadInput."""
+    """Compare a robot with a recipe; without a URDF, by its self-model alone. Raises BadInput."""
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
@@ -43,31 +43,31 @@ def command(arguments: MatchArguments) -> Answer:
     return Answer(code, tuple(found), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()})
 
 
-def _task(ontology: Ontology, wanted: str | None, semantics: Semantics, found: list[Diagnostic]) -> RecipeSet | str:
-    """Return the recipe of the task; of an action class without recipe, and for the original semantics, its IRI."""
+def _task(ontology: Ontology, name: str | None, semantics: Semantics, found: list[Diagnostic]) -> RecipeSet | str:
+    """Recipe of the task; for an action class without one, and with the original semantics, its IRI."""
     actions, span = Actions(ontology), Span(str(ontology.documents[0].path))
     if semantics is Semantics.ORIGINAL:
         found += ontology.diagnostics
-        return choose_task(actions) if wanted is None else _action(actions, wanted, span)
-    reading = read_recipe(actions, wanted)
+        return choose_task(actions) if name is None else _action(actions, name, span)
+    reading = read_recipe(actions, name)
     if reading.recipes is not None:
         found += reading.diagnostics
         return reading.recipes
     others = [one for one in reading.diagnostics if one.code != "R004"]
-    if wanted is None or has_errors(others):
+    if name is None or has_errors(others):
         raise BadInput(reading.diagnostics)
     found += others
-    return _action(reading.actions, wanted, span)
+    return _action(reading.actions, name, span)
 
 
-def _action(actions: Actions, wanted: str, span: Span) -> str:
-    """Return the IRI of a named class of actions, with a recipe or without; raises BadInput for anything else."""
-    named = named_action(actions, wanted, span)
-    return named if actions.ontology.is_a(named, expand("knowrob:Event")) else choose_task(actions, wanted)
+def _action(actions: Actions, name: str, span: Span) -> str:
+    """IRI of an action class, with or without a recipe. Raises BadInput for anything else."""
+    iri = named_action(actions, name, span)
+    return iri if actions.ontology.is_a(iri, expand("knowrob:Event")) else choose_task(actions, name)
 
 
 def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
-    """Return what a robot has, by its self-model alone if there is no URDF of it; appends notes. Raises BadInput."""
+    """What a robot has, from its self-model alone if there is no URDF; appends notes to ``found``. Raises BadInput."""
     try:
         bound = bind_robot(robot, urdf=urdf, folders=folders)
     except BadInput as problem:
@@ -75,9 +75,7 @@ def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], foun
             raise
         model = read_self_model(load(robot, folders=folders))
         advice = "with --urdf FILE, its claims are compared with its arms and grippers"
-        found.append(
-            note("B008", f"there is no URDF of {model.name}: compared by its self-model alone", model.span, advice)
-        )
+        found.append(note("B008", f"{model.name} has no URDF: compared by its self-model alone", model.span, advice))
         return Possessions(model.name, parts_of(model), claims_of(model), model)
     found += bound.diagnostics
     return possessions_of(bound)

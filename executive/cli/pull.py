@@ -1,4 +1,4 @@
-"""``planlang pull``: an entry of a server, with its files, written into a folder."""
+"""``planlang pull``: an entry of a server and its files, written to a folder."""
 
 from __future__ import annotations
 

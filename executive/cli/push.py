@@ -1,4 +1,4 @@
-"""``planlang push``: an ontology handed in at a server, with files that belong to it."""
+"""``planlang push``: an ontology and its attachments, uploaded to a server."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Entry, Kind
 
 _BUNDLED = {Kind.RECIPE: Bundled.RECIPE, Kind.ENVIRONMENT: Bundled.ENVIRONMENT, Kind.ROBOT: Bundled.ROBOT}
-"""Kinds of which some come with planlang, and may be named without a path."""
+"""Kinds with bundled files, which need no path."""
 
 
 def command(arguments: PushArguments) -> Answer:
-    """Hand in a file and what is attached to it. Raises BadInput with what the server's checks found."""
+    """Upload a file and its attachments. Raises BadInput with the findings of the server's checks."""
     problems: list[Diagnostic] = []
     attached = arguments.attach or []
     check_files(problems, attach=attached)
@@ -39,12 +39,12 @@ def command(arguments: PushArguments) -> Answer:
 
     def work(client: Client) -> Answer:
         try:
-            taken = _handed_in(client, kind, arguments, data)
+            taken = _upload(client, kind, arguments, data)
         except RefusedByChecks as problem:
             raise RefusedByChecks(
                 problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
             ) from None
-        entry, sent = _attached(client, taken.entry, attached)
+        entry, sent = _attach(client, taken.entry, attached)
         lines = [f"{entry.uid}: revision {entry.revision.number}", *(f"attached {name}" for name in sent)]
         data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
         return Answer(diagnostics=_placed(taken.diagnostics, arguments.name, path), text="\n".join(lines), data=data_)
@@ -52,18 +52,18 @@ def command(arguments: PushArguments) -> Answer:
     return ask(arguments, work)
 
 
-def _handed_in(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> Taken:
-    """Create or change an entry; one that has this content already is left as it is."""
+def _upload(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> Taken:
+    """Create or change an entry, unless it has this content already."""
     if not arguments.update:
         return client.create(kind, arguments.name, data, arguments.about)
-    entry = _named(client, kind, arguments.name)
+    entry = _find(client, kind, arguments.name)
     if entry.revision.sha256 == sha256(data).hexdigest():
         return Taken(entry)
     return client.change(entry, data)
 
 
-def _named(client: Client, kind: Kind, name: str) -> Entry:
-    """Return the entry of an identifier, or the only one of an author's name for it. Raises BadInput."""
+def _find(client: Client, kind: Kind, name: str) -> Entry:
+    """Find an entry by its identifier, or by its author's name for it if that is unique. Raises BadInput."""
     if "." in name:
         return client.entry(name, kind)
     second = "".join(name.split()).lower()
@@ -71,14 +71,14 @@ def _named(client: Client, kind: Kind, name: str) -> Entry:
     if len(found) == 1:
         return found[0]
     if not found:
-        advice = "without --update it becomes a new entry"
-        raise BadInput([error("K039", f"there is no {kind.word} of the name {name} to update", help=advice)])
+        advice = "leave out --update to make a new entry"
+        raise BadInput([error("K039", f"there is no {kind.word} named {name} to update", help=advice)])
     advice = f"--name {' or '.join(entry.uid for entry in found[:5])}"
     raise BadInput([error("K039", f"{len(found)} entries have the name {name}", help=advice)])
 
 
-def _attached(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entry, list[str]]:
-    """Send the files that the entry does not have yet; returns the entry, and their names."""
+def _attach(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entry, list[str]]:
+    """Attach files that the entry does not have yet; returns the changed entry, and their names."""
     known = {one.name: one.sha256 for one in entry.attachments}
     sent = []
     for path in paths:
@@ -91,7 +91,7 @@ def _attached(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entr
 
 
 def _placed(diagnostics: Iterable[Diagnostic], name: str, path: Path) -> tuple[Diagnostic, ...]:
-    """Return what the server says of the upload, which it knows by the author's name for it, as said of the file."""
+    """Place diagnostics in the local file; the server places them in a file with the author's name for the entry."""
     stem = "".join(name.split()).rpartition(".")[2].replace("/", "_")[:100]
 
     def placed(one: Diagnostic) -> Diagnostic:

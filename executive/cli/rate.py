@@ -1,4 +1,4 @@
-"""``planlang rate``: how good an entry is."""
+"""``planlang rate``: a rating for an entry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``planlang replay``: a plan decides again by the trace of its run; the first difference is shown side by side."""
+"""``planlang replay``: a plan is replayed from its trace; the first difference is shown side by side."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from planlang.diagnostics import Diagnostic
 from planlang.runs import Different
 
 WIDTH = 56
-"""Characters of a value that are shown, of longer ones the end: two columns fit into 120."""
+"""Maximum length of a value [characters], of longer ones the end is shown: two columns fit into 120."""
 
 
 def command(arguments: ReplayArguments) -> Answer:
@@ -62,7 +62,7 @@ def _side_by_side(name: str, difference: Different) -> Iterator[str]:
 
 
 def _texts(record: object) -> dict[str, str]:
-    """Return the values of a record as text."""
+    """Values of a record as text."""
     if not isinstance(record, Mapping):
         return {}
     return {str(key): value if isinstance(value, str) else str(value) for key, value in record.items()}

@@ -1,4 +1,4 @@
-"""``planlang search``: entries of a server that fit a question, and what a robot can use of them."""
+"""``planlang search``: entries of a server that meet criteria, and whether a robot can use them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from planlang.knowledge.client import Client
 
 
 def command(arguments: SearchArguments) -> Answer:
-    """List what a server finds. Raises BadInput."""
+    """List matching entries of a server. Raises BadInput."""
     robot = None if arguments.robot is None else self_model_of(arguments.robot)
     kind = kind_of(arguments.kind)
 
@@ -42,8 +42,8 @@ def command(arguments: SearchArguments) -> Answer:
 
 
 def self_model_of(name: str) -> str:
-    """Return the text of a robot's self-model, which its robot file may name. Raises BadInput."""
-    from executive.robots.robot_file import looks_like_toml, read_robot_file  # takes as long as all else
+    """Read a robot's self-model, which its robot file may name. Raises BadInput."""
+    from executive.robots.robot_file import looks_like_toml, read_robot_file  # as slow to import as all else together
 
     problems: list[Diagnostic] = []
     path = chosen(Bundled.ROBOT, name, None, problems)
@@ -52,10 +52,8 @@ def self_model_of(name: str) -> str:
     if looks_like_toml(path):
         stated = read_robot_file(path).self_model
         if stated is None:
-            advice = (
-                "--robot takes the ontology that says what the robot has; self_model = FILE names it in a robot file"
-            )
-            raise BadInput([error("K037", f"{path.name} names no self-model to ask with", Span(str(path)), advice)])
+            advice = "add self_model = FILE to the robot file, or give that ontology to --robot"
+            raise BadInput([error("K037", f"{path.name} names no self-model", Span(str(path)), advice)])
         path = stated
     return decode(read_file(path, largest=LARGEST), str(path))
 

@@ -19,7 +19,7 @@ from planlang.progress import Report
 
 
 def command(arguments: SweepArguments) -> Answer:
-    """Run the sweep, or the rest of it; raises BadInput as the run of one world does."""
+    """Run the sweep, or the rest of it. Raises BadInput as the run of one world does."""
     rows: dict[Any, Row] = {}
     total = len(_seeds(arguments, *shard_of(arguments.shard)))
     progress = Counts(total, tell_of(arguments), progress_of(arguments))
@@ -51,21 +51,21 @@ def _seeds(arguments: SweepArguments, part: int, parts: int) -> range:
 
 def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:
     if arguments.out is None:
-        return f"interrupted after {done} of {total} worlds; --out FILE would keep them"
-    return f"interrupted after {done} of {total} worlds, which {arguments.out} has: the same command does the rest"
+        return f"interrupted after {done} of {total} worlds; --out FILE would have kept them"
+    return f"interrupted after {done} of {total} worlds, which {arguments.out} has: repeat the command to run the rest"
 
 
 class Counts:
     """Counts worlds, and reports how fast they are done."""
 
     def __init__(self, total: int, tell: Callable[[str], None], report: Report) -> None:
-        """Begin now; ``tell`` prints a line, ``report`` shows the progress."""
+        """Start the clock; ``tell`` prints a line, ``report`` shows progress."""
         self._total, self._tell, self._report = total, tell, report
         self._before = self._done = self._reached = self._crashed = 0
         self._began, self._seconds = time.monotonic(), 0.0
 
     def resumed(self, rows: Sequence[Row]) -> None:
-        """Count what was done before; it does not count for the rate."""
+        """Count worlds of an earlier call, which do not count for the rate."""
         self._before = len(rows)
         for row in rows:
             self._count(row)

@@ -11,7 +11,7 @@ from planlang.outputs import check_outputs
 
 
 def command(arguments: SweepMergeArguments) -> Answer:
-    """Merge sweeps, and print the table of the whole; raises BadInput for different ones."""
+    """Merge shards, and print the table of the whole sweep. Raises BadInput for shards of different sweeps."""
     inputs = {str(file): file for file in arguments.files}
     refuse(check_outputs({"--out": arguments.out, "--csv": arguments.csv}, inputs, force=arguments.force))
     whole = merged([read_sweep(file) for file in arguments.files])

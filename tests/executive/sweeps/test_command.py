@@ -102,7 +102,7 @@ def test_an_interrupted_sweep_shows_what_was_done_and_how_to_go_on(
     monkeypatch.setattr("executive.commands.sweep.run", interrupted)
     result = invoke("sweep", "serve_a_drink", "--worlds", "9", "--shard", "2/2", "--out", tmp_path / "rows")
     assert result.exit_code == 130
-    assert f"interrupted after 1 of 4 worlds, which {tmp_path / 'rows'} has: the same command" in result.stderr
+    assert f"interrupted after 1 of 4 worlds, which {tmp_path / 'rows'} has: repeat" in result.stderr
     assert result.stdout.startswith("1 of 4 worlds\nreached                   1")
 
 
