@@ -98,7 +98,7 @@ def test_what_a_robot_lacks_is_told_below_each_answer() -> None:
     assert "         ManipulationEntity: bare has none" in lacks, found.output
     unknown = invoke("search", "--robot", "panda")
     assert (unknown.exit_code, codes(unknown)) == (2, ["K037"]), "it has no self-model"
-        assert "self_model = FILE" in unknown.stderr
+    assert "self_model = FILE" in unknown.stderr
 
 
 def test_a_wrong_question_is_refused_with_its_place() -> None:
