@@ -1,7 +1,4 @@
-"""Checks of files: everything wrong with a recipe or map, fixes of a recipe, whether a plan is still up to date.
-
-Nothing of a plan is executed.
-"""
+"""Checks of recipes and maps, fixes of recipes, and whether a plan is up to date. No plan is executed."""
 
 from __future__ import annotations
 
@@ -39,8 +36,8 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
     if arguments.reason and (arguments.fix or os.path.isdir(arguments.file)):
         raise typer.BadParameter("--reason is for one file, without --fix")
     if arguments.fix:
-        return _fixed(read_recipe_file(arguments.file), arguments)
-    if os.path.isdir(arguments.file):  # False also for what can be no name of a folder
+        return _fix(read_recipe_file(arguments.file), arguments)
+    if os.path.isdir(arguments.file):  # False also for a text that cannot be a path
         from executive.commands.recipe_table import check_folder
 
         return check_folder(Path(arguments.file), arguments.folders, report)
@@ -60,7 +57,7 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
 
 
 def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
-    """Check a recipe, or a map; raises BadInput."""
+    """Check a recipe or a map. Raises BadInput."""
     problems: list[Diagnostic] = []
     performed = performed_by_modules(arguments.modules, problems, trust=arguments.trust)
     try:
@@ -81,11 +78,11 @@ def _lacks_task(problem: BadInput) -> bool:
     return any(one.code == "R001" and one.severity is Severity.ERROR for one in problem.diagnostics)
 
 
-# Fixes of a recipe
+# Fixes of recipes
 
 
 def fixed_path(recipe: RecipeFile) -> Path:
-    """Return ``NAME.fixed.EXT`` beside the recipe; for a bundled recipe, in the current folder."""
+    """Path ``NAME.fixed.EXT`` beside the recipe; for a bundled recipe, in the current folder."""
     path = recipe.path
     suffixes = sorted(SUFFIXES, key=len, reverse=True)
     suffix = next((one for one in suffixes if path.name.endswith(one)), path.suffix)
@@ -93,10 +90,10 @@ def fixed_path(recipe: RecipeFile) -> Path:
     return Path(name) if recipe.is_bundled else path.with_name(name)
 
 
-def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
+def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     """Write a fixed copy of a recipe, show the difference, and check the copy; raises BadInput.
 
-    Without ``--output``, a file of the copy's name is never overwritten by another text.
+    Without ``--output``, an existing file with another text is never overwritten.
     """
     output, accepted = arguments.output, arguments.accept or ()
     target = output or fixed_path(recipe)
@@ -107,7 +104,7 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     if problems:
         raise BadInput(problems)
     task, folders = arguments.task, arguments.folders
-    from executive.runs.fixing import fixed as fixed_recipe  # most recipes are only checked
+    from executive.runs.fixing import fixed as fixed_recipe  # slow, and most recipes are only checked
 
     fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
     found: list[Diagnostic] = []
@@ -132,33 +129,33 @@ def _fixed(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
     code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
-    return Answer(code, (*remaining, *found, *_left(fixed, checked)), "".join(lines), data)
+    return Answer(code, (*remaining, *found, *_not_applied(fixed, checked)), "".join(lines), data)
 
 
 def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
     content = fixed.after.encode(fixed.encoding)
     if target.exists() and not is_named and target.read_bytes() != content:
-        advice = f"remove it, or overwrite it by -o {target} --force"
-        raise BadInput([error("C005", f"{target} exists and has another text", help=advice)])
+        advice = f"remove it, or overwrite it with -o {target} --force"
+        raise BadInput([error("C005", f"{target} exists with other contents", help=advice)])
     replace(target, lambda temporary: temporary.write_bytes(content))
 
 
-def _left(fixed: Fixed, checked: Path) -> list[Diagnostic]:
-    """Return a note for each fix that was not applied, and a warning for one that would make the recipe worse."""
+def _not_applied(fixed: Fixed, checked: Path) -> list[Diagnostic]:
+    """Notes on fixes that were not applied, and warnings for those that would make the recipe worse."""
 
     def where(one: Fix) -> Span | None:
         return one.span._replace(file=str(checked)) if one.span else None
 
-    left = [
+    found = [
         note("C016", f"uncertain, not applied: {_line(one)}", where(one), f"--accept {one.code} applies it")
         for one in fixed.unaccepted
     ]
-    left += [
+    found += [
         note("C016", f"not applied: {_line(one)}; {why}", where(one), "make the change by hand")
         for one, why in fixed.impossible
     ]
-    left += [warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused]
-    return left
+    found += [warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused]
+    return found
 
 
 def _line(one: Fix) -> str:
@@ -173,11 +170,10 @@ def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Freshness:
-    """The state of a plan in words, diagnostics, and unified diffs.
+    """The state of a plan in words, diagnostics, and two unified diffs, each empty if nothing differs.
 
-    ``edits`` are from the plan as it was compiled to the plan, ``difference`` is from the plan as it was compiled to
-    what the recipe compiles to now; each is empty if there is none. If it is not known how the plan was compiled,
-    ``difference`` is from the plan itself, and ``edits`` is empty.
+    ``edits``: from the compiled plan to the plan. ``difference``: from the compiled plan to what the recipe compiles to
+    now. If the compiled plan is unknown, ``difference`` starts from the plan itself, and ``edits`` is empty.
     """
 
     state: str
@@ -187,10 +183,10 @@ class Freshness:
 
 
 def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
-    """Compare a plan with what its recipe compiles to now, with the options that the plan was compiled with.
+    """Compare a plan with what its recipe compiles to now, by the options of the compiled plan.
 
-    The recipe is the first of its name beside the plan, in ``folders``, among the bundled ones. A changed recipe is an
-    error; a changed compiler or import a warning; an edited plan a note.
+    The recipe is searched beside the plan, in ``folders``, then among the bundled ones. A changed recipe is an error;
+    a changed compiler or import a warning; an edited plan a note.
     """
     origin = plan.header
     if origin is None:
@@ -199,36 +195,36 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     recipe = origin.find_recipe(plan.path, folders)
     if recipe is None:
         advice = "name its folder with --ontologies DIR"
-        message = f"the recipe {origin.recipe} is not beside the plan: it is unknown whether it has changed"
+        message = f"the recipe {origin.recipe} was not found: whether it has changed is unknown"
         return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
-    same = origin.matches(recipe.read_bytes())
+    is_same = origin.matches(recipe.read_bytes())
     found: list[Diagnostic] = []
-    if not same:
+    if not is_same:
         how = "--merge keeps the edits" if origin.is_edited(plan.source) else "compiles the plan again"
         advice = f"planlang compile {recipe} -o {plan.path} {how}"
         message = f"the recipe has changed since this plan was compiled from it: {recipe}"
         found.append(error("C009", message, span, advice))
     fresh, problems = _compiled(recipe, origin, folders)
     if fresh is None:
-        state = "out of date" if not same else "compiled from a recipe that no longer compiles"
-        return Freshness(state, tuple(found) if not same else problems)
+        state = "compiled from a recipe that no longer compiles" if is_same else "out of date"
+        return Freshness(state, problems if is_same else tuple(found))
     if fresh == plan.source:
         return Freshness(f"what {recipe.name} compiles to")
     is_edited = origin.is_edited(plan.source)
-    if same and not is_edited:
+    if is_same and not is_edited:
         message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
         found.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
     if is_edited and origin.digest is not None:
         found.append(note("C010", "the plan was edited since it was compiled", span))
-    elif same and is_edited:
+    elif is_same and is_edited:
         message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
         found.append(note("C010", message, span))
-    state = "out of date" if not same or not is_edited else "an edited plan"
+    state = "out of date" if not is_same or not is_edited else "an edited plan"
     now, before = f"what {recipe.name} compiles to now", compiled_before(plan.path, plan.source, fresh)
     if before is None or not is_edited:
         return Freshness(state, tuple(found), _difference(plan.source, fresh, str(plan.path), now))
-    name = f"{plan.path} as it was compiled"
-    edits = _difference(before, plan.source, name, f"{plan.path} as it was edited")
+    name = f"{plan.path} as compiled"
+    edits = _difference(before, plan.source, name, f"{plan.path} as edited")
     return Freshness(state, tuple(found), _difference(before, fresh, name, now), edits)
 
 
@@ -257,7 +253,7 @@ def _difference(old: str, new: str, old_name: str, new_name: str) -> str:
 
 
 def misspelt_roles(plan: PlanFile) -> Iterator[Diagnostic]:
-    """Yield an error for each role of an action that is nearly one of the usual ones, and no other one."""
+    """Find misspelt roles of actions: unusual ones that resemble exactly one usual role."""
     for node in ast.walk(ast.parse(plan.source)):
         if not isinstance(node, ast.Call):
             continue

@@ -16,11 +16,11 @@ from executive.commands.base_arguments import Arguments
 A = TypeVar("A", bound=Arguments)
 
 _SHOWN = ("json", "verbose", "quiet")
-"""Options of what is printed, which no run depends on."""
+"""Options of the output, which do not affect a run."""
 
 
 def words_of(arguments: SituationArguments) -> Iterator[str]:
-    """Yield the words of the options that the arguments state, as a user types them."""
+    """Yield the words of all options that are set, as a user types them."""
     options = {one.name: one.opts[0] for one in _command().params}
     for one in fields(SituationArguments):
         value = getattr(arguments, one.name)
@@ -33,7 +33,7 @@ def words_of(arguments: SituationArguments) -> Iterator[str]:
 
 
 def parsed(words: Sequence[str]) -> RunArguments:
-    """Return the arguments that ``planlang run`` would get; raises a usage error as it does."""
+    """Parse the words of a ``planlang run``. Raises a usage error as the command does."""
     values = _command().make_context("run", list(words)).params
     return RunArguments(**{one.name: values[one.name] for one in fields(RunArguments)})
 

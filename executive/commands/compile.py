@@ -17,13 +17,13 @@ from planlang.plan_versions import merge_plan, write_versions
 
 
 def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
-    """Compile a recipe, and write the files that are asked for; raises BadInput.
+    """Compile a recipe, and write the output files. Raises BadInput.
 
-    Returns the plan, with all diagnostics, and whether a merge has left conflicts in its file.
+    Returns the plan with all diagnostics, and True if a merge left conflicts in its file.
     """
     file, output, graph, force = read_recipe_file(arguments.recipe), arguments.output, arguments.graph, arguments.force
     inputs = {"the recipe": file.path}
-    problems = check_outputs({"--output": output}, inputs, force=True)  # write_plan looks at an old plan more closely
+    problems = check_outputs({"--output": output}, inputs, force=True)  # write_versions checks an existing plan
     problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
     if graph is not None:
         from planlang.compiler.drawing import unknown_format  # most plans are not drawn
@@ -32,13 +32,13 @@ def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
     refuse(problems)
     before = _merged_header(arguments)
     found: list[Diagnostic] = []
-    left_out = before.options if before is not None else ()
+    excluded = before.options if before is not None else ()
     plan = compile_recipe(
         file.path,
         task=arguments.task or (before.task if before is not None else None),
         folders=arguments.folders,
-        scopes=arguments.scopes and NO_SCOPES not in left_out,
-        data_flow=arguments.data_flow and NO_DATA_FLOW not in left_out,
+        scopes=arguments.scopes and NO_SCOPES not in excluded,
+        data_flow=arguments.data_flow and NO_DATA_FLOW not in excluded,
         performed=performed_by_modules(arguments.modules, found, trust=arguments.trust),
     )
     conflicts: list[int] = []
@@ -53,20 +53,18 @@ def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
 
 
 def _conflict(plan: Path, line: int) -> Diagnostic:
-    advice = "keep the right lines, and remove the marks <<<<<<<, ======= and >>>>>>>"
-    return error(
-        "C023", "conflict: these lines were edited, and the recipe changes them too", Span(str(plan), line), advice
-    )
+    advice = "keep the right lines, and remove the markers <<<<<<<, ======= and >>>>>>>"
+    return error("C023", "conflict: both you and the recipe changed these lines", Span(str(plan), line), advice)
 
 
 def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
-    """Return how the plan to merge with was compiled, as it is compiled again in the same way; None without --merge."""
+    """Header of the plan to merge with, whose options the new plan gets; None without --merge."""
     if not arguments.merge:
         return None
     if arguments.output is None:
-        raise typer.BadParameter("--merge needs --output PLAN, the plan that was edited")
+        raise typer.BadParameter("--merge needs --output PLAN, the edited plan")
     if arguments.force:
-        raise typer.BadParameter("--merge keeps the edits, --force overwrites them: give one of them")
+        raise typer.BadParameter("--merge keeps the edits, --force overwrites them: use only one")
     if not arguments.output.is_file():
         return None
     with arguments.output.open(encoding="utf-8", errors="replace") as file:

@@ -1,4 +1,4 @@
-"""What ``planlang locate`` searches: the options of a search from the arguments of the command."""
+"""Options of a search for poses, from the arguments of ``planlang locate``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planlang.outputs import PNG_OR_SVG, check_outputs
 
 
 def options_of(arguments: LocateArguments) -> LocateOptions:
-    """Return the options of the search that the arguments ask for; raises BadInput."""
+    """Make the options of a search. Raises BadInput."""
     start = planar(arguments.start)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf)

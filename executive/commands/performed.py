@@ -1,4 +1,4 @@
-"""The action classes that process modules perform, as far as a recipe is checked for steps that nothing performs."""
+"""Action classes that process modules perform, for checking recipes for steps that nothing performs."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from planlang.registry import ModuleRegistry
 
 
 def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], *, trust: bool) -> Performed:
-    """Return a function that returns the classes that the user's files and installed packages perform.
+    """Make a function that lists the classes performed by the user's files and by installed packages.
 
-    Files are imported at once, which executes them; packages only when they are asked for. What is wrong with a package
-    goes to ``found``. Raises BadInput for a file that cannot be used, or was pulled and is not trusted.
+    Files are imported, and so executed, at once; packages at the first call, with problems appended to ``found``.
+    Raises BadInput for a file that cannot be used, or was pulled from a server and is not trusted.
     """
     problems: list[Diagnostic] = []
     check_files(problems, modules=files)

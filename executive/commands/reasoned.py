@@ -1,4 +1,4 @@
-"""``planlang check --reason``: what a reasoner for description logic finds in a recipe, a map or another ontology."""
+"""``planlang check --reason``: contradictions that a description-logic reasoner finds in an ontology."""
 
 from __future__ import annotations
 
@@ -14,21 +14,20 @@ from planlang.ontology.reasoning import Reasoner, missing, reason
 from planlang.progress import Waiting
 
 NO_TASK = "R001"
-"""The code of a file that states no recipe."""
+"""Code of a file without a recipe."""
 
 
 def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer], waiting: Waiting) -> Answer:
-    """Return the answer of a check, with what the reasoner finds in the file and its imports; raises BadInput.
+    """Add contradictions in the file and its imports to the answer of a check. Raises BadInput.
 
-    A file that is neither a recipe nor a map is an ontology; what is wrong with a recipe does not keep it from the
-    reasoner.
+    A file that is neither a recipe nor a map is an ontology. The reasoner also runs if the check finds errors.
     """
     answer = _checked(path, check)
     ontology = load(path, folders=arguments.folders)
     reasoner = Reasoner(arguments.reasoner.value)
     code = answer.exit_code
     try:
-        with waiting(lambda: f"{reasoner.title} looks for contradictions", arguments.reason_seconds):
+        with waiting(lambda: f"{reasoner.title} searches for contradictions", arguments.reason_seconds):
             found = reason(ontology, reasoner, arguments.reason_seconds)
     except BadInput as problem:
         code = ExitCode.MISSING_CAPABILITY if missing() else ExitCode.BAD_INPUT

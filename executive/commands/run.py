@@ -1,4 +1,4 @@
-"""What ``planlang run`` runs: the options of a run from the arguments of the command, checked before it begins."""
+"""Options of a run, from the arguments of ``planlang run``; all that can be checked before the run is."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from planlang.outputs import PNG, WEBP, check_outputs
 
 
 def _check_together(arguments: RunArguments) -> None:
-    """Raise a usage error for options of which one needs another, or excludes it."""
+    """Raise a usage error for an option that needs or excludes another one."""
     if arguments.file is None and arguments.resume is None:
         raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
     if arguments.world_as_left and arguments.resume is None:
@@ -42,15 +42,15 @@ def _check_together(arguments: RunArguments) -> None:
     if arguments.view is not None:
         _check_view(arguments.view, is_used=bool(arguments.picture or arguments.video))
     if arguments.world_as_left and arguments.poses is not None:
-        raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
+        raise typer.BadParameter("--poses logs whole runs: leave out --world-as-left")
     if arguments.world_as_left and arguments.report is not None:
-        raise typer.BadParameter("--report needs the whole run, of which --world-as-left leaves the beginning out")
+        raise typer.BadParameter("--report shows whole runs: leave out --world-as-left")
     if arguments.watch and arguments.watch_tree:
         raise typer.BadParameter("--watch shows the tree of the plan, too: leave out --watch-tree")
 
 
 def options_of(arguments: RunArguments) -> RunOptions:
-    """Return the options of the run that the arguments ask for; raises BadInput."""
+    """Make the options of a run; those of a resumed run default to the header of its trace. Raises BadInput."""
     _check_together(arguments)
     start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
     recorded, header = None, TraceHeader()
@@ -73,7 +73,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     )
     additions = environments(further, problems)
     inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
-    problems += _check_shown(arguments, inputs)
+    problems += _check_outputs(arguments, inputs)
     refuse(problems)
     settings = {name: value or header.settings.get(name, value) for name, value in shared(arguments).items()}
     settings |= {
@@ -99,8 +99,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
     )
 
 
-def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> Iterator[Diagnostic]:
-    """Yield why the run cannot write its files, which are none of the inputs, or cannot be shown."""
+def _check_outputs(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> Iterator[Diagnostic]:
+    """Yield an error for each output file that cannot be written or is an input, and for a missing display."""
     outputs = {
         "--picture": arguments.picture,
         "--video": arguments.video,
@@ -121,7 +121,7 @@ def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> 
 
 
 def _check_view(view: str, *, is_used: bool) -> None:
-    """Raise a usage error for a view that is none, or that nothing is shown from."""
+    """Raise a usage error for a viewpoint that is invalid or unused."""
     from executive.pictures.scene_picture import is_view  # Pillow is slow to import
 
     if not is_used:
@@ -131,12 +131,12 @@ def _check_view(view: str, *, is_used: bool) -> None:
 
 
 MOST_SETTINGS = 1_000_000
-"""Greatest size of a file of settings [bytes]."""
+"""Maximum size of a file of bindings [bytes]."""
 _NEEDS = "only bundled recipes have a default: this plan"
 
 
 def _bindings(texts: Sequence[str]) -> dict[str, str]:
-    """Return what parameters are set to; ``@FILE`` stands for the lines of a file. Raises a usage error or BadInput."""
+    """Parse ``--set``: parameter -> value; ``@FILE`` stands for its lines. Raises a usage error or BadInput."""
     bindings: dict[str, str] = {}
     for text, span in _settings(texts):
         name, equals, value = (part.strip() for part in text.partition("="))
@@ -152,7 +152,7 @@ def _bindings(texts: Sequence[str]) -> dict[str, str]:
 
 
 def _settings(texts: Sequence[str]) -> Iterator[tuple[str, Span | None]]:
-    """Yield settings one by one, those of files with their place."""
+    """Yield bindings one by one, those of files with their line."""
     for text in texts:
         if not text.startswith("@"):
             yield text, None
@@ -164,7 +164,7 @@ def _settings(texts: Sequence[str]) -> Iterator[tuple[str, Span | None]]:
 
 
 def no_display() -> list[Diagnostic]:
-    """Return an error if no window can be opened: PyBullet would end the process without a word.
+    """Check that a window can be opened: PyBullet would end the process without a message.
 
     On systems other than Linux a display is assumed.
     """
@@ -172,7 +172,7 @@ def no_display() -> list[Diagnostic]:
         return []
     name = os.environ.get("DISPLAY")
     reason = f"the display {name} cannot be opened" if name else "there is no display (DISPLAY is not set)"
-    return [error("C013", f"--gui needs a window, and {reason}", help="--picture scene.png shows the end of a run")]
+    return [error("C013", f"--gui cannot open a window: {reason}", help="--picture scene.png shows the final scene")]
 
 
 def _opens_x_display() -> bool:

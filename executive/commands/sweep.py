@@ -23,7 +23,7 @@ from planlang.outputs import check_outputs
 
 JOB = "executive.commands.swept_world:ended"
 _WALL_PER_CPU = 5.0
-"""Seconds of wall clock that a world has for each of CPU: other programs may use the cores, too."""
+"""Wall-clock limit of a world in multiples of its CPU limit: other programs may use the cores, too."""
 
 
 def swept(
@@ -35,8 +35,8 @@ def swept(
 ) -> list[Row]:
     """Run a sweep, or the rest of it, and return its rows in the order of the worlds. Raises BadInput.
 
-    ``announce`` gets what is to be known before the first world, ``resumed`` the rows of an earlier call, ``told`` each
-    world as it is done.
+    ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``told`` each
+    world when it is done.
     """
     words = [arguments.recipe, *words_of(arguments)]
     seeds = range(arguments.first, arguments.first + arguments.worlds)
@@ -49,7 +49,7 @@ def swept(
         }
         for seed in seeds
     ]
-    options = options_of(parsed(words))  # what is wrong for all worlds is said before the first
+    options = options_of(parsed(words))  # reports what is wrong for all worlds before the first
     _check(arguments, options)
     announce(options.notes)
     return run(
@@ -77,7 +77,7 @@ def _check(arguments: SweepArguments, options: RunOptions) -> None:
 
 
 def _inputs(options: RunOptions) -> Iterator[tuple[str, Path]]:
-    """Yield the files that the runs depend on, by what they are called."""
+    """Yield names and paths of the files that the runs depend on."""
     named = {"recipe": options.recipe, "plan": options.plan, "robot": options.robot, "urdf": options.urdf}
     named["environment"] = options.environment
     yield from ((name, path) for name, path in named.items() if path is not None)
@@ -86,7 +86,7 @@ def _inputs(options: RunOptions) -> Iterator[tuple[str, Path]]:
 
 
 def _about(arguments: SweepArguments, words: Sequence[str], options: RunOptions) -> Mapping[str, Any]:
-    """Return what the rows depend on: the command and its settings, limits, and what is in the files."""
+    """Header of the rows, all that they depend on: the command and its settings, limits, digests of the files."""
     digests = {f"content of {name}": hashlib.sha256(path.read_bytes()).hexdigest() for name, path in _inputs(options)}
     return {
         "arguments": shlex.join(words),
@@ -98,7 +98,7 @@ def _about(arguments: SweepArguments, words: Sequence[str], options: RunOptions)
 
 
 def shard_of(text: str | None) -> tuple[int, int]:
-    """Return (k, n) of "k/n"; raises a usage error."""
+    """Parse "k/n" to (k, n). Raises a usage error."""
     if text is None:
         return 1, 1
     try:
