@@ -1,4 +1,4 @@
-"""``planlang.compile`` and ``planlang.check``: nothing is run, so neither world nor robot is imported."""
+"""``planlang.compile`` and ``planlang.check``, which need neither world nor robot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from planlang.files import Bundled
 def compile(recipe: Source, *, task: str | None = None, **options: Any) -> CompiledPlan:
     """Compile a recipe to a plan in Python, as ``planlang compile`` does.
 
-    ``recipe`` is the name of a bundled recipe, a path, or the text of a recipe; ``task`` chooses one of several. The
+    ``recipe`` is the name of a bundled recipe, a path, or the text of a recipe; ``task`` selects one of several. The
     plan has ``source``, ``graph``, ``diagnostics`` (warnings and notes) and ``save(path)``. Raises BadInput with all
     errors of the recipe.
     """
@@ -35,8 +35,8 @@ def compile(recipe: Source, *, task: str | None = None, **options: Any) -> Compi
 def check(file: Source, **options: Any) -> CheckResult:
     """Check a recipe, a plan, a map or a folder of recipes, as ``planlang check`` does; nothing is run.
 
-    ``file`` is the name of a bundled recipe, a path, or a text. All that is wrong is in the result's ``diagnostics``;
-    ``ok`` is True without errors. Raises BadInput only for a file that cannot be read, or an option that cannot.
+    ``file`` is the name of a bundled recipe, a path, or a text. The result has all ``diagnostics``; ``ok`` is True
+    without errors. Raises BadInput only if the file cannot be read, or an option is invalid.
     """
     with file_of(file) as named, in_python(CheckArguments):
         path = named.path or ""

@@ -1,4 +1,4 @@
-"""``planlang.simulate``, ``planlang.locate`` and ``planlang.sweep``: they load a robot into a simulated world."""
+"""``planlang.simulate``, ``planlang.locate`` and ``planlang.sweep``, which put a robot into a simulated world."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from executive.runs.options import Outcome, RunResult
 from executive.runs.plan_run import run_plan_file
 
 Name = str | os.PathLike[str]
-"""The name of a bundled robot or environment, or the path of a file."""
+"""Name of a bundled robot or environment, or path of a file."""
 Maps = Name | Sequence[Name]
-"""An environment, or several: further ones add things to the first."""
+"""One or more environments; further ones add things to the first."""
 Bindings = Mapping[str, object] | Sequence[str]
-"""Parameters of a plan -> things of the map, phrases or numbers; or texts ``NAME=THING``, ``@FILE``."""
+"""Parameters of a plan -> things of the map, phrases or numbers; or strings ``NAME=THING``, ``@FILE``."""
 Start = str | Sequence[float]
-"""A pose of the base (x, y, yaw) [m, m, rad], or its text."""
+"""Pose of the base (x, y, yaw) [m, m, rad], or a string "x,y,yaw"."""
 
 
 @with_options_of(RunArguments)
@@ -44,17 +44,17 @@ def simulate(
 
     ``recipe`` is the name of a bundled recipe, a path, the text of a recipe or plan, or what :func:`compile` returned.
     ``robot`` and ``environment`` are names of bundled ones or paths; a bundled recipe has defaults. ``seed`` displaces
-    things in the world, 0 does not; ``set`` binds parameters, such as ``{"bottle": "bottle2"}``; ``start`` is the
-    pose of the base (x, y, yaw) [m, m, rad].
+    things in the world, 0 displaces nothing; ``set`` binds parameters, such as ``{"bottle": "bottle2"}``; ``start`` is
+    the start pose of the base (x, y, yaw) [m, m, rad].
 
-    A plan that fails is a result, with ``outcome``, ``failure``, ``final_state``, ``trace``, ``report(path)`` and
-    ``picture(path)``. Raises BadInput for what cannot be used, KeyboardInterrupt if the run is interrupted.
+    A failed plan is a result, too. It has ``outcome``, ``failure``, ``final_state``, ``trace``, ``report(path)`` and
+    ``picture(path)``. Raises BadInput for invalid input, KeyboardInterrupt if the run is interrupted.
     """
     check_memory()
     own = _situation(robot, environment, set, start) | {"seed": seed}
     with file_of(recipe) as file, in_python(RunArguments):
         result = run_plan_file(run_command.options_of(arguments_of(RunArguments, own | {"file": file.path}, options)))
-    if result.outcome is Outcome.INTERRUPTED:  # a loop over many runs ends, too
+    if result.outcome is Outcome.INTERRUPTED:  # so that a loop over many runs ends, too
         raise KeyboardInterrupt
     failure = result.failure
     if failure is not None and failure.advice is not None:
@@ -77,8 +77,8 @@ def locate(
     """Find poses that match a phrase, for the robot's base or for a thing, as ``planlang locate`` does.
 
     ``phrase`` is plain English: "in reach of the bottle and near the bed"; ``of`` names the thing for which poses are
-    searched. The result is the sequence of its poses, at most ``count``, best first, with ``counts`` of why others were
-    rejected and ``picture(path)``. Raises BadInput for what cannot be understood or used.
+    searched. The result is the sequence of its poses, at most ``count``, best first, with ``counts`` of the reasons for
+    rejection and ``picture(path)``. Raises BadInput for invalid input.
     """
     check_memory()
     own = _situation(robot, environment, None, start) | {"phrase": phrase, "of": of, "count": count}
@@ -105,10 +105,10 @@ def sweep(
 ) -> list[dict[str, Any]]:
     """Run a recipe or plan in many worlds, as ``planlang sweep`` does; return a row for each, for ``pandas.DataFrame``.
 
-    The worlds are those of :func:`simulate` with the seeds from ``first`` on, on all cores. A row has ``world`` (the
-    seed), ``outcome`` ("done", "failed", "lacks a capability", "crashed"), ``failure`` (class of the failure, then of
-    its causes), ``message``, ``duration`` [s of plan time], ``final_state``, ``largest_tilts`` [degrees] and
-    ``repeat``, the command that repeats this world. Raises BadInput for what cannot be used.
+    The worlds are those of :func:`simulate` with the seeds from ``first`` on, run on all cores. A row has ``world``
+    (the seed), ``outcome`` ("done", "failed", "lacks a capability", "crashed"), ``failure`` (class of the failure, then
+    of its causes), ``message``, ``duration`` [s of plan time], ``final_state``, ``largest_tilts`` [degrees] and
+    ``repeat``, the command that repeats this world. Raises BadInput for invalid input.
     """
     own = _situation(robot, environment, set, start) | {"worlds": worlds, "first": first}
     with file_of(recipe) as file, in_python(SweepArguments):
@@ -118,7 +118,7 @@ def sweep(
 def _situation(
     robot: Name | None, environment: Maps | None, set: Bindings | None, start: Start | None
 ) -> dict[str, Any]:
-    """Return options as the command line has them, from what Python has for them."""
+    """Options of a situation, as the command line has them."""
     texts = [f"{name}={value}" for name, value in set.items()] if isinstance(set, Mapping) else set
     pose = start if start is None or isinstance(start, str) else ",".join(map(str, start))
     return {"robot": robot, "environment": environment, "set": texts, "start": pose}
