@@ -1,6 +1,6 @@
-"""A process module: what the robot does for a class of actions. ``--modules template_name.py`` adds it to a run.
+"""A process module: how the robot performs a class of actions. ``--modules template_name.py`` adds it to a run.
 
-A recipe whose step is below ``Whistling`` can be run with it: declare the class there, below a class of the vocabulary.
+A recipe with a step of class ``Whistling`` needs it; declare that class there, as a subclass of a known class.
 """
 
 from planlang import process_module, sleep
@@ -8,12 +8,12 @@ from planlang.failures import ManipulationFailure
 
 
 class OutOfBreath(ManipulationFailure):
-    """Plans can recover from failures of your own as from those of planlang."""
+    """A failure of your own; plans recover from it as from those of planlang."""
 
 
 @process_module
 class Whistling:
-    """Takes two seconds, and needs nothing of the robot."""
+    """Takes two seconds, and uses no part of the robot."""
 
     name = "template_name"
     actions = ("Whistling",)
@@ -23,10 +23,10 @@ class Whistling:
         self.platform = platform
 
     def resources(self, action):
-        """Name what is used: two actions that use the same arm wait for each other."""
+        """Names of the parts it uses, such as arms; actions that use the same part wait for each other."""
         return ()
 
     async def execute(self, action):
-        """Do it; plan time passes in ``sleep`` and in motions of ``self.platform`` only."""
+        """Perform the action; plan time passes only in ``sleep`` and in motions of ``self.platform``."""
         await sleep(2.0)
         return "whistled"
