@@ -124,7 +124,7 @@ def silent(_: object) -> None:
     """Print nothing, in place of :func:`say`."""
 
 
-def tell_of(arguments: Arguments) -> Callable[[str], None]:
+def printer_of(arguments: Arguments) -> Callable[[str], None]:
     """Function that prints a line about what the command does; prints nothing with ``--json`` or ``--quiet``."""
     return silent if arguments.is_silent else say
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from executive.cli.console import progress_of, show, silent, tell_of
+from executive.cli.console import progress_of, show, silent, printer_of
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import RunArguments
 from executive.commands.run import options_of
@@ -20,7 +20,7 @@ def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answe
     options = replace(
         options_of(arguments),
         recipes=recipes,
-        progress=silent if arguments.watch_tree else tell_of(arguments),
+        progress=silent if arguments.watch_tree else printer_of(arguments),
         long_work=unreported if arguments.watch_tree else progress_of(arguments),
         announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )

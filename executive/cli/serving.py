@@ -7,7 +7,7 @@ from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.cli.console import show, tell_of
+from executive.cli.console import show, printer_of
 from executive.cli.server_arguments import ServeArguments
 from executive.commands.answers import Answer, ExitCode
 from executive.processes.calls import Limits
@@ -46,7 +46,7 @@ def command(arguments: ServeArguments) -> Answer:
 def _serve(store: Store, arguments: ServeArguments) -> Answer:
     folders = arguments.folders
     access_log = None if arguments.access_log is None else _open_log(arguments.access_log)
-    tell = tell_of(arguments)
+    say = printer_of(arguments)
     with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
         staff.start()  # in parallel to building the index
         app = application(store, staff, rates=Rates(arguments.rate), access=access_log)
@@ -54,9 +54,7 @@ def _serve(store: Store, arguments: ServeArguments) -> Answer:
         show(serving.vocabulary.diagnostics, arguments.detail)
         with closing(serving):
             staff.wait()
-            address = run(
-                app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
-            )
+            address = run(app, arguments.host, arguments.port, lambda url: say(f"{arguments.store} is served at {url}"))
     if access_log is not None:
         access_log.close()
     return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})

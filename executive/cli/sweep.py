@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from executive.cli.console import progress_of, say, show, silent, tell_of
+from executive.cli.console import progress_of, say, show, silent, printer_of
 from executive.cli.progress import PROGRESS
 from executive.cli.sweep_table import counted, exit_code, write_csv
 from executive.commands.answers import Answer, ExitCode
@@ -22,11 +22,11 @@ def command(arguments: SweepArguments) -> Answer:
     """Run the sweep, or the rest of it. Raises BadInput as the run of one world does."""
     rows: dict[Any, Row] = {}
     total = len(_seeds(arguments, *shard_of(arguments.shard)))
-    progress = Counts(total, tell_of(arguments), progress_of(arguments))
+    progress = Counts(total, printer_of(arguments), progress_of(arguments))
 
-    def told(done: Done) -> None:
+    def finished(done: Done) -> None:
         rows[done.row["world"]] = done.row
-        progress.told(done)
+        progress.count(done)
 
     def resumed(found: Sequence[Row]) -> None:
         rows.update((row["world"], row) for row in found)
@@ -34,7 +34,7 @@ def command(arguments: SweepArguments) -> Answer:
 
     announce = silent if arguments.json else partial(show, detail=arguments.detail)
     try:
-        found = swept(arguments, announce=announce, told=told, resumed=resumed)
+        found = swept(arguments, announce=announce, finished=finished, resumed=resumed)
     except KeyboardInterrupt:
         PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]
@@ -58,9 +58,9 @@ def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:
 class Counts:
     """Counts worlds, and reports how fast they are done."""
 
-    def __init__(self, total: int, tell: Callable[[str], None], report: Report) -> None:
-        """Start the clock; ``tell`` prints a line, ``report`` shows progress."""
-        self._total, self._tell, self._report = total, tell, report
+    def __init__(self, total: int, say: Callable[[str], None], report: Report) -> None:
+        """Start the clock; ``say`` prints a line, ``report`` shows progress."""
+        self._total, self._say, self._report = total, say, report
         self._before = self._done = self._reached = self._crashed = 0
         self._began, self._seconds = time.monotonic(), 0.0
 
@@ -70,11 +70,11 @@ class Counts:
         for row in rows:
             self._count(row)
         if rows:
-            self._tell(f"{len(rows)} of {self._total} worlds were done before")
+            self._say(f"{len(rows)} of {self._total} worlds were done before")
         self._began = time.monotonic()
         self._report(f"{self._done} of {self._total} worlds", self._done / self._total)
 
-    def told(self, done: Done) -> None:
+    def count(self, done: Done) -> None:
         """Count a world."""
         self._count(done.row)
         self._seconds += done.seconds

@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 import typer
 
-from executive.cli.console import say, tell_of
+from executive.cli.console import say, printer_of
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
 from executive.commands.answers import Answer
@@ -32,7 +32,6 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
     if arguments.stop:
         return _unsubscribe(client, arguments.uids or ())
     kept: deque[News] = deque(maxlen=MOST_KEPT)
-    tell = tell_of(arguments)
     try:
         for uid in arguments.uids or ():
             client.subscribe(uid)
@@ -40,7 +39,7 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
         if after is None:
             after = _last(client)
         watched = client.subscriptions()
-        tell(f"watching {', '.join(watched)}" if watched else "you have no subscriptions")
+        printer_of(arguments)(f"watching {', '.join(watched)}" if watched else "you have no subscriptions")
         for news in _followed(client, after, arguments):
             kept.append(news)
             if not arguments.json:

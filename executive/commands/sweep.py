@@ -30,13 +30,13 @@ def swept(
     arguments: SweepArguments,
     *,
     announce: Callable[[Sequence[Diagnostic]], object] = lambda found: None,
-    told: Callable[[Done], object] = lambda done: None,
+    finished: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
 ) -> list[Row]:
     """Run a sweep, or the rest of it, and return its rows in the order of the worlds. Raises BadInput.
 
-    ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``told`` each
-    world when it is done.
+    ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``finished`` each
+    world that is done.
     """
     words = [arguments.recipe, *words_of(arguments)]
     seeds = range(arguments.first, arguments.first + arguments.worlds)
@@ -60,7 +60,7 @@ def swept(
         out=arguments.out,
         about=_about(arguments, words, options),
         shard=shard_of(arguments.shard),
-        told=told,
+        told=finished,
         resumed=resumed,
     )
 

@@ -60,7 +60,7 @@ def sweep(out: Path, worlds: int, processes: int, shard: str) -> Measured:
     arguments = SweepArguments(recipe=RECIPE, worlds=worlds, out=out, processes=processes, shard=shard, json=True)
     done: list[Done] = []
     began, cpu = time.monotonic(), time.process_time()
-    number = len(swept(arguments, told=done.append))
+    number = len(swept(arguments, finished=done.append))
     return Measured(
         sum(one.seconds for one in done) / number,
         (time.process_time() - cpu) / number,

@@ -135,7 +135,7 @@ def test_progress_tells_the_rate_and_the_share_that_is_done(monkeypatch: pytest.
     counts = Counts(103, lines.append, lambda *report: lines.append(report))
     counts.resumed([{"world": 1, "outcome": "done"}])
     for outcome in ("done", "crashed"):
-        counts.told(Done({"outcome": outcome}, 0.6))
+        counts.count(Done({"outcome": outcome}, 0.6))
     assert lines == [
         "1 of 103 worlds were done before",
         ("1 of 103 worlds", 1 / 103),
