@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from executive.cli.console import progress_of, show, silent, printer_of
+from executive.cli.console import printer_of, progress_of, show, silent
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import RunArguments
 from executive.commands.run import options_of

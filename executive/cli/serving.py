@@ -7,7 +7,7 @@ from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.cli.console import show, printer_of
+from executive.cli.console import printer_of, show
 from executive.cli.server_arguments import ServeArguments
 from executive.commands.answers import Answer, ExitCode
 from executive.processes.calls import Limits

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-from executive.cli.console import progress_of, say, show, silent, printer_of
+from executive.cli.console import printer_of, progress_of, say, show, silent
 from executive.cli.progress import PROGRESS
 from executive.cli.sweep_table import counted, exit_code, write_csv
 from executive.commands.answers import Answer, ExitCode

@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 import typer
 
-from executive.cli.console import say, printer_of
+from executive.cli.console import printer_of, say
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
 from executive.commands.answers import Answer
