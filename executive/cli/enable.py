@@ -64,8 +64,8 @@ def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanat
     if explanation.combination.unmet:
         lines += explanation.verdict()
         return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
-    taken = explanation.taken() if not arguments.dry else ()
-    written = enabling.stock.folder.take(taken, enabling.stock.shelf)
+    entries = explanation.taken() if not arguments.dry else ()
+    written = enabling.stock.folder.take(entries, enabling.stock.shelf)
     warned = tuple(a_program(file, enabling.url) for file in written if file.suffix.lower() == ".py")
     lines += [f"wrote {file}" for file in written]
     return explanation, Answer(ExitCode.DONE, warned, "\n".join(lines), {**data, "written": [*map(str, written)]})

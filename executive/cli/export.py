@@ -31,7 +31,7 @@ NAMESPACE = "http://planlang.org/experience/"
 def command(arguments: ExportArguments) -> Answer:
     """Export a trace; raises BadInput."""
     began, folder, trace = _began(arguments.began), arguments.output, arguments.trace
-    records, digest, found = _read(trace)
+    records, digest, diagnostics = _read(trace)
     try:
         experience = experience_of(records)
     except DamagedTrace as damage:
@@ -47,7 +47,7 @@ def command(arguments: ExportArguments) -> Answer:
     first, second = map(str, outputs.values())
     text = f"{first}: {', '.join(_summary(experience))}\n{second}: {len(poses)} poses"
     return Answer(
-        diagnostics=found, text=text, data={"files": [first, second], "poses": len(poses), **_data(experience)}
+        diagnostics=diagnostics, text=text, data={"files": [first, second], "poses": len(poses), **_data(experience)}
     )
 
 

@@ -54,16 +54,16 @@ def command(arguments: ListArguments) -> Answer:
     """List entries of a kind; exit code 1 if none has the word."""
     kind, word = arguments.kind, arguments.word
     entries = _LISTS[kind]()
-    found = [one for one in entries if word is None or one.has(word)]
-    data = {"kind": kind.value, "entries": [one.as_json() for one in found]}
-    if not found:
+    matching = [one for one in entries if word is None or one.has(word)]
+    data = {"kind": kind.value, "entries": [one.as_json() for one in matching]}
+    if not matching:
         advice = guess(word or "", (one.name for one in entries))
         text = (
             f"none of the {len(entries)} {kind.value} has {word!r} in its name or description{advice and '; '}{advice}"
         )
         return Answer(ExitCode.FAILED, text=text.rstrip(), data=data)
     is_tree = kind in (Listed.CLASSES, Listed.FAILURES)
-    lines = tree(entries, {one.id for one in found}) if is_tree else table(found)
+    lines = tree(entries, {one.id for one in matching}) if is_tree else table(matching)
     return Answer(text="\n".join(lines), data=data)
 
 
@@ -98,8 +98,8 @@ def classes() -> list[Entry]:
         if isinstance(triple.object, Literal):
             also.setdefault(str(triple.subject), []).append(triple.object.value)
     named = {iri for iri in ontology.class_names() if ontology.defined(iri)}
-    found = [_class(ontology, iri, named, also.get(iri, ())) for iri in named]
-    return sorted(found, key=lambda one: (one.name.casefold(), one.id))
+    entries = [_class(ontology, iri, named, also.get(iri, ())) for iri in named]
+    return sorted(entries, key=lambda one: (one.name.casefold(), one.id))
 
 
 def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[str]) -> Entry:
@@ -124,7 +124,7 @@ def relations() -> list[Entry]:
 
 def plan_failures() -> list[Entry]:
     """Plan failures in the order of their module, each with its first sentence."""
-    found = [PlanFailure, *(one for one in vars(failures).values() if _is_failure(one))]
+    kinds = [PlanFailure, *(one for one in vars(failures).values() if _is_failure(one))]
     return [
         Entry(
             one.__name__,
@@ -132,7 +132,7 @@ def plan_failures() -> list[Entry]:
             {"below": [above.__name__ for above in one.__bases__ if _is_failure(above) or above is PlanFailure]},
             tuple(above.__name__ for above in one.__bases__),
         )
-        for one in dict.fromkeys(found)
+        for one in dict.fromkeys(kinds)
     ]
 
 
@@ -163,13 +163,13 @@ def table(entries: Sequence[Entry]) -> Iterator[str]:
 
 def tree(entries: Sequence[Entry], matching: Collection[str]) -> Iterator[str]:
     """Yield matching entries with their ancestors and descendants as a tree; ``...`` marks a repeated subtree."""
-    known = {one.id: one for one in entries}
+    by_id = {one.id: one for one in entries}
     below: dict[str, list[Entry]] = {}
     for one in entries:
         for above in one.above:
             below.setdefault(above, []).append(one)
     shown = {*reached(matching, lambda id: [one.id for one in below.get(id, ())])}
-    shown.update(reached(matching, lambda id: [above for above in known[id].above if above in known]))
+    shown.update(reached(matching, lambda id: [above for above in by_id[id].above if above in by_id]))
     drawn: set[str] = set()
 
     def lines(one: Entry, depth: int) -> Iterator[str]:
@@ -181,5 +181,5 @@ def tree(entries: Sequence[Entry], matching: Collection[str]) -> Iterator[str]:
             yield from lines(other, depth + 1)
 
     for one in entries:
-        if one.id in shown and not any(above in known for above in one.above):
+        if one.id in shown and not any(above in by_id for above in one.above):
             yield from lines(one, 0)

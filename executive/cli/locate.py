@@ -15,10 +15,10 @@ from executive.runs.locating import locate
 def command(arguments: LocateArguments) -> Answer:
     """Find poses; raises BadInput for what cannot be understood or used."""
     options = options_of(arguments)
-    found = locate(replace(options, long_work=progress_of(arguments), waiting=partial(waiting, arguments)))
-    data = found.as_json()
-    if arguments.explain is not None and found.sheet is not None:
-        data["picture"] = str(found.picture(arguments.explain, force=True))
-    code = ExitCode.DONE if found.poses else ExitCode.FAILED
-    code = ExitCode.MISSING_CAPABILITY if found.lacks_capability else code
-    return Answer(code, found.diagnostics, str(found), data)
+    located = locate(replace(options, long_work=progress_of(arguments), waiting=partial(waiting, arguments)))
+    data = located.as_json()
+    if arguments.explain is not None and located.sheet is not None:
+        data["picture"] = str(located.picture(arguments.explain, force=True))
+    code = ExitCode.DONE if located.poses else ExitCode.FAILED
+    code = ExitCode.MISSING_CAPABILITY if located.lacks_capability else code
+    return Answer(code, located.diagnostics, str(located), data)

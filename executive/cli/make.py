@@ -36,5 +36,5 @@ def command(arguments: MakeArguments) -> Answer:
     if output is not None:
         write_text(output, text)
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
-    found = (*draft.diagnostics(), *robot.diagnostics)
-    return Answer(diagnostics=found, text=text if output is None else f"{output}: {robot.name}", data=data)
+    diagnostics = (*draft.diagnostics(), *robot.diagnostics)
+    return Answer(diagnostics=diagnostics, text=text if output is None else f"{output}: {robot.name}", data=data)

@@ -34,29 +34,31 @@ def command(arguments: MatchArguments) -> Answer:
     assert robot is not None
     folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
     ontology = load(file.path, folders=folders)
-    found: list[Diagnostic] = []
-    task = _task(ontology, arguments.task, semantics, found)
-    performed = performed_by(arguments.modules or (), found)
-    possessions = possessions_in(robot, arguments.urdf, folders, found)
+    diagnostics: list[Diagnostic] = []
+    task = _task(ontology, arguments.task, semantics, diagnostics)
+    performed = performed_by(arguments.modules or (), diagnostics)
+    possessions = possessions_in(robot, arguments.urdf, folders, diagnostics)
     matched = match(ontology, task, possessions, semantics, performed)
-    code = ExitCode.BAD_INPUT if has_errors(found) else EXIT_CODES[matched.feasible]
-    return Answer(code, tuple(found), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()})
+    code = ExitCode.BAD_INPUT if has_errors(diagnostics) else EXIT_CODES[matched.feasible]
+    return Answer(
+        code, tuple(diagnostics), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()}
+    )
 
 
-def _task(ontology: Ontology, name: str | None, semantics: Semantics, found: list[Diagnostic]) -> RecipeSet | str:
+def _task(ontology: Ontology, name: str | None, semantics: Semantics, diagnostics: list[Diagnostic]) -> RecipeSet | str:
     """Recipe of the task; for an action class without one, and with the original semantics, its IRI."""
     actions, span = Actions(ontology), Span(str(ontology.documents[0].path))
     if semantics is Semantics.ORIGINAL:
-        found += ontology.diagnostics
+        diagnostics += ontology.diagnostics
         return choose_task(actions) if name is None else _action(actions, name, span)
     reading = read_recipe(actions, name)
     if reading.recipes is not None:
-        found += reading.diagnostics
+        diagnostics += reading.diagnostics
         return reading.recipes
     others = [one for one in reading.diagnostics if one.code != "R004"]
     if name is None or has_errors(others):
         raise BadInput(reading.diagnostics)
-    found += others
+    diagnostics += others
     return _action(reading.actions, name, span)
 
 
@@ -66,8 +68,10 @@ def _action(actions: Actions, name: str, span: Span) -> str:
     return iri if actions.ontology.is_a(iri, expand("knowrob:Event")) else choose_task(actions, name)
 
 
-def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
-    """What a robot has, from its self-model alone if there is no URDF; appends notes to ``found``. Raises BadInput."""
+def possessions_in(
+    robot: Path, urdf: Path | None, folders: Sequence[Path], diagnostics: list[Diagnostic]
+) -> Possessions:
+    """What a robot has, from its self-model alone without a URDF; appends to ``diagnostics``. Raises BadInput."""
     try:
         bound = bind_robot(robot, urdf=urdf, folders=folders)
     except BadInput as problem:
@@ -75,7 +79,9 @@ def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], foun
             raise
         model = read_self_model(load(robot, folders=folders))
         advice = "with --urdf FILE, its claims are compared with its arms and grippers"
-        found.append(note("B008", f"{model.name} has no URDF: compared by its self-model alone", model.span, advice))
+        diagnostics.append(
+            note("B008", f"{model.name} has no URDF: compared by its self-model alone", model.span, advice)
+        )
         return Possessions(model.name, parts_of(model), claims_of(model), model)
-    found += bound.diagnostics
+    diagnostics += bound.diagnostics
     return possessions_of(bound)

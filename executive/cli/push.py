@@ -39,15 +39,17 @@ def command(arguments: PushArguments) -> Answer:
 
     def work(client: Client) -> Answer:
         try:
-            taken = _upload(client, kind, arguments, data)
+            uploaded = _upload(client, kind, arguments, data)
         except RefusedByChecks as problem:
             raise RefusedByChecks(
                 problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
             ) from None
-        entry, sent = _attach(client, taken.entry, attached)
+        entry, sent = _attach(client, uploaded.entry, attached)
         lines = [f"{entry.uid}: revision {entry.revision.number}", *(f"attached {name}" for name in sent)]
         data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
-        return Answer(diagnostics=_placed(taken.diagnostics, arguments.name, path), text="\n".join(lines), data=data_)
+        return Answer(
+            diagnostics=_placed(uploaded.diagnostics, arguments.name, path), text="\n".join(lines), data=data_
+        )
 
     return ask(arguments, work)
 
@@ -67,23 +69,23 @@ def _find(client: Client, kind: Kind, name: str) -> Entry:
     if "." in name:
         return client.entry(name, kind)
     second = "".join(name.split()).lower()
-    found = [entry for entry in client.entries(kind) if entry.uid.partition(".")[2] == second]
-    if len(found) == 1:
-        return found[0]
-    if not found:
+    entries = [entry for entry in client.entries(kind) if entry.uid.partition(".")[2] == second]
+    if len(entries) == 1:
+        return entries[0]
+    if not entries:
         advice = "leave out --update to make a new entry"
         raise BadInput([error("K039", f"there is no {kind.word} named {name} to update", help=advice)])
-    advice = f"--name {' or '.join(entry.uid for entry in found[:5])}"
-    raise BadInput([error("K039", f"{len(found)} entries have the name {name}", help=advice)])
+    advice = f"--name {' or '.join(entry.uid for entry in entries[:5])}"
+    raise BadInput([error("K039", f"{len(entries)} entries have the name {name}", help=advice)])
 
 
 def _attach(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entry, list[str]]:
     """Attach files that the entry does not have yet; returns the changed entry, and their names."""
-    known = {one.name: one.sha256 for one in entry.attachments}
+    digests = {one.name: one.sha256 for one in entry.attachments}
     sent = []
     for path in paths:
         data = read_file(path)
-        if known.get(path.name) != sha256(data).hexdigest():
+        if digests.get(path.name) != sha256(data).hexdigest():
             media_type = guess_type(path.name)[0] or "application/octet-stream"
             entry = client.attach(entry.uid, path.name, media_type, data)
             sent.append(path.name)

@@ -21,14 +21,14 @@ WIDTH = 56
 def command(arguments: ReplayArguments) -> Answer:
     """Replay a trace; raises BadInput."""
     recorded, header = read_trace(arguments.trace)
-    found = read(arguments.file or header.plan(str(arguments.trace)))
+    file = read(arguments.file or header.plan(str(arguments.trace)))
     problems: list[Diagnostic] = []
     check_files(problems, modules=arguments.modules)
-    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
+    check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     refuse(problems)
     options = RunOptions(
-        plan=found.path if isinstance(found, PlanFile) else None,
-        recipe=found.path if isinstance(found, RecipeFile) else None,
+        plan=file.path if isinstance(file, PlanFile) else None,
+        recipe=file.path if isinstance(file, RecipeFile) else None,
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
@@ -46,17 +46,17 @@ def command(arguments: ReplayArguments) -> Answer:
 
 def _side_by_side(name: str, difference: Different) -> Iterator[str]:
     where = "after the last line" if difference.line is None else f"line {difference.line}"
-    recorded, found = _texts(difference.recorded), _texts(difference.found)
+    recorded, now = _texts(difference.recorded), _texts(difference.found)
     yield f"{name}: {where} is not repeated"
     if not recorded or not isinstance(difference.found, Mapping):
         yield from (f"  recorded  {key} {value}" for key, value in recorded.items())
         yield f"  found     {difference.found}"
         return
-    keys = list(dict.fromkeys((*recorded, *found)))
+    keys = list(dict.fromkeys((*recorded, *now)))
     wide = max(map(len, keys))
     yield f"    {'':{wide}}  {'recorded':{WIDTH}}  found"
     for key in keys:
-        one, other = recorded.get(key, ""), found.get(key, "")
+        one, other = recorded.get(key, ""), now.get(key, "")
         mark = " " if one == other else "*"
         yield f"  {mark} {key:{wide}}  {_end(one):{WIDTH}}  {_end(other)}".rstrip()
 

@@ -71,8 +71,8 @@ def _keep_fuller_page(output: Path, model: Mapping[str, Any], missing: Sequence[
 def _model_in(file: Path) -> Mapping[str, Any]:
     """Model in an existing page; empty if the file has none."""
     with suppress(OSError, ValueError):
-        found = _MODEL.search(file.read_text(encoding="utf-8")) if file.is_file() else None
-        model = json.loads(found[1]) if found is not None else None
+        match = _MODEL.search(file.read_text(encoding="utf-8")) if file.is_file() else None
+        model = json.loads(match[1]) if match is not None else None
         return model if isinstance(model, dict) else {}
     return {}
 
@@ -118,8 +118,8 @@ def _context(arguments: ReportArguments, header: Mapping[str, Any]) -> Context:
     """Plan and recipe of a run that is not repeated, if they are found and match the trace."""
     named = arguments.file or header.get("plan")
     with suppress(BadInput):
-        found = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
-        is_recipe = isinstance(found, RecipeFile)
-        plan, recipe = (None, found.path) if is_recipe else (found.path, None)
+        source = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
+        is_recipe = isinstance(source, RecipeFile)
+        plan, recipe = (None, source.path) if is_recipe else (source.path, None)
         return context_of(plan, None, recipe, frozenset(), arguments.folders, of=header)
     return Context()

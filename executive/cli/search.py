@@ -22,7 +22,7 @@ def command(arguments: SearchArguments) -> Answer:
     kind = kind_of(arguments.kind)
 
     def work(client: Client) -> Answer:
-        found = client.search(
+        entries = client.search(
             expression=arguments.expression,
             label=arguments.label,
             kind=kind.value if kind else None,
@@ -35,7 +35,7 @@ def command(arguments: SearchArguments) -> Answer:
             robot=robot,
             most=arguments.limit + 1,
         )
-        listed = list(islice(found, arguments.limit + 1))
+        listed = list(islice(entries, arguments.limit + 1))
         return _answer(listed[: arguments.limit], arguments.limit, is_all=len(listed) <= arguments.limit)
 
     return ask(arguments, work)
@@ -58,20 +58,20 @@ def self_model_of(name: str) -> str:
     return decode(read_file(path, largest=LARGEST), str(path))
 
 
-def _answer(found: list[Found], limit: int, *, is_all: bool) -> Answer:
-    data = {"entries": [{**asdict(one.entry), "etag": one.entry.etag, **_ability(one)} for one in found]}
-    counted = f"{len(found)} {'entry' if len(found) == 1 else 'entries'}"
+def _answer(entries: list[Found], limit: int, *, is_all: bool) -> Answer:
+    data = {"entries": [{**asdict(one.entry), "etag": one.entry.etag, **_ability(one)} for one in entries]}
+    counted = f"{len(entries)} {'entry' if len(entries) == 1 else 'entries'}"
     last = counted if is_all else f"the first {counted}; --limit {10 * limit} lists more"
-    return Answer(text="\n".join((*_lines(found), last)), data=data)
+    return Answer(text="\n".join((*_lines(entries), last)), data=data)
 
 
 def _ability(one: Found) -> dict[str, object]:
     return {} if one.can is None else {"can": one.can, "missing": [asdict(lack) for lack in one.missing]}
 
 
-def _lines(found: list[Found]) -> Iterator[str]:
-    wide = max((len(one.entry.uid) for one in found), default=0)
-    for one in found:
+def _lines(entries: list[Found]) -> Iterator[str]:
+    wide = max((len(one.entry.uid) for one in entries), default=0)
+    for one in entries:
         entry = one.entry
         can = "" if one.can is None else f"{one.can:7}  "
         rated = "" if entry.rating is None else f", rated {entry.rating:.1f} by {entry.ratings}"

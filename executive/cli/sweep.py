@@ -28,21 +28,21 @@ def command(arguments: SweepArguments) -> Answer:
         rows[done.row["world"]] = done.row
         progress.count(done)
 
-    def resumed(found: Sequence[Row]) -> None:
-        rows.update((row["world"], row) for row in found)
-        progress.resumed(found)
+    def resumed(all_rows: Sequence[Row]) -> None:
+        rows.update((row["world"], row) for row in all_rows)
+        progress.resumed(all_rows)
 
     announce = silent if arguments.json else partial(show, detail=arguments.detail)
     try:
-        found = swept(arguments, announce=announce, finished=finished, resumed=resumed)
+        all_rows = swept(arguments, announce=announce, finished=finished, resumed=resumed)
     except KeyboardInterrupt:
         PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]
         say(_how_to_go_on(arguments, len(done), total))
         return counted(done, total, ExitCode.INTERRUPTED)
     if arguments.csv is not None:
-        write_csv(arguments.csv, found)
-    return counted(found, total, exit_code(found, total))
+        write_csv(arguments.csv, all_rows)
+    return counted(all_rows, total, exit_code(all_rows, total))
 
 
 def _seeds(arguments: SweepArguments, part: int, parts: int) -> range:

@@ -45,7 +45,7 @@ def _incomplete(sweep: Sweep) -> list[Diagnostic]:
     return [warning("C033", message, help="planlang sweep runs them if --out names the file of their shard")]
 
 
-def counted(rows: Sequence[Row], total: int, code: ExitCode, found: Sequence[Diagnostic] = ()) -> Answer:
+def counted(rows: Sequence[Row], total: int, code: ExitCode, diagnostics: Sequence[Diagnostic] = ()) -> Answer:
     """Answer with the table of the rows, of ``total`` worlds."""
     data = {
         "worlds": total,
@@ -53,7 +53,7 @@ def counted(rows: Sequence[Row], total: int, code: ExitCode, found: Sequence[Dia
         "causes": [asdict(one) for one in causes(rows)],
         "rows": list(rows),
     }
-    return Answer(code, tuple(found), table(rows, total), data)
+    return Answer(code, tuple(diagnostics), table(rows, total), data)
 
 
 def exit_code(rows: Sequence[Row], total: int) -> ExitCode:

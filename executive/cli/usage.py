@@ -28,8 +28,8 @@ def explain(problem: Any) -> tuple[str, str, str]:
 
 def guessed_value(message: str) -> str:
     """Guess which value of an option was meant; "" if none is similar."""
-    found = _CHOICE.search(message)
-    return guess(found[1], re.findall(r"'([^']*)'", found[2])).strip() if found is not None else ""
+    match = _CHOICE.search(message)
+    return guess(match[1], re.findall(r"'([^']*)'", match[2])).strip() if match is not None else ""
 
 
 def _lowered(text: str) -> str:

@@ -41,34 +41,34 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
         from executive.commands.recipe_table import check_folder
 
         return check_folder(Path(arguments.file), arguments.folders, report)
-    found = read(arguments.file)
-    if isinstance(found, RecipeFile):
+    file = read(arguments.file)
+    if isinstance(file, RecipeFile):
         if not arguments.reason:
-            return _recipe_or_map(found, arguments)
+            return _recipe_or_map(file, arguments)
         from executive.commands.reasoned import reasoned  # on request
 
-        return reasoned(found.path, arguments, lambda: _recipe_or_map(found, arguments), waiting)
-    fresh = freshness(found, folders=arguments.folders)
-    diagnostics = (*fresh.diagnostics, *misspelt_roles(found))
+        return reasoned(file.path, arguments, lambda: _recipe_or_map(file, arguments), waiting)
+    fresh = freshness(file, folders=arguments.folders)
+    diagnostics = (*fresh.diagnostics, *misspelt_roles(file))
     code = ExitCode.BAD_INPUT if has_errors(diagnostics) else ExitCode.DONE
-    text = "\n".join(filter(None, (f"{found.path}: {fresh.state}", fresh.edits, fresh.difference)))
+    text = "\n".join(filter(None, (f"{file.path}: {fresh.state}", fresh.edits, fresh.difference)))
     data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
     return Answer(code, diagnostics, text, data)
 
 
-def _recipe_or_map(found: RecipeFile, arguments: CheckArguments) -> Answer:
+def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     """Check a recipe or a map. Raises BadInput."""
     problems: list[Diagnostic] = []
     performed = performed_by_modules(arguments.modules, problems, trust=arguments.trust)
     try:
-        plan = compile_recipe(found.path, task=arguments.task, folders=arguments.folders, performed=performed)
+        plan = compile_recipe(recipe.path, task=arguments.task, folders=arguments.folders, performed=performed)
     except BadInput as problem:
         if arguments.task is not None or not _lacks_task(problem):
             raise
         from executive.commands.map_check import check_map  # most files are recipes
 
-        return check_map(found.path, arguments.folders, problem)
-    text = f"{found.path}: {plan.task} compiles"
+        return check_map(recipe.path, arguments.folders, problem)
+    text = f"{recipe.path}: {plan.task} compiles"
     diagnostics = (*plan.diagnostics, *problems)
     code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE
     return Answer(code, diagnostics, text, {"kind": "recipe", "task": plan.task})
@@ -107,8 +107,8 @@ def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     from executive.runs.fixing import fixed as fixed_recipe  # slow, and most recipes are only checked
 
     fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
-    found: list[Diagnostic] = []
-    performed = performed_by_modules(arguments.modules, found, trust=arguments.trust)
+    module_problems: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, module_problems, trust=arguments.trust)
     checked = recipe.path
     if fixed.done:
         _write(target, fixed, is_named=output is not None)
@@ -129,7 +129,7 @@ def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
     code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
-    return Answer(code, (*remaining, *found, *_not_applied(fixed, checked)), "".join(lines), data)
+    return Answer(code, (*remaining, *module_problems, *_not_applied(fixed, checked)), "".join(lines), data)
 
 
 def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
@@ -146,16 +146,18 @@ def _not_applied(fixed: Fixed, checked: Path) -> list[Diagnostic]:
     def where(one: Fix) -> Span | None:
         return one.span._replace(file=str(checked)) if one.span else None
 
-    found = [
+    diagnostics = [
         note("C016", f"uncertain, not applied: {_line(one)}", where(one), f"--accept {one.code} applies it")
         for one in fixed.unaccepted
     ]
-    found += [
+    diagnostics += [
         note("C016", f"not applied: {_line(one)}; {why}", where(one), "make the change by hand")
         for one, why in fixed.impossible
     ]
-    found += [warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused]
-    return found
+    diagnostics += [
+        warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused
+    ]
+    return diagnostics
 
 
 def _line(one: Fix) -> str:
@@ -198,34 +200,34 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
         message = f"the recipe {origin.recipe} was not found: whether it has changed is unknown"
         return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
     is_same = origin.matches(recipe.read_bytes())
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     if not is_same:
         how = "--merge keeps the edits" if origin.is_edited(plan.source) else "compiles the plan again"
         advice = f"planlang compile {recipe} -o {plan.path} {how}"
         message = f"the recipe has changed since this plan was compiled from it: {recipe}"
-        found.append(error("C009", message, span, advice))
+        diagnostics.append(error("C009", message, span, advice))
     fresh, problems = _compiled(recipe, origin, folders)
     if fresh is None:
         state = "compiled from a recipe that no longer compiles" if is_same else "out of date"
-        return Freshness(state, problems if is_same else tuple(found))
+        return Freshness(state, problems if is_same else tuple(diagnostics))
     if fresh == plan.source:
         return Freshness(f"what {recipe.name} compiles to")
     is_edited = origin.is_edited(plan.source)
     if is_same and not is_edited:
         message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
-        found.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
+        diagnostics.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
     if is_edited and origin.digest is not None:
-        found.append(note("C010", "the plan was edited since it was compiled", span))
+        diagnostics.append(note("C010", "the plan was edited since it was compiled", span))
     elif is_same and is_edited:
         message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
-        found.append(note("C010", message, span))
+        diagnostics.append(note("C010", message, span))
     state = "out of date" if not is_same or not is_edited else "an edited plan"
     now, before = f"what {recipe.name} compiles to now", compiled_before(plan.path, plan.source, fresh)
     if before is None or not is_edited:
-        return Freshness(state, tuple(found), _difference(plan.source, fresh, str(plan.path), now))
+        return Freshness(state, tuple(diagnostics), _difference(plan.source, fresh, str(plan.path), now))
     name = f"{plan.path} as compiled"
     edits = _difference(before, plan.source, name, f"{plan.path} as edited")
-    return Freshness(state, tuple(found), _difference(before, fresh, name, now), edits)
+    return Freshness(state, tuple(diagnostics), _difference(before, fresh, name, now), edits)
 
 
 def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:

@@ -31,7 +31,7 @@ def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
         problems += unknown_format(graph)
     refuse(problems)
     before = _merged_header(arguments)
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     excluded = before.options if before is not None else ()
     plan = compile_recipe(
         file.path,
@@ -39,17 +39,17 @@ def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
         folders=arguments.folders,
         scopes=arguments.scopes and NO_SCOPES not in excluded,
         data_flow=arguments.data_flow and NO_DATA_FLOW not in excluded,
-        performed=performed_by_modules(arguments.modules, found, trust=arguments.trust),
+        performed=performed_by_modules(arguments.modules, diagnostics, trust=arguments.trust),
     )
     conflicts: list[int] = []
     if output is not None and arguments.merge and output.is_file():
         conflicts = [*merge_plan(output, plan.source, file.path.name)]
-        found += [_conflict(output, line) for line in conflicts]
+        diagnostics += [_conflict(output, line) for line in conflicts]
     elif output is not None:
         write_versions(output, plan.source, force=force)
     if graph is not None:
         plan.graph.save(graph, force=True)
-    return replace(plan, diagnostics=(*plan.diagnostics, *found)), bool(conflicts)
+    return replace(plan, diagnostics=(*plan.diagnostics, *diagnostics)), bool(conflicts)
 
 
 def _conflict(plan: Path, line: int) -> Diagnostic:

@@ -36,8 +36,8 @@ def chosen(
 
 def environments(given: Sequence[str | None] | None, problems: list[Diagnostic]) -> tuple[Path, ...]:
     """Find the files of environments; appends errors to ``problems``."""
-    found = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
-    return tuple(path for path in found if path is not None)
+    paths = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
+    return tuple(path for path in paths if path is not None)
 
 
 def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
@@ -87,15 +87,15 @@ def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
         return []
     from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT  # slow, and most recipes are not fixed
 
-    listed, found = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}", []
+    listed, errors = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}", []
     for code in (one for one in codes if one not in ACCEPTABLE):
         advice = listed
         if code in SAFE:
             advice = f"fixes of {code} are safe: --fix applies them; {listed}"
         elif code in WITHOUT:
             advice = f"{code} has no fix: {WITHOUT[code]}; {listed}"
-        found.append(error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=advice))
-    return found
+        errors.append(error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=advice))
+    return errors
 
 
 def planar(text: str | None) -> tuple[float, float, float] | None:
@@ -153,11 +153,11 @@ def read(name: str) -> PlanFile | RecipeFile:
 
 def read_recipe_file(name: str) -> RecipeFile:
     """Find a recipe by its name. Raises BadInput for a plan."""
-    found = read(name)
-    if isinstance(found, PlanFile):
+    file = read(name)
+    if isinstance(file, PlanFile):
         advice = f"planlang check {name} checks a plan, planlang run {name} runs it"
-        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(found.path)), advice)])
-    return found
+        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(file.path)), advice)])
+    return file
 
 
 _OWL_START = re.compile(
@@ -189,8 +189,8 @@ def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
         column = getattr(problem, "offset", None) or 1
         reason = getattr(problem, "msg", None) or str(problem)
         advice = "a plan is Python source; a recipe starts with an XML declaration, Prefix: or Ontology:"
-        found = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
-        raise BadInput([found]) from None
+        diagnostic = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
+        raise BadInput([diagnostic]) from None
     if not _imports_planlang(module.body):
         advice = "a plan imports its constructs: from planlang import plan, perform, ..."
         message = "Python source, but not a plan: it does not import planlang"

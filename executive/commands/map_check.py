@@ -23,14 +23,14 @@ def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answe
         if not any(one.severity is Severity.WARNING for one in problem.diagnostics):
             raise no_recipe from None  # nothing in it could have been a place
         raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
-    found = [*ontology.diagnostics, *semantic_map.diagnostics]
-    counts = _counts(scene_of(semantic_map, found))
+    diagnostics = [*ontology.diagnostics, *semantic_map.diagnostics]
+    counts = _counts(scene_of(semantic_map, diagnostics))
     use = f"planlang run RECIPE --environment {path} runs a recipe in it"
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
         use = f"planlang run RECIPE --environment MAP --environment {path} drives around its obstacles"
     text = f"{path}: a map of {_in_words(counts)}\n{use}"
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
-    return Answer(diagnostics=tuple(found), text=text, data=data)
+    return Answer(diagnostics=tuple(diagnostics), text=text, data=data)
 
 
 def contents_in_words(ontology: Ontology) -> str | None:

@@ -12,10 +12,10 @@ from planlang.recipe.actions import Performed
 from planlang.registry import ModuleRegistry
 
 
-def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], *, trust: bool) -> Performed:
+def performed_by_modules(files: Sequence[Path] | None, diagnostics: list[Diagnostic], *, trust: bool) -> Performed:
     """Make a function that lists the classes performed by the user's files and by installed packages.
 
-    Files are imported, and so executed, at once; packages at the first call, with problems appended to ``found``.
+    Files are imported, and so executed, at once; packages at the first call, with problems appended to ``diagnostics``.
     Raises BadInput for a file that cannot be used, or was pulled from a server and is not trusted.
     """
     problems: list[Diagnostic] = []
@@ -31,7 +31,7 @@ def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], 
         try:
             registry.add_installed()
         except BadInput as problem:
-            found.extend(problem.diagnostics)
+            diagnostics.extend(problem.diagnostics)
         return registry.actions
 
     return performed

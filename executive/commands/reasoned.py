@@ -28,17 +28,17 @@ def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer],
     code = answer.exit_code
     try:
         with waiting(lambda: f"{reasoner.title} searches for contradictions", arguments.reason_seconds):
-            found = reason(ontology, reasoner, arguments.reason_seconds)
+            findings = reason(ontology, reasoner, arguments.reason_seconds)
     except BadInput as problem:
         code = ExitCode.MISSING_CAPABILITY if missing() else ExitCode.BAD_INPUT
         return replace(answer, exit_code=code, diagnostics=(*answer.diagnostics, *problem.diagnostics))
-    wrong = sum(one.severity is Severity.ERROR for one in found.diagnostics)
-    what = f"{found.classes} classes and {found.individuals} individuals"
+    wrong = sum(one.severity is Severity.ERROR for one in findings.diagnostics)
+    what = f"{findings.classes} classes and {findings.individuals} individuals"
     verdict = f"{wrong} contradictions in" if wrong > 1 else "a contradiction in" if wrong else "no contradiction in"
     text = "\n".join(filter(None, (answer.text, f"{reasoner.title}: {verdict} {what}")))
     data = {**answer.data, "reasoner": arguments.reasoner.value, "contradictions": wrong}
-    code = ExitCode.BAD_INPUT if has_errors(found.diagnostics) else code
-    return Answer(code, (*answer.diagnostics, *found.diagnostics), text, data)
+    code = ExitCode.BAD_INPUT if has_errors(findings.diagnostics) else code
+    return Answer(code, (*answer.diagnostics, *findings.diagnostics), text, data)
 
 
 def _checked(path: Path, check: Callable[[], Answer]) -> Answer:

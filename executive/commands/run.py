@@ -56,23 +56,23 @@ def options_of(arguments: RunArguments) -> RunOptions:
     recorded, header = None, TraceHeader()
     if arguments.resume is not None:
         recorded, header = read_trace(arguments.resume)
-    found = read(arguments.file or header.plan(str(arguments.resume)))
-    is_bundled = isinstance(found, RecipeFile) and found.is_bundled
+    file = read(arguments.file or header.plan(str(arguments.resume)))
+    is_bundled = isinstance(file, RecipeFile) and file.is_bundled
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
-    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
+    check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     robot = chosen(
         Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
     )
     notes: list[Diagnostic] = []
     environment, *further = (*(arguments.environment or ()),) or (header.environment,)
     if environment is None and is_bundled:
-        environment = default_environment(found.path, bindings.values(), notes)
+        environment = default_environment(file.path, bindings.values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
     additions = environments(further, problems)
-    inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
+    inputs = {"the plan": file.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     problems += _check_outputs(arguments, inputs)
     refuse(problems)
     settings = {name: value or header.settings.get(name, value) for name, value in shared(arguments).items()}
@@ -83,8 +83,8 @@ def options_of(arguments: RunArguments) -> RunOptions:
     }
     return RunOptions(
         **settings,
-        plan=found.path if isinstance(found, PlanFile) else None,
-        recipe=found.path if isinstance(found, RecipeFile) else None,
+        plan=file.path if isinstance(file, PlanFile) else None,
+        recipe=file.path if isinstance(file, RecipeFile) else None,
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),
         ontologies=arguments.folders,

@@ -49,5 +49,5 @@ def check(file: Source, **options: Any) -> CheckResult:
             if all(one.span is None for one in problem.diagnostics if one.severity is Severity.ERROR):
                 raise
             answer = Answer(ExitCode.BAD_INPUT, problem.diagnostics, data={"kind": "recipe"})
-    found = reworded(named.located(answer.diagnostics), CheckArguments)
-    return CheckResult(answer.exit_code is ExitCode.DONE, answer.data["kind"], answer.text, found, answer.data)
+    diagnostics = reworded(named.located(answer.diagnostics), CheckArguments)
+    return CheckResult(answer.exit_code is ExitCode.DONE, answer.data["kind"], answer.text, diagnostics, answer.data)

@@ -59,8 +59,8 @@ def simulate(
     failure = result.failure
     if failure is not None and failure.advice is not None:
         failure = replace(failure, advice=in_words_of_python(failure.advice, RunArguments))
-    found = reworded(file.located(result.diagnostics), RunArguments)
-    return replace(result, diagnostics=found, failure=failure)
+    diagnostics = reworded(file.located(result.diagnostics), RunArguments)
+    return replace(result, diagnostics=diagnostics, failure=failure)
 
 
 @with_options_of(LocateArguments)
@@ -85,10 +85,10 @@ def locate(
     del own["set"]
     with in_python(LocateArguments):
         arguments = arguments_of(LocateArguments, own, options)
-        found = locating.locate(replace(locate_command.options_of(arguments), drawn=True))
-    if arguments.explain is not None and found.sheet is not None:
-        found.picture(arguments.explain, force=True)
-    return replace(found, diagnostics=reworded(found.diagnostics, LocateArguments))
+        located = locating.locate(replace(locate_command.options_of(arguments), drawn=True))
+    if arguments.explain is not None and located.sheet is not None:
+        located.picture(arguments.explain, force=True)
+    return replace(located, diagnostics=reworded(located.diagnostics, LocateArguments))
 
 
 @with_options_of(SweepArguments)

@@ -26,13 +26,13 @@ class InHand:
 
 def in_hands(robot: Robot, semantic_map: SemanticMap, scene: Scene) -> tuple[InHand, ...]:
     """Things that the arms of a robot hold at the start of a run, one per arm."""
-    found = []
+    held = []
     for arm in robot.arms:
         thing = next(held_by(arm, semantic_map), None)
         body = None if thing is None else next((one for one in scene.bodies if one.iri == thing.iri), None)
         if thing is not None and body is not None:
-            found.append(InHand(arm.name, arm.tip, body, grip_of(arm, thing, semantic_map)))
-    return tuple(found)
+            held.append(InHand(arm.name, arm.tip, body, grip_of(arm, thing, semantic_map)))
+    return tuple(held)
 
 
 def take(platform: Platform, truth: PyBulletWorld, held: Sequence[InHand]) -> None:

@@ -54,8 +54,8 @@ class FoundPose:
     def row(self) -> dict[str, Any]:
         """The pose as a row of a table: x, y [m], yaw [rad], for things z [m], score, arm and what it reaches."""
         height = {} if self.z is None else {"z": self.z}
-        found = {"x": self.x, "y": self.y, **height, "yaw": self.yaw, "score": self.score}
-        return found | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
+        numbers = {"x": self.x, "y": self.y, **height, "yaw": self.yaw, "score": self.score}
+        return numbers | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
 
     def as_json(self) -> dict[str, Any]:
         """The pose as ``planlang locate --json`` prints it."""

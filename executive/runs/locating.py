@@ -83,7 +83,7 @@ def locate(options: LocateOptions) -> Located:
     """Find poses. Raises BadInput for invalid input."""
     Shown(options.units)  # refuses invalid units before the search
     with ExitStack() as stack:
-        found: list[Diagnostic] = []
+        diagnostics: list[Diagnostic] = []
         ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         lexicon = lexicon_of(semantic_map)
@@ -92,28 +92,28 @@ def locate(options: LocateOptions) -> Located:
         robot = with_carrying(
             bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies), report=options.long_work
         )
-        found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
+        diagnostics.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             device = write_thing(location.device).removeprefix("the ")
-            return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, found)
-        world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
+            return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, diagnostics)
+        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # equals the belief: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, options.long_work)
-        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, found)
-        found.extend(_choices(meant, lexicon, platform))
+        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, diagnostics)
+        diagnostics.extend(_choices(meant, lexicon, platform))
         try:
-            return _resolved(_Question(location, what, lexicon, platform, meant, found), options)
+            return _resolved(_Question(location, what, lexicon, platform, meant, diagnostics), options)
         except LocationMeaningless as problem:
-            raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+            raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:
-            return _missing(problem, options, found)
+            return _missing(problem, options, diagnostics)
 
 
-def _missing(problem: PlanFailure, options: LocateOptions, found: Iterable[Diagnostic]) -> Located:
+def _missing(problem: PlanFailure, options: LocateOptions, diagnostics: Iterable[Diagnostic]) -> Located:
     """Result for a robot that lacks a required part."""
-    return Located(options.phrase, failure=Failure.of(problem), diagnostics=tuple(found), lacks_capability=True)
+    return Located(options.phrase, failure=Failure.of(problem), diagnostics=tuple(diagnostics), lacks_capability=True)
 
 
 def _resolved(question: _Question, options: LocateOptions) -> Located:
@@ -133,7 +133,7 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
     except LocationUnresolvable as problem:
         failure = problem
     phrase = write_location(question.location, question.lexicon)
-    found = Located(
+    located = Located(
         phrase,
         tuple(poses),
         None if poses or failure is None else _without_phrase(failure, question.location),
@@ -145,7 +145,7 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
         _sides(frame, question.location, platform),
         units=options.units,
     )
-    return replace(found, sheet=_drawing(found, log, question, options)) if options.drawn else found
+    return replace(located, sheet=_drawing(located, log, question, options)) if options.drawn else located
 
 
 def _without_phrase(failure: PlanFailure, location: Location) -> Failure:
@@ -154,20 +154,20 @@ def _without_phrase(failure: PlanFailure, location: Location) -> Failure:
     return replace(described, message=described.message.replace(f" for {location}", "", 1))
 
 
-def _drawing(found: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
+def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
     from executive.pictures.floor_plan import Resolution, picture, scenery_of  # Pillow is slow to import
 
     refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
-    why = "" if found.failure is None else found.failure.message.partition(" (")[0]  # counts are listed
+    why = "" if located.failure is None else located.failure.message.partition(" (")[0]  # counts are listed
     resolution = Resolution(
         options.phrase,
-        [(pose.x, pose.y, pose.yaw) for pose in found.poses],
+        [(pose.x, pose.y, pose.yaw) for pose in located.poses],
         log.places,
         log.scored,
         refused,
-        found.counts,
-        found.blocking,
-        [pose.arm_in_words for pose in found.poses],
+        located.counts,
+        located.blocking,
+        [pose.arm_in_words for pose in located.poses],
         why,
     )
     scene = question.platform.scene
@@ -175,7 +175,7 @@ def _drawing(found: Located, log: Rejections, question: _Question, options: Loca
 
 
 def _meant(
-    designators: Iterable[Object], lexicon: Lexicon, platform: Platform, found: Sequence[Diagnostic]
+    designators: Iterable[Object], lexicon: Lexicon, platform: Platform, diagnostics: Sequence[Diagnostic]
 ) -> dict[Object, str]:
     """Map each designator to its body. Raises BadInput if the map has none."""
     meant: dict[Object, str] = {}
@@ -188,7 +188,7 @@ def _meant(
             message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
             problems.append(error("P008", message, help=f"it has {known}"))
     if problems:
-        raise BadInput([*found, *problems])
+        raise BadInput([*diagnostics, *problems])
     return meant
 
 

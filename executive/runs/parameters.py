@@ -76,7 +76,7 @@ class PlanParameter:
 
 def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
     """Parameters of a plan that have an object as default, or no default."""
-    found = {}
+    parameters = {}
     hints = _hints(plan)
     for name, parameter in inspect.signature(plan.function).parameters.items():
         if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
@@ -86,10 +86,10 @@ def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
         bare = getattr(annotation, "__origin__", annotation) if hasattr(annotation, "__metadata__") else annotation
         types = tuple(cls for cls in get_args(bare) or (bare,) if isinstance(cls, type))
         if isinstance(parameter.default, Object):
-            found[name] = PlanParameter(name, setting, types, parameter.default)
+            parameters[name] = PlanParameter(name, setting, types, parameter.default)
         elif parameter.default is parameter.empty:
-            found[name] = PlanParameter(name, setting, types, actions=_actions_on(plan, setting))
-    return found
+            parameters[name] = PlanParameter(name, setting, types, actions=_actions_on(plan, setting))
+    return parameters
 
 
 def _actions_on(plan: Plan[Any, Any], setting: str) -> tuple[str, ...]:
@@ -120,14 +120,14 @@ def stated_bindings(plan: Plan[Any, Any], bound: Mapping[str, Bound], semantic_m
 
 
 def bound_parameters(
-    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
+    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, diagnostics: list[Diagnostic]
 ) -> dict[str, Bound]:
     """Bind the plan's parameters to their defaults, or to things of the map that the user names by IRI or local name.
 
     A thing must have the class of the default; for an individual of the recipe, a sibling class is valid, too, with a
-    warning in ``found``. A location may be given as a phrase. The default of what a step such as OpeningARefrigerator
-    acts on is the only refrigerator of the map. Raises BadInput, with valid values, for an unknown parameter, an
-    unknown or unsuitable thing, and a parameter that is not bound.
+    warning in ``diagnostics``. A location may be given as a phrase. The default of what a step such as
+    OpeningARefrigerator acts on is the only refrigerator of the map. Raises BadInput, with valid values, for an unknown
+    parameter, an unknown or unsuitable thing, and a parameter that is not bound.
     """
     parameters = plan_parameters(plan)
     bound: dict[str, Bound] = {name: one.default for name, one in parameters.items() if one.default is not None}
@@ -135,16 +135,16 @@ def bound_parameters(
     settings = dict(_settings(parameters, bindings, problems))
     for name, text in settings.items():
         try:
-            bound[name] = _bound(parameters[name], text, semantic_map, found)
+            bound[name] = _bound(parameters[name], text, semantic_map, diagnostics)
         except BadInput as problem:
             problems += problem.diagnostics
     for name in (name for name in parameters if name not in bound and name not in settings):
         if len(things := _named_by_step(parameters[name], semantic_map)) == 1:
-            bound[name] = _bound(parameters[name], things[0].iri, semantic_map, found)
+            bound[name] = _bound(parameters[name], things[0].iri, semantic_map, diagnostics)
             message = (
                 f"{parameters[name].setting} is {things[0].name}, the only one of the class in the name of the step"
             )
-            found.append(note("X028", message, help=f"--set {parameters[name].setting}=X chooses another thing"))
+            diagnostics.append(note("X028", message, help=f"--set {parameters[name].setting}=X chooses another thing"))
     missing = [one for name, one in parameters.items() if name not in bound and name not in settings]
     problems += [_missing(one, semantic_map) for one in missing]
     if problems:
@@ -237,7 +237,7 @@ def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
     return error("X014", message, help=advice)
 
 
-def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found: list[Diagnostic]) -> Bound:
+def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, diagnostics: list[Diagnostic]) -> Bound:
     """Resolve the value of a setting. Raises BadInput."""
     if float in parameter.types:
         return _number(parameter, text)
@@ -257,7 +257,7 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found
         return replace(default, iri=thing.iri)
     if default is not None and _is_similar(semantic_map, thing, default):
         message = f"{text} is a {classes}, but the recipe asks for a {default.type}"
-        found.append(warning("X006", message, help=f"the plan treats it as a {shorten(thing.types[0])}"))
+        diagnostics.append(warning("X006", message, help=f"the plan treats it as a {shorten(thing.types[0])}"))
         return replace(default, iri=thing.iri, type=shorten(thing.types[0]))
     message = f"{text} is a {classes}, but {parameter.setting} must be a {_type_of(parameter)}"
     raise BadInput([error("X006", message, help=_fitting(parameter, semantic_map))])
@@ -274,7 +274,7 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
     """
     rooms = [one for one in semantic_map.objects if semantic_map.is_a(one, "RoomInAConstruction")]
     things = [one for one in semantic_map.objects if one not in rooms and one.pose is not None]
-    found: dict[str, None] = {}
+    selected: dict[str, None] = {}
     for word in words:
         names = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
         if not names:
@@ -283,8 +283,8 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
             classes = (local_name(above) for cls in types for above in semantic_map.ontology.ancestors(cls))
             advice = f"{guess(word, (*known, *classes))}--unknown may be all, or {_listed(known)}"
             raise BadInput([error("X005", f"{word!r} is not in the map", help=advice)])
-        found.update(dict.fromkeys(names))
-    return tuple(found)
+        selected.update(dict.fromkeys(names))
+    return tuple(selected)
 
 
 def _number(parameter: PlanParameter, text: str) -> float:

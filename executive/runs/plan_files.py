@@ -32,18 +32,18 @@ if TYPE_CHECKING:
 def fixed_recipe(
     recipe: Path,
     stack: ExitStack,
-    found: list[Diagnostic],
+    diagnostics: list[Diagnostic],
     task: str | None,
     folders: Sequence[Path],
     accepted: Sequence[str],
 ) -> Path:
-    """Fix a copy of a recipe, with uncertain fixes of accepted codes; ``stack`` removes it, ``found`` gets notes."""
+    """Fix a copy of a recipe, with uncertain fixes of accepted codes. ``stack`` removes the copy."""
     from executive.runs.fixing import fixed  # slow, and most recipes are not fixed
 
     result = fixed(recipe, task=task, folders=folders, accepted=accepted)
-    found.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
+    diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
     for one, why in result.refused:
-        found.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
+        diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
     copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-"))) / recipe.name
     copy.write_bytes(result.after.encode(result.encoding))
     return copy
@@ -385,16 +385,16 @@ def _title(branch: ast.expr) -> str:
 
 def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
     """Functions, classes and values that a body defines, by name."""
-    found: dict[str, ast.AST] = {}
+    definitions: dict[str, ast.AST] = {}
     for node in body:
         match node:
             case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                found[name] = node
+                definitions[name] = node
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                found[name] = value
+                definitions[name] = value
             case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
-                found[name] = value
-    return found
+                definitions[name] = value
+    return definitions
 
 
 def _together(needs: Iterable[Needs]) -> Needs:
@@ -436,13 +436,13 @@ def required(ontology: Ontology, recipes: RecipeSet) -> Requirements:
 
 
 def required_of_plan(
-    file: Path, plan: Plan[Any, Any], found: list[Diagnostic], *, folders: Sequence[Path] = ()
+    file: Path, plan: Plan[Any, Any], diagnostics: list[Diagnostic], *, folders: Sequence[Path] = ()
 ) -> Requirements | None:
     """Read the requirements of a compiled plan from its recipe; None for a plan written by hand.
 
     A plan shows only what its steps do; the classes of the task and of its steps may require more. The recipe is named
-    in the header, also of an edited plan. If it is missing or has changed, ``found`` gets a warning, and the result is
-    None.
+    in the header, also of an edited plan. If it is missing or has changed, the result is None, with a warning in
+    ``diagnostics``.
     """
     with file.open(encoding="utf-8", errors="replace") as source:
         origin = header(source.read(LONGEST))
@@ -453,17 +453,17 @@ def required_of_plan(
     recipe = origin.find_recipe(file, folders)
     if recipe is None:
         advice = "name its folder with --ontologies DIR"
-        found.append(warning("C011", f"{unknown}, which was not found", span, advice))
+        diagnostics.append(warning("C011", f"{unknown}, which was not found", span, advice))
         return None
     try:
         ontology = load(recipe, folders=folders)
     except BadInput as problem:
         advice = f"planlang check {recipe} shows more"
-        found.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
+        diagnostics.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
         return None
     if not ontology.documents[0].sha256.startswith(origin.sha256):
         advice = f"planlang compile {recipe} -o {file} compiles the plan again"
-        found.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
+        diagnostics.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
         return None
     reading = read_recipe(Actions(ontology), plan.iri or origin.task)
     return None if reading.recipes is None else required(ontology, reading.recipes)

@@ -235,15 +235,15 @@ class Run:
     def _lacks(self, assessment: Assessment) -> bool:
         return bool(assessment.missing) and not self.options.force
 
-    def _bind_robot(self, found: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
-        """Bind the robot, with the models and programs of ``--models`` if there are any; ``found`` gets warnings."""
+    def _bind_robot(self, diagnostics: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
+        """Bind the robot, with the models and programs of ``--models`` if any. Appends warnings."""
         options = self.options
         assert options.robot is not None
         robot = self._inputs.once(bind_robot, options.robot, urdf=options.urdf, folders=options.ontologies)
         robot = trusting_map(robot) if options.trust_map else robot
         if options.models is None:
             return robot, None
-        given = read_given_parts(options.models, options.ontologies, found)
+        given = read_given_parts(options.models, options.ontologies, diagnostics)
         return with_given_parts(robot, given), given
 
     def _advise_trust(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:

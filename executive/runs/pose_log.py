@@ -31,11 +31,11 @@ class PoseLog:
             self._coming.replace(self._path)
             self._coming = self._path
 
-    def __call__(self, step: int, found: Sequence[Placed]) -> None:
+    def __call__(self, step: int, poses: Sequence[Placed]) -> None:
         """Write the poses of what has moved. Raises BadInput if that fails."""
         moved = [
             Transform(step, _name(one.frame), _name(one.path), one.pose.position, one.pose.orientation, "log")
-            for one in found
+            for one in poses
             if one.pose is not None
         ]
         self._write("".join(transform_lines(moved, self._rate, None, self._count)))

@@ -159,11 +159,11 @@ def stated(settings: RunSettings, **instead: Any) -> dict[str, Any]:
 
     A value of ``instead`` may be empty, and is stated then: a robot may have no recognition model.
     """
-    found = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
+    values = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
     return {
         one.key: list(value) if isinstance(value, tuple) else value
         for name, one in in_header().items()
-        if (value := found[name]) is not None
+        if (value := values[name]) is not None
     }
 
 

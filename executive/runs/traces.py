@@ -177,12 +177,12 @@ def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
 def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[str, Bound]:
     """Parameters of the recorded run. Raises BadInput if they are not this plan's."""
     try:
-        found = load(recorded.header["parameters"])
-        if found.keys() != set(names) or not all(
-            isinstance(what, (Object, Location, float)) for what in found.values()
+        parameters = load(recorded.header["parameters"])
+        if parameters.keys() != set(names) or not all(
+            isinstance(what, (Object, Location, float)) for what in parameters.values()
         ):
             raise ValueError(f"the plan has the parameters {', '.join(names) or 'none'}")
-        return dict(found)
+        return dict(parameters)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
         message = f"the parameters of the plan cannot be read: {problem}"
         raise BadInput([error("X020", message, Span(recorded.name))]) from None
@@ -198,12 +198,12 @@ def earlier_of(
     """
     if recorded is None:
         return None, []
-    span, found = Span(recorded.name), list[Diagnostic]()
+    span, notes = Span(recorded.name), list[Diagnostic]()
     if recorded.outcome == "succeeded" and not looks_on:
         raise BadInput([error("X021", "this run has ended: there is nothing to resume", span)])
     if recorded.torn:
         message = "the last line is incomplete; it is ignored"
-        found.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
+        notes.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
     try:
         if not world_as_left:
             repetition = _repeatable(Repetition(recorded), span, looks_on=looks_on)
@@ -211,15 +211,15 @@ def earlier_of(
                 message = (
                     f"{line.record.get('function', line.path)} was interrupted outside of the run, and is repeated"
                 )
-                found.append(note("X030", message, Span(recorded.name, line.number)))
-            return repetition, found
+                notes.append(note("X030", message, Span(recorded.name, line.number)))
+            return repetition, notes
         past = Past(recorded)
     except DamagedTrace as damage:
         raise BadInput([damaged(recorded.name, damage)]) from None
     if past.lost is not None:
         message = f"the run resumes before a completed step, {past.lost}"
-        found.append(warning("X024", message, span))
-    return past, found
+        notes.append(warning("X024", message, span))
+    return past, notes
 
 
 def _repeatable(repetition: Repetition, span: Span, *, looks_on: bool) -> Repetition:

@@ -65,10 +65,10 @@ class Written:
         title: str,
         bound: Mapping[str, Bound],
         header: Mapping[str, object],
-        found: list[Diagnostic],
+        diagnostics: list[Diagnostic],
         context: Callable[[], Context],
     ) -> None:
-        """Prepare each output file of the options; problems of writing them are appended to ``found``.
+        """Prepare each output file of the options; problems of writing them are appended to ``diagnostics``.
 
         ``context`` makes the context of a page.
         """
@@ -116,7 +116,7 @@ class Written:
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
 
-            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, found)
+            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, diagnostics)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
         if self._noted:
