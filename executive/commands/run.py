@@ -26,7 +26,7 @@ from executive.commands.inputs import (
 )
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.runs.options import RunOptions
-from executive.runs.settings import shared
+from executive.runs.settings import settings_of
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file
@@ -75,7 +75,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     inputs = {"the plan": file.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
     problems += _check_outputs(arguments, inputs)
     refuse(problems)
-    settings = {name: value or header.settings.get(name, value) for name, value in shared(arguments).items()}
+    settings = {name: value or header.settings.get(name, value) for name, value in settings_of(arguments).items()}
     settings |= {
         "seed": header.seed if arguments.seed is None else arguments.seed,
         "schedule": header.schedule if arguments.schedule is None else arguments.schedule,

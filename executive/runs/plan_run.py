@@ -55,7 +55,7 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.remedies import able_robots, absent_things, command_of
-from executive.runs.settings import stated
+from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
@@ -298,7 +298,7 @@ class Run:
             "map_sha256": [document.sha256 for document in subject.map.ontology.documents],
             "versions": _versions(),
         }
-        settings = stated(
+        settings = header_entries(
             options,
             models=None if given is None else [one.iri for one in given],
             modules=self.registry.identity or None,

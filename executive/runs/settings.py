@@ -154,7 +154,7 @@ def in_header() -> Mapping[str, InHeader]:
     }
 
 
-def stated(settings: RunSettings, **instead: Any) -> dict[str, Any]:
+def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:
     """Make the entries of a header: settings that are set, with the values of ``instead`` for some of them.
 
     A value of ``instead`` may be empty, and is stated then: a robot may have no recognition model.
@@ -167,7 +167,7 @@ def stated(settings: RunSettings, **instead: Any) -> dict[str, Any]:
     }
 
 
-def taken(header: Mapping[str, Any]) -> dict[str, Any]:
+def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
     """Settings that a resumed run takes from the header of its trace."""
     values = {name: header.get(one.key) for name, one in in_header().items() if one.taken}
     return {
@@ -177,7 +177,7 @@ def taken(header: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def shared(settings: object) -> dict[str, Any]:
+def settings_of(settings: object) -> dict[str, Any]:
     """Settings among the arguments of a command, by name; None for a repeatable one without values."""
     values = {one.name: getattr(settings, one.name) for one in _fields()}
     return {name: None if isinstance(value, list | tuple) and not value else value for name, value in values.items()}

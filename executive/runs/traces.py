@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.runs.parameters import Bound
-from executive.runs.settings import in_header, taken
+from executive.runs.settings import in_header, settings_from_header
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
@@ -144,7 +144,7 @@ class TraceHeader:
             start,
             seed,
             schedule,
-            taken(header),
+            settings_from_header(header),
         )
 
     def plan(self, trace: str) -> str:
