@@ -224,11 +224,11 @@ __all__ = [
 
 # The library's functions stay out of __all__: `from planlang import *` in a plan would hide Python's own compile.
 if TYPE_CHECKING:
-    from executive.library import check as check
-    from executive.library import compile as compile
-    from executive.library import locate as locate
-    from executive.library import simulate as simulate
-    from executive.library import sweep as sweep
+    from executive.library.recipes import check as check
+    from executive.library.recipes import compile as compile
+    from executive.library.worlds import locate as locate
+    from executive.library.worlds import simulate as simulate
+    from executive.library.worlds import sweep as sweep
     from planlang.diagnostics import BadInput as BadInput
     from planlang.language.ordering import given, partial_order
     from planlang.language.process_module import process_module
@@ -240,7 +240,8 @@ if TYPE_CHECKING:
     __version__: str
 else:  # with a __getattr__ in its sight, mypy would accept any name
     _LATER = {
-        **dict.fromkeys(("check", "compile", "locate", "simulate", "sweep"), "executive.library"),
+        **dict.fromkeys(("check", "compile"), "executive.library.recipes"),
+        **dict.fromkeys(("locate", "simulate", "sweep"), "executive.library.worlds"),
         "BadInput": "planlang.diagnostics",
         "Feature": "planlang.motion_constraints",
         "MotionConstraint": "planlang.motion_constraints",

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import MISSING, fields
 from importlib import import_module
 from importlib.metadata import version as installed_version
-from typing import Annotated, Any, NoReturn, get_type_hints
+from typing import Annotated, Any, NoReturn
 
 import typer
 
 from executive.cli import arguments as local
 from executive.cli import authoring_arguments as authoring
 from executive.cli import server_arguments as server
-from executive.cli.base_arguments import Arguments
-from executive.cli.console import Answer, ExitCode, answer, give, say
-from executive.cli.resources import check_memory
-from executive.cli.usage import guessed_value, understood
+from executive.cli.console import answer, give, say
+from executive.cli.usage import explain, guessed_value
+from executive.commands import arguments as shared
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.base_arguments import Arguments
+from executive.commands.command_lines import with_parameters
+from executive.commands.resources import check_memory
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -55,20 +56,9 @@ _RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
 
 
 def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
-    """Return a command whose parameters are the fields of a dataclass: its own first, then those that it inherits.
+    """Make the function of a command. The module of the same name does the work, imported late as some are slow."""
 
-    The module of its name does the work; it is imported when the command is called, as some take long to import.
-    """
-    hints, own = get_type_hints(arguments, include_extras=True), inspect.get_annotations(arguments)
-    parameters = []
-    for field in sorted(fields(arguments), key=lambda field: field.name not in own):
-        default = inspect.Parameter.empty if field.default is MISSING else field.default
-        kind = inspect.Parameter.KEYWORD_ONLY
-        parameters.append(inspect.Parameter(field.name, kind, annotation=hints[field.name], default=default))
-
-    def called(**values: Any) -> None:
-        given = arguments(**values)
-
+    def called(given: Arguments) -> None:
         def work() -> Answer:
             if name in _RUNNING:
                 check_memory()
@@ -77,23 +67,20 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
 
         answer(name, work, as_json=given.json, detail=given.detail)
 
-    called.__name__, called.__doc__ = name, arguments.__doc__
-    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    called.__annotations__ = {one.name: one.annotation for one in parameters}
-    return called
+    return with_parameters(name, arguments, called)
 
 
 for name, arguments, example in (
     ("new", authoring.NewArguments, "project my_task"),
-    ("compile", local.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
-    ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
+    ("compile", shared.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
+    ("check", shared.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
     ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
     ("list", local.ListArguments, "classes bottle"),
     ("show", local.ShowArguments, "hospital_room -o room.png --view top"),
     ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
-    ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
-    ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),
+    ("run", shared.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("sweep", shared.SweepArguments, "serve_a_drink --worlds 100 --out drinks.jsonl"),
     ("sweep-merge", local.SweepMergeArguments, "shard1.jsonl shard2.jsonl --out drinks.jsonl"),
     ("sweep-table", local.SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
     ("enable", local.EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
@@ -102,7 +89,7 @@ for name, arguments, example in (
     ("export", local.ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
-        local.LocateArguments,
+        shared.LocateArguments,
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("serve", server.ServeArguments, "--store kb.sqlite --port 8080"),
@@ -126,17 +113,17 @@ for name, arguments, example in (
     add(_command(name, arguments))
 
 
-# Some versions of typer bring a click of their own: its class of usage errors is found from one that typer exports.
+# Some versions of typer vendor click: find the class of usage errors among the bases of one that typer exports.
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
 
 
 def main() -> NoReturn:
-    """Run the command; ends the process. Wrong usage is a JSON object, too, if ``--json`` is among the words."""
+    """Run the command and end the process. With ``--json``, wrong usage is printed as a JSON object, too."""
     try:
         code = app(prog_name="planlang", standalone_mode=False)
     except _UsageError as problem:
         if "--json" in sys.argv:
-            name, message, advice = understood(problem)
+            name, message, advice = explain(problem)
             give(name, Answer(ExitCode.BAD_INPUT, data={"error": message, "help": advice}), as_json=True)
         else:
             problem.show()
@@ -147,7 +134,7 @@ def main() -> NoReturn:
         code = end.exit_code
     except typer.Abort:
         code = ExitCode.INTERRUPTED
-    except BrokenPipeError:  # the reader of stdout has had enough
+    except BrokenPipeError:  # the reader of stdout has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.FAILED
     sys.exit(int(code or 0))

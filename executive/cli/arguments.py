@@ -1,4 +1,4 @@
-"""Arguments of the commands: one dataclass each, whose fields are its parameters and whose docstring is its help."""
+"""Arguments of further commands, as in :mod:`executive.commands.arguments`."""
 
 from __future__ import annotations
 
@@ -8,53 +8,30 @@ from typing import Annotated
 
 import typer
 
-from executive.cli.base_arguments import Arguments, OntologyArguments, TaskArguments
-from executive.cli.console import Detail
-from executive.runs.settings import Modules, RunSettings, SituationSettings, Urdf
+from executive.commands.arguments import (
+    Accept,
+    Csv,
+    Environment,
+    Force,
+    Recipe,
+    Robot,
+    Set,
+    SituationArguments,
+    Start,
+    Trust,
+    Units,
+)
+from executive.commands.base_arguments import Arguments, OntologyArguments, TaskArguments
+from executive.runs.settings import Modules, Urdf
 from planlang.records import dataclass
 
-Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe's file, or a bundled recipe's name.")]
-RecipeOrPlan = Annotated[
-    str, typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name.")
-]
-Robot = Annotated[str | None, typer.Option(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
-Environment = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="MAP",
-        help="The semantic map: a file (OWL or URDF), or a bundled environment's name; further ones add things to it.",
-    ),
-]
-Start = Annotated[
-    str | None,
-    typer.Option(metavar="X,Y,YAW", help="Pose of the base at the start [m, m, rad]; default: free, near the middle."),
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=THING|@FILE",
-        help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, a place to a phrase, or all that the "
-        "lines of a file name; repeatable.",
-    ),
-]
-Trust = Annotated[bool, typer.Option("--trust", help="Run Python that was pulled from a server: you have read it.")]
-Accept = Annotated[
-    list[str] | None,
-    typer.Option(metavar="CODE", help="Fix the recipe in memory first, with uncertain fixes of this code; repeatable."),
-]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite files that planlang did not write.")]
 Output = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file, not to stdout.")
-]
-Units = Annotated[
-    list[str] | None,
-    typer.Option(metavar="UNIT", help="Show numbers of its dimension in this unit of QUDT: Centimeter; repeatable."),
+    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file instead of stdout.")
 ]
 
 
 class Syntax(Enum):
-    """The syntaxes that are written, here again as their writers take long to import."""
+    """Output syntaxes; repeated here as the module of the writers is slow to import."""
 
     MANCHESTER = "manchester"
     TURTLE = "turtle"
@@ -69,15 +46,8 @@ class Reading(Enum):
     ORIGINAL = "original"
 
 
-class LogicReasoner(Enum):
-    """The reasoners that ``check`` may ask."""
-
-    HERMIT = "hermit"
-    PELLET = "pellet"
-
-
 class Listed(Enum):
-    """What is listed."""
+    """What ``list`` lists."""
 
     ROBOTS = "robots"
     ROOMS = "rooms"
@@ -89,174 +59,103 @@ class Listed(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ListArguments(Arguments):
-    """List what there is to name: bundled robots, rooms and recipes, classes, relations of locations, failures.
+    """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
 
-    Exit code 1: nothing has the word in its name, label or description.
+    Exit code 1: WORD is in no name, label or description.
     """
 
-    kind: Annotated[Listed, typer.Argument(help="What is listed.", show_default=False)]
+    kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only what has this in its name, label or description."),
+        typer.Argument(metavar="WORD", help="List only those with this in name, label or description."),
     ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompileArguments(TaskArguments):
-    """Compile a recipe to a plan in Python.
-
-    With --output, what was compiled is also kept beside the plan, as PLAN.base: from it --merge knows what was edited.
-    Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
-    """
-
-    recipe: Recipe
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PLAN", help="Write the plan to this file, not to stdout.")
-    ] = None
-    modules: Modules = None
-    trust: Trust = False
-    graph: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Also draw the order of the steps: a .svg, .png, .dot or .mmd (Mermaid) file."
-        ),
-    ] = None
-    scopes: Annotated[bool, typer.Option("--scopes/--no-scopes", help="Open a location scope at each base motion.")] = (
-        True
-    )
-    data_flow: Annotated[
-        bool, typer.Option("--dataflow/--no-dataflow", help="Order steps by data flow, and pass data on.")
-    ] = True
-    merge: Annotated[
-        bool,
-        typer.Option("--merge", help="Keep the edits of the plan: merge them with what the recipe compiles to now."),
-    ] = False
-    force: Annotated[
-        bool, typer.Option("--force", help="Overwrite plans edited by hand, and files that planlang did not write.")
-    ] = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class CheckArguments(TaskArguments):
-    """Check a recipe, a plan or a map; nothing is run.
-
-    For a recipe, lists all problems, of those with the same advice the first; for a folder, tabulates its recipes; for
-    a map, tells what it holds. For a plan, tells whether its recipe or the compiler has changed since it was compiled,
-    and what a person has edited; shows both.
-    """
-
-    file: RecipeOrPlan
-    modules: Modules = None
-    trust: Trust = False
-    fix: Annotated[
-        bool, typer.Option("--fix", help="Write a copy with the safe fixes, NAME.fixed.EXT, and show the changes.")
-    ] = False
-    accept: Annotated[
-        list[str] | None,
-        typer.Option(metavar="CODE", help="With --fix: also apply uncertain fixes of this code; repeatable."),
-    ] = None
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="With --fix: write the copy to this file.")
-    ] = None
-    force: Annotated[
-        bool, typer.Option("--force", help="With --output: overwrite a file that planlang did not write.")
-    ] = False
-    reason: Annotated[
-        bool,
-        typer.Option("--reason", help="Also let a reasoner for description logic look for contradictions; needs Java."),
-    ] = False
-    reasoner: Annotated[LogicReasoner, typer.Option(help="With --reason: which one.")] = LogicReasoner.HERMIT
-    reason_seconds: Annotated[
-        float, typer.Option(min=1.0, metavar="SECONDS", help="With --reason: the time that it has.")
-    ] = 120.0
-
-    @property
-    def summed(self) -> Detail:
-        """Each advice is printed: it is what is asked for."""
-        return Detail.ADVICE
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShowArguments(TaskArguments):
-    """Show what is in a file: a recipe, a plan, a trace, a map or a robot.
+    """Show the contents of a file: a recipe, a plan, a trace, a map or a robot.
 
-    As text: steps of a recipe or plan as a tree, what a map or robot has, how a run went. With --output also as a
-    picture (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid) or as a page (traces: HTML).
+    Prints the steps of a recipe or plan as a tree, the contents of a map, the parts of a robot, the course of a run.
+    With --output also draws it (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid; traces: an HTML page).
     """
 
     file: Annotated[str, typer.Argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Draw it to this file; its suffix says how.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Draw to this file; the suffix selects the format."),
     ] = None
     view: Annotated[
         str | None,
-        typer.Option(metavar="VIEW", help="From where a map or robot is seen: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+        typer.Option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
     ] = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertArguments(Arguments):
-    """Write an ontology, such as a recipe, in another syntax, and list what is lost."""
+    """Convert an ontology, such as a recipe, to another syntax, and list what is lost."""
 
     file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
-    to: Annotated[Syntax, typer.Option("--to", help="The syntax to write.", show_default=False)]
+    to: Annotated[Syntax, typer.Option("--to", help="The target syntax.", show_default=False)]
     output: Output = None
     units: Units = None
     force: Force = False
 
 
 class Form(Enum):
-    """A form in which experience is written."""
+    """Formats for experience."""
 
     NEEM = "neem"
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExportArguments(Arguments):
-    """Write what was done in a run as others do: a NEEM, a narrative in Turtle with poses over time.
+    """Export a run as a NEEM: a narrative in Turtle, and poses over time.
 
-    The narrative has SOMA's and DUL's terms: actions, participants, intervals, outcomes, failures, designators and
-    what they were resolved to.
+    The narrative uses the terms of SOMA and DUL: actions, participants, intervals, outcomes, failures, designators and
+    their resolutions.
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
-    to: Annotated[Form, typer.Option("--to", help="The form to write.", show_default=False)]
+    to: Annotated[Form, typer.Option("--to", help="The target format.", show_default=False)]
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl here.")
+        Path,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl to this folder."),
     ]
     began: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="When the run began, in ISO 8601; default: 0 h on 1 January 1970, UTC."),
+        typer.Option(metavar="TIME", help="Start time of the run, in ISO 8601; default: 1970-01-01T00:00:00Z."),
     ] = None
     poses: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also use the log of planlang run --poses of the same run.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Also use the pose log that planlang run --poses wrote of this run."),
     ] = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class MergeArguments(OntologyArguments):
-    """Merge maps of one place, in one frame, and list what they disagree about.
+    """Merge maps of one place, in one frame, and list conflicts.
 
-    The newest pose of each thing counts; of equally new ones, and of other facts, those of the map that is named later.
+    The newest pose of each thing wins; for equally new poses, and for all other facts, the map named later wins.
     """
 
     maps: Annotated[
-        list[str], typer.Argument(metavar="MAP...", help="Files of maps (OWL or URDF), or bundled environments' names.")
+        list[str], typer.Argument(metavar="MAP...", help="Map files (OWL or URDF), or names of bundled environments.")
     ]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file, not to stdout.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
     ] = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchArguments(TaskArguments):
-    """Check whether a robot has what a recipe requires, and say why.
+    """Check whether a robot has what a recipe requires, and explain why.
 
-    Exit code 0: the robot has it; 3: something is missing; 1: that is unknown. --task may name any action class, also
-    one without sub-actions. What is missing, planlang enable looks for.
+    Exit code 0: the robot has it; 3: something is missing; 1: unknown. --task may name any action class, even one
+    without sub-actions. planlang enable searches a knowledge base for what is missing.
     """
 
     recipe: Recipe
@@ -264,49 +163,17 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     trust: Trust = False
-    semantics: Annotated[Reading, typer.Option(help="How requirements are read; original: as KnowRob did.")] = (
+    semantics: Annotated[Reading, typer.Option(help="How to read requirements; original: as KnowRob did.")] = (
         Reading.CLOSURE
     )
 
 
 @dataclass(frozen=True, kw_only=True)
-class SituationArguments(TaskArguments, SituationSettings):
-    """Options that say which robot runs a plan, where, and what it knows."""
-
-    robot: Robot = None
-    accept: Accept = None
-    environment: Environment = None
-    start: Start = None
-    set_: Set = None
-    trust: Trust = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunArguments(SituationArguments, RunSettings):
-    """Run a plan or a recipe in a simulated world.
-
-    planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
-    """
-
-    file: Annotated[
-        str | None,
-        typer.Argument(metavar="RECIPE|PLAN", help="A recipe's or plan's file, or a bundled recipe's name."),
-    ] = None
-    verbose: Annotated[
-        bool, typer.Option("--verbose", help="List all notes and warnings, and inner actions of modules.")
-    ] = False
-    resume: Annotated[
-        Path | None,
-        typer.Option(metavar="TRACE", help="Resume the run of this trace after the last completed step of its plan."),
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class ReportArguments(SituationArguments):
-    """Write a page that shows the run of a trace: plan, world and causes on one clock.
+    """Write an HTML page of a recorded run: plan, world and causes on one time line.
 
-    Where things were is found by repeating the run; name plan, robot and environment unless they are bundled. What
-    cannot be repeated is shown without the world, and the page says why.
+    The run is repeated to find where things were; name plan, robot and environment unless they are bundled. If it
+    cannot be repeated, the page has no world and explains why.
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
@@ -322,14 +189,15 @@ class ReportArguments(SituationArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class EnableArguments(OntologyArguments):
-    """Find out what a robot lacks for a task, take exactly that from a knowledge base, and run the task.
+    """Find out what a robot lacks for a task, download exactly that from a knowledge base, and run the task.
 
-    Taken are the recipe, recognition models of the things among its parameters, a map that has them, and what these
-    depend on. Exit code 3: something is missing on both sides; then nothing is taken.
+    Downloads the recipe, recognition models of the things among its parameters, a map that has them, and their
+    dependencies. Exit code 3: neither side has what is needed; nothing is downloaded.
     """
 
     recipe: Annotated[
-        str, typer.Argument(metavar="TASK|RECIPE", help="A class of actions, a recipe's label or name, or its file.")
+        str,
+        typer.Argument(metavar="TASK|RECIPE", help="An action class, the label or name of a recipe, or a recipe file."),
     ]
     source: Annotated[
         str | None,
@@ -337,42 +205,44 @@ class EnableArguments(OntologyArguments):
             "--from",
             metavar="URL|STORE",
             envvar="PLANLANG_SERVER",
-            help="The knowledge base: a server, or the file of a store.",
+            help="The knowledge base: a server, or a store file.",
         ),
     ] = None
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
-    room: Annotated[str | None, typer.Option(metavar="TEXT", help="The map is of this room: number or name.")] = None
-    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="The floor that the map shows.")] = None
-    building: Annotated[str | None, typer.Option(metavar="TEXT", help="The building that the map shows.")] = None
-    street: Annotated[str | None, typer.Option(metavar="TEXT", help="The street, with or without number.")] = None
-    city: Annotated[str | None, typer.Option(metavar="TEXT", help="The city that the map shows.")] = None
+    room: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this room: number or name.")] = None
+    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this floor.")] = None
+    building: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this building.")] = None
+    street: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Only maps of this street, with or without number.")
+    ] = None
+    city: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this city.")] = None
     store: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Keep what is taken in this folder; default: ROBOT_knowledge, here."),
+        typer.Option(metavar="FOLDER", help="Folder for downloads; default: ROBOT_knowledge in the current folder."),
     ] = None
-    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task of a RECIPE that states several.")] = None
+    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task, if RECIPE states several.")] = None
     modules: Modules = None
     trust: Trust = False
     limit: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Read at most N recipes and maps in search of a combination.")
+        int, typer.Option(min=1, metavar="N", help="Read at most N recipes and maps to find a combination.")
     ] = 300
-    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be taken; take nothing.")] = False
-    run: Annotated[bool, typer.Option("--run", help="Run the task with what the robot has then.")] = False
+    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be downloaded, and stop.")] = False
+    run: Annotated[bool, typer.Option("--run", help="Then run the task.")] = False
     set_: Set = None
     start: Start = None
     seed: Annotated[
-        int, typer.Option(min=0, metavar="N", help="With --run: displace things by this seed; 0: none.")
+        int, typer.Option(min=0, metavar="N", help="With --run: seed for displacing things; 0: displace nothing.")
     ] = 0
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="With --run: write the trace.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplayArguments(TaskArguments):
-    """Run a plan again from the trace of its run, without robot or world; stops at the first difference.
+    """Replay a plan from the trace of its run, without robot or world; stop at the first difference.
 
-    What process modules did, which base poses were found, what was read and believed is taken from the trace.
+    Results of process modules, base poses, sensor readings and beliefs are taken from the trace.
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
@@ -386,43 +256,20 @@ class ReplayArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocateArguments(OntologyArguments):
-    """Find poses that match a phrase, for the robot's base or for a thing."""
-
-    phrase: Annotated[
-        str, typer.Argument(metavar="PHRASE", help='The location, e.g. "in reach of the bottle and near the bed".')
-    ]
-    robot: Robot = None
-    urdf: Urdf = None
-    environment: Environment = None
-    start: Start = None
-    of: Annotated[
-        str | None,
-        typer.Option(metavar="THING", help='Find poses for this thing, e.g. "the bottle"; default: for the base.'),
-    ] = None
-    count: Annotated[int, typer.Option(min=1, max=1000, metavar="N", help="Number of poses, best first.")] = 3
-    explain: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the candidates and why they were rejected, as PNG or SVG.")
-    ] = None
-    units: Units = None
-    force: Force = False
-
-
-@dataclass(frozen=True, kw_only=True)
 class InspectArguments(Arguments):
-    """Show a robot's chains, joints, limits and postures, what its arms reach, and what is missing.
+    """Show a robot's chains, joints, limits and postures, the reach of its arms, and what is missing.
 
     Exit code 3 if the robot has no arm.
     """
 
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot: a file, or a bundled robot's name.")]
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
     urdf: Urdf = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw what the arms reach, as PNG or SVG.")] = (
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the reach of the arms, as PNG or SVG.")] = (
         None
     )
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write what they reach as a recording for rerun (needs planlang[record])."),
+        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs planlang[record])."),
     ] = None
     force: Force = False
 
@@ -431,68 +278,32 @@ class InspectArguments(Arguments):
 class MakeArguments(Arguments):
     """Make a robot file (TOML) from a URDF, for you to complete.
 
-    Each derived value has its reason as a comment; what is missing stands there as a comment.
+    A comment gives the reason for each derived value; missing values are comments, too.
     """
 
     urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot's URDF.")]
     srdf: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The robot's SRDF; default: that of the same name beside the URDF."),
+        typer.Option(metavar="FILE", help="The robot's SRDF; default: the file of the same name beside the URDF."),
     ] = None
     output: Output = None
     force: Force = False
-
-
-Csv = Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the rows as a table of CSV.")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepArguments(SituationArguments):
-    """Run a plan or a recipe in many worlds, and count how the runs end.
-
-    The worlds are those of planlang run --seed 1, 2, ...: the same robot and map, but things lie elsewhere.
-    Exit code 1: in some worlds the plan failed or the run crashed.
-    """
-
-    recipe: RecipeOrPlan
-    worlds: Annotated[int, typer.Option(min=1, max=1_000_000, metavar="N", help="Number of worlds.")] = 100
-    first: Annotated[int, typer.Option(min=0, metavar="N", help="The first seed; 0: things lie as in the map.")] = 1
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Append a line of JSON for each world; if the file is there, go on with it."),
-    ] = None
-    processes: Annotated[
-        int | None, typer.Option(min=1, max=1000, metavar="N", help="Worlds at a time; default: one for each core.")
-    ] = None
-    shard: Annotated[
-        str | None,
-        typer.Option(metavar="K/N", help="Run every N-th world only, from the K-th on: a part for this machine."),
-    ] = None
-    csv: Csv = None
-    reports: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER", help="Write a page of each world in which the plan fails, HTML; that run is made twice."
-        ),
-    ] = None
-    seconds: Annotated[int, typer.Option(min=1, metavar="S", help="Most CPU time of one world [s].")] = 120
-    memory: Annotated[int, typer.Option(min=100, metavar="MB", help="Most memory of one world [MB].")] = 2000
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepMergeArguments(Arguments):
     """Merge the shards of a sweep into one file."""
 
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files of planlang sweep --out.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the sweep to this file.")]
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files written by planlang sweep --out.")]
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the merged sweep to this file.")]
     csv: Csv = None
     force: Force = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepTableArguments(Arguments):
-    """Print the table of a sweep again."""
+    """Print the table of a recorded sweep."""
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file of planlang sweep --out.")]
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file written by planlang sweep --out.")]
     csv: Csv = None
     force: Force = False

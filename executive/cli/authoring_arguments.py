@@ -1,4 +1,4 @@
-"""Arguments of commands for those who write recipes, maps, robots and plans."""
+"""Arguments of ``planlang new``."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from executive.cli.arguments import Force
-from executive.cli.base_arguments import Arguments
+from executive.commands.arguments import Force
+from executive.commands.base_arguments import Arguments
 from planlang.records import dataclass
 
 
@@ -26,12 +26,12 @@ class Template(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NewArguments(Arguments):
-    """Write a commented recipe, map, robot, module or plan to begin with, or a project of them with a test.
+    """Write a commented recipe, map, robot, module or plan to start from, or a project of them with a test.
 
-    All of them run as they are. planlang robot make writes a robot file for a URDF of yours.
+    All of them run as they are. planlang robot make writes a robot file for your URDF.
     """
 
     kind: Annotated[Template, typer.Argument(help="What to write.")]
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name: small letters, digits and _.")]
-    folder: Annotated[Path, typer.Option(metavar="DIR", help="Write into this folder.")] = Path()
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name: lower-case letters, digits and _.")]
+    folder: Annotated[Path, typer.Option(metavar="DIR", help="Write to this folder.")] = Path()
     force: Force = False

@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import typer
-
-from executive.cli.arguments import CompileArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import read_recipe_file, refuse
-from executive.cli.performed import performed_by_modules
-from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.diagnostics import Diagnostic, Span, error
-from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header
-from planlang.plan_versions import backup_path, merge_plan, write_versions
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import CompileArguments
+from executive.commands.compile import compiled
+from planlang.plan_versions import backup_path
 
 
 def command(arguments: CompileArguments) -> Answer:
@@ -29,60 +21,3 @@ def command(arguments: CompileArguments) -> Answer:
     if has_conflicts and output is not None:
         text += f", with conflicts; as it was before: {backup_path(output)}"
     return Answer(ExitCode.FAILED if has_conflicts else ExitCode.DONE, plan.diagnostics, text, data)
-
-
-def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
-    """Compile a recipe, and write the files that are asked for; raises BadInput.
-
-    Returns the plan, with all diagnostics, and whether a merge has left conflicts in its file.
-    """
-    file, output, graph, force = read_recipe_file(arguments.recipe), arguments.output, arguments.graph, arguments.force
-    inputs = {"the recipe": file.path}
-    problems = check_outputs({"--output": output}, inputs, force=True)  # write_plan looks at an old plan more closely
-    problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
-    if graph is not None:
-        from planlang.compiler.drawing import unknown_format  # most plans are not drawn
-
-        problems += unknown_format(graph)
-    refuse(problems)
-    before = _merged_header(arguments)
-    found: list[Diagnostic] = []
-    left_out = before.options if before is not None else ()
-    plan = compile_recipe(
-        file.path,
-        task=arguments.task or (before.task if before is not None else None),
-        folders=arguments.folders,
-        scopes=arguments.scopes and NO_SCOPES not in left_out,
-        data_flow=arguments.data_flow and NO_DATA_FLOW not in left_out,
-        performed=performed_by_modules(arguments.modules, found, trust=arguments.trust),
-    )
-    conflicts: list[int] = []
-    if output is not None and arguments.merge and output.is_file():
-        conflicts = [*merge_plan(output, plan.source, file.path.name)]
-        found += [_conflict(output, line) for line in conflicts]
-    elif output is not None:
-        write_versions(output, plan.source, force=force)
-    if graph is not None:
-        plan.graph.save(graph, force=True)
-    return replace(plan, diagnostics=(*plan.diagnostics, *found)), bool(conflicts)
-
-
-def _conflict(plan: Path, line: int) -> Diagnostic:
-    advice = "keep the right lines, and remove the marks <<<<<<<, ======= and >>>>>>>"
-    return error(
-        "C023", "conflict: these lines were edited, and the recipe changes them too", Span(str(plan), line), advice
-    )
-
-
-def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
-    """Return how the plan to merge with was compiled, as it is compiled again in the same way; None without --merge."""
-    if not arguments.merge:
-        return None
-    if arguments.output is None:
-        raise typer.BadParameter("--merge needs --output PLAN, the plan that was edited")
-    if arguments.force:
-        raise typer.BadParameter("--merge keeps the edits, --force overwrites them: give one of them")
-    if not arguments.output.is_file():
-        return None
-    with arguments.output.open(encoding="utf-8", errors="replace") as file:
-        return header(file.read(LONGEST))

@@ -1,4 +1,4 @@
-"""Output of the command: diagnostics and progress on stderr, results on stdout, for machines one JSON object."""
+"""Output of the command: diagnostics and progress on stderr, results on stdout, with ``--json`` as one JSON object."""
 
 from __future__ import annotations
 
@@ -7,59 +7,24 @@ import os
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, replace
-from enum import Enum, IntEnum
-from typing import Any
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 import typer
 
 from executive.cli.progress import PROGRESS
-from executive.cli.resources import no_room, out_of_resources
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.base_arguments import Arguments, Detail
+from executive.commands.resources import no_room, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity
-from planlang.records import dataclass
-
-
-class ExitCode(IntEnum):
-    """Exit codes of the command; 128 and its number after a signal, which makes 130 of Ctrl-C."""
-
-    DONE = 0
-    FAILED = 1
-    BAD_INPUT = 2
-    MISSING_CAPABILITY = 3
-    INTERNAL_ERROR = 70
-    OUT_OF_RESOURCES = 71
-    INTERRUPTED = 130
-
-
-class Detail(Enum):
-    """How many of its notes and warnings a command prints; errors are all printed."""
-
-    NONE = "none"
-    CODES = "codes"
-    """The first of each code, with how many more there are: many would hide the result."""
-    ADVICE = "advice"
-    """The first of each code and advice: for commands whose result they are."""
-    ALL = "all"
-
+from planlang.progress import Report, unreported
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The result of a command."""
-
-    exit_code: ExitCode = ExitCode.DONE
-    diagnostics: tuple[Diagnostic, ...] = ()
-    text: str = ""
-    """The result for people, printed to stdout."""
-    data: Mapping[str, Any] = field(default_factory=dict)
-    """The result for machines: further keys of the JSON object."""
-
-
 def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: Detail = Detail.CODES) -> None:
-    """Do a command's work and print its result; always ends by raising ``typer.Exit``.
+    """Do a command's work and print its result; always raises ``typer.Exit``.
 
     A user's mistake is shown as diagnostics. A programming error is reported in one line; with
     ``PLANLANG_TRACEBACK=1`` in the environment its traceback is printed too.
@@ -87,7 +52,7 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
 
 
 def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.CODES) -> None:
-    """Print a result; raises ``typer.Exit`` if stdout takes no more."""
+    """Print a result. Raises ``typer.Exit`` if stdout cannot be written."""
     if as_json:
         whole = {"command": command, "exit_code": int(reply.exit_code), **reply.data}
         whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
@@ -101,27 +66,27 @@ def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.
         sys.stdout.flush()
     except BrokenPipeError:
         raise
-    except OSError as problem:  # a full disk behind stdout; what is buffered would fail again at the end
+    except OSError as problem:  # a full disk, say; flushing the buffer at exit would fail again
         say(f"error: stdout cannot be written: {problem.strerror or problem}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(ExitCode.BAD_INPUT) from None
 
 
 def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> None:
-    """Print diagnostics to stderr, in their order, and how many there are of each severity.
+    """Print diagnostics to stderr, in their order, then the number of each severity.
 
-    The same help is printed once. Of what ``detail`` sums up, the first is printed, with the number of others.
+    Equal helps are printed once; of diagnostics that ``detail`` groups only the first, with the number of others.
     """
     diagnostics = list(diagnostics)
     if detail is Detail.NONE:
         diagnostics = [one for one in diagnostics if one.severity is Severity.ERROR]
-    like = Counter(_kind(one, detail) for one in diagnostics)
+    per_kind = Counter(_kind(one, detail) for one in diagnostics)
     shown: set[object] = set()
     printed: set[str | None] = {None}
     PROGRESS.clear()
     for diagnostic in diagnostics:
         kind = _kind(diagnostic, detail)
-        others = like[kind] - 1
+        others = per_kind[kind] - 1
         if others and kind in shown:
             continue
         shown.add(kind)
@@ -134,7 +99,7 @@ def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> No
 
 
 def _kind(diagnostic: Diagnostic, detail: Detail) -> object:
-    """Return what diagnostics have in common of which only the first is printed; errors are all different."""
+    """Key of the group of which only the first diagnostic is printed; each error is a group of its own."""
     if diagnostic.severity is Severity.ERROR or detail in (Detail.ALL, Detail.NONE):
         return id(diagnostic)
     return diagnostic.severity, diagnostic.code, diagnostic.help if detail is Detail.ADVICE else None
@@ -156,7 +121,22 @@ def say(line: str) -> None:
 
 
 def silent(_: object) -> None:
-    """Print nothing: what takes the place of :func:`say` with ``--json`` or ``--quiet``."""
+    """Print nothing, in place of :func:`say`."""
+
+
+def printer_of(arguments: Arguments) -> Callable[[str], None]:
+    """Function that prints a line about what the command does; prints nothing with ``--json`` or ``--quiet``."""
+    return silent if arguments.is_silent else say
+
+
+def progress_of(arguments: Arguments) -> Report:
+    """Function that shows the progress of long work, unless the command is silent."""
+    return unreported if arguments.is_silent else PROGRESS
+
+
+def waiting(arguments: Arguments, what: Callable[[], str], most: float | None = None) -> AbstractContextManager[None]:
+    """Show work whose end is unknown, unless the command is silent; see :meth:`Progress.during`."""
+    return nullcontext() if arguments.is_silent else PROGRESS.during(what, most)
 
 
 def _counted(number: int, word: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from executive.cli.arguments import ConvertArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from planlang.diagnostics import error
 from planlang.files import Bundled
 from planlang.ontology import Literal
@@ -19,13 +19,13 @@ def command(arguments: ConvertArguments) -> Answer:
     """Convert a file; raises BadInput."""
     path, output = Bundled.RECIPE.find(arguments.file), arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
-    chosen = chosen_units(arguments.units or ())
-    converted = convert(path, Target(arguments.to.value), lambda literal: in_chosen_unit(literal, chosen))
+    units = chosen_units(arguments.units or ())
+    converted = convert(path, Target(arguments.to.value), lambda literal: in_chosen_unit(literal, units))
     written = {unit_of(one.object) for one in converted.triples if isinstance(one.object, Literal)}
     refuse(
         [
-            error("C019", f"--units {name}: no number of {path} is in a unit that can be converted to it")
-            for name in chosen.values()
+            error("C019", f"--units {name}: no number in {path} has a unit that can be converted to it")
+            for name in units.values()
             if name not in written
         ]
     )

@@ -1,15 +1,15 @@
-"""``planlang delete``: an entry of one's own, or files of it, taken from a server."""
+"""``planlang delete``: an entry, or files of it, is deleted from a server."""
 
 from __future__ import annotations
 
-from executive.cli.console import Answer
 from executive.cli.server import ask
 from executive.cli.server_arguments import DeleteArguments
+from executive.commands.answers import Answer
 from planlang.knowledge.client import Client
 
 
 def command(arguments: DeleteArguments) -> Answer:
-    """Delete an entry with all its revisions and files, or only files of it. Raises BadInput."""
+    """Delete an entry with all its revisions and files, or only the named files. Raises BadInput."""
 
     def work(client: Client) -> Answer:
         entry = client.entry(arguments.uid)

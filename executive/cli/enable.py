@@ -1,4 +1,4 @@
-"""``planlang enable``: what a robot lacks for a task is taken from a knowledge base, and the task is run."""
+"""``planlang enable``: download what a robot lacks for a task from a knowledge base, and run the task."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from executive.cli import run
-from executive.cli.arguments import EnableArguments, RunArguments
-from executive.cli.console import Answer, ExitCode, say, show
-from executive.cli.inputs import check_files, check_trusted, chosen, environments, refuse
+from executive.cli.arguments import EnableArguments
+from executive.cli.console import say, show
 from executive.cli.match import possessions_in
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import RunArguments
+from executive.commands.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
 from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
@@ -24,7 +26,7 @@ from planlang.knowledge.places import LEVELS
 
 
 def command(arguments: EnableArguments) -> Answer:
-    """Explain, take what is missing, and run if that is asked for. Raises BadInput."""
+    """Explain what is missing, download it, and run the task if the user wants it. Raises BadInput."""
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
     check_trusted(problems, arguments.modules or (), trust=arguments.trust)
@@ -35,11 +37,11 @@ def command(arguments: EnableArguments) -> Answer:
     refuse(problems)
     assert robot is not None
     assert arguments.source is not None
-    who = possessions_in(robot, arguments.urdf, arguments.folders, problems)
-    folder = Folder.read(arguments.store or Path(f"{who.robot}_knowledge"))
+    possessions = possessions_in(robot, arguments.urdf, arguments.folders, problems)
+    folder = Folder.read(arguments.store or Path(f"{possessions.robot}_knowledge"))
     with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
         enabling = Enabling(
-            who,
+            possessions,
             Stock(shelf, folder, arguments.folders, arguments.limit),
             performed_by(arguments.modules or (), problems),
             next(iter(maps), None),
@@ -51,7 +53,7 @@ def command(arguments: EnableArguments) -> Answer:
 
 
 def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanation, Answer]:
-    """Return why the robot can do the task, or not, and the answer after what is missing has been taken."""
+    """Explain whether the robot can do the task, and download what is missing; the answer lists the files."""
     if not arguments.recipe.strip():
         raise BadInput([error("C001", "the name of the task is empty")])
     path = Path(arguments.recipe)
@@ -62,20 +64,20 @@ def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanat
     if explanation.combination.unmet:
         lines += explanation.verdict()
         return explanation, Answer(ExitCode.MISSING_CAPABILITY, (), "\n".join(lines), data)
-    taken = explanation.taken() if not arguments.dry else ()
-    written = enabling.stock.folder.take(taken, enabling.stock.shelf)
+    entries = explanation.taken() if not arguments.dry else ()
+    written = enabling.stock.folder.take(entries, enabling.stock.shelf)
     warned = tuple(a_program(file, enabling.url) for file in written if file.suffix.lower() == ".py")
     lines += [f"wrote {file}" for file in written]
     return explanation, Answer(ExitCode.DONE, warned, "\n".join(lines), {**data, "written": [*map(str, written)]})
 
 
 def a_program(file: Path, source: str) -> Diagnostic:
-    """Return the warning that a file that was taken is a program."""
+    """Warning that a downloaded file is a program."""
     return warning("K038", f"{file} is a program, from {source}", help="it runs only with --trust: read it first")
 
 
 def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Folder, reply: Answer) -> Answer:
-    """Run the task unless something is missing, and return both answers as one."""
+    """Run the task unless something is missing, and merge the answers."""
     if reply.exit_code is not ExitCode.DONE:
         return reply
     if not arguments.json:
@@ -87,13 +89,13 @@ def _with_run(arguments: EnableArguments, explanation: Explanation, folder: Fold
 
 
 def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -> Answer:
-    """Run the task with the recipes, the map and the models of the folder."""
+    """Run the task with the recipes, the maps and the models of the folder."""
     used = [one.entry for one in explanation.entries()]
     *further, recipe = [folder.file(one) for one in used if one.kind is Kind.RECIPE] or [Path(arguments.recipe)]
     is_own = Path(arguments.recipe).is_file()
     about = next((one.about for one in reversed(used) if one.kind is Kind.RECIPE), None)
     maps = [str(folder.file(one)) for one in explanation.maps()]
-    wanted = RunArguments(
+    run_arguments = RunArguments(
         file=arguments.recipe if is_own else str(recipe),
         task=arguments.task if is_own else about,
         robot=arguments.robot,
@@ -111,4 +113,4 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         quiet=arguments.quiet,
         json=arguments.json,
     )
-    return run.command(wanted, recipes=tuple([*further, recipe] if is_own and about else further))
+    return run.command(run_arguments, recipes=tuple([*further, recipe] if is_own and about else further))

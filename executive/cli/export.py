@@ -1,4 +1,4 @@
-"""``planlang export``: what was done in a run, as others write it."""
+"""``planlang export``: a run as a NEEM, a narrative with poses."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import Any
 import typer
 
 from executive.cli.arguments import ExportArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from executive.runs.traces import damaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.experience import Experience, experience_of, narrative
@@ -23,7 +23,7 @@ from planlang.outputs import check_outputs, write_text
 from planlang.runs.recorded_run import DamagedTrace, read_records
 
 LARGEST = 200_000_000
-"""Bytes of a trace, or of a log of poses, that are read."""
+"""Maximum size of a trace [bytes]."""
 POSES = "poses.jsonl"
 NAMESPACE = "http://planlang.org/experience/"
 
@@ -31,7 +31,7 @@ NAMESPACE = "http://planlang.org/experience/"
 def command(arguments: ExportArguments) -> Answer:
     """Export a trace; raises BadInput."""
     began, folder, trace = _began(arguments.began), arguments.output, arguments.trace
-    records, digest, found = _read(trace)
+    records, digest, diagnostics = _read(trace)
     try:
         experience = experience_of(records)
     except DamagedTrace as damage:
@@ -40,19 +40,19 @@ def command(arguments: ExportArguments) -> Answer:
     if arguments.poses is not None:
         poses = sorted((*poses, *read_log(arguments.poses, records[0])), key=lambda one: one.step)
     outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / POSES}
-    _make(folder)
+    _make_folder(folder)
     refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
     write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began, records=[POSES]))
     write_text(outputs["the poses"], "".join(pose_lines(poses, experience.rate, began, trace_sha256=digest)))
     first, second = map(str, outputs.values())
-    text = f"{first}: {', '.join(_told(experience))}\n{second}: {len(poses)} poses"
+    text = f"{first}: {', '.join(_summary(experience))}\n{second}: {len(poses)} poses"
     return Answer(
-        diagnostics=found, text=text, data={"files": [first, second], "poses": len(poses), **_data(experience)}
+        diagnostics=diagnostics, text=text, data={"files": [first, second], "poses": len(poses), **_data(experience)}
     )
 
 
 def _read(trace: Path) -> tuple[list[Any], str, tuple[Diagnostic, ...]]:
-    """Return the records of a trace, its SHA-256, and a warning if its last line was cut off. Raises BadInput."""
+    """Read a trace: its records, its SHA-256, and a warning if its last line is incomplete. Raises BadInput."""
     digest = hashlib.sha256(read_file(trace, "C001", largest=LARGEST)).hexdigest()
     try:
         records, torn = read_records(trace)
@@ -62,12 +62,12 @@ def _read(trace: Path) -> tuple[list[Any], str, tuple[Diagnostic, ...]]:
     return records, digest, (warning("X026", "the last line is incomplete and left out", span),) if torn else ()
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
-        raise BadInput([error("C004", f"--output {folder} cannot be made: {reason}")]) from None
+        raise BadInput([error("C004", f"--output {folder} cannot be created: {reason}")]) from None
 
 
 def _began(text: str | None) -> datetime | None:
@@ -76,13 +76,15 @@ def _began(text: str | None) -> datetime | None:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise typer.BadParameter(f"{text!r} is no time; write for example --began 2026-11-23T14:00:00+01:00") from None
+        raise typer.BadParameter(
+            f"{text!r} is not a time; write for example --began 2026-11-23T14:00:00+01:00"
+        ) from None
     if moment.tzinfo is None or not 1971 <= moment.year <= 9000:
-        raise typer.BadParameter(f"{text!r} needs its zone, Z or for example +01:00, and a year from 1971 to 9000")
+        raise typer.BadParameter(f"{text!r} needs a time zone, Z or for example +01:00, and a year from 1971 to 9000")
     return moment
 
 
-def _told(run: Experience) -> Iterator[str]:
+def _summary(run: Experience) -> Iterator[str]:
     resolved = [one for activity in run.activities for one in activity.resolutions]
     yield f"{len(run.activities)} actions"
     yield f"{len({one.designator for one in resolved})} designators resolved {len(resolved)} times"

@@ -1,4 +1,4 @@
-"""``planlang robot inspect``: a robot is bound, its arms are mapped and drawn, its parts listed."""
+"""``planlang robot inspect``: the parts of a robot, the reach of its arms, and what is missing."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import InspectArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, refuse
+from executive.cli.console import progress_of
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import check_files, refuse
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.locations.reachability_maps import reachability_map
 from executive.pictures.drawn import drawn_in, missing
@@ -25,13 +26,13 @@ USEFUL = ("carrying", "prepare_grasp", "handover")
 """Postures that plans and the executive use."""
 
 _FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
-"""Directions of grasps in words."""
+"""Grasp directions in words."""
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
 
 def command(arguments: InspectArguments) -> Answer:
-    """Bind a robot, map its arms, list and draw what was found; raises BadInput."""
+    """Bind a robot, compute the reach of its arms, list and draw it. Raises BadInput."""
     source, urdf = Bundled.ROBOT.find(arguments.robot), arguments.urdf
     problems: list[Diagnostic] = []
     check_files(problems, urdf=urdf)
@@ -41,15 +42,15 @@ def command(arguments: InspectArguments) -> Answer:
     problems += missing() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)
-    robot = with_carrying(bare, report=arguments.progress)
+    robot = with_carrying(bare, report=progress_of(arguments))
     world = PlanningWorld(Scene(()), robot.body())
     try:
-        return _inspected(bare, robot, world, arguments, urdf or source)
+        return _inspect(bare, robot, world, arguments, urdf or source)
     finally:
         world.close()
 
 
-def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
+def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: InspectArguments, file: Path) -> Answer:
     picture, record = arguments.picture, arguments.record
     models = arm_models(robot, world)
     bounds = dict(world.robot.limits)
@@ -57,7 +58,7 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
         if output is not None and not models:
             raise BadInput([error("C004", f"{output}: {robot.name} has no arm whose reach could be drawn")])
     maps = {
-        model.name: {grasp: reachability_map(model, grasp, robot.name, arguments.progress) for grasp in GraspClass}
+        model.name: {grasp: reachability_map(model, grasp, robot.name, progress_of(arguments)) for grasp in GraspClass}
         for model in models
     }
     if record is not None:
@@ -84,7 +85,7 @@ def _inspected(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspe
 
 
 def summary(robot: Robot, file: Path) -> Iterator[str]:
-    """Yield what a robot has, in a few lines; nothing is computed for them."""
+    """Summarise a robot in a few lines, without computing its reach."""
     yield from _body_lines(robot, file)
     for arm in robot.arms:
         hand = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
@@ -130,13 +131,13 @@ def _positions(joints: Mapping[str, float]) -> str:
 
 
 def _lacking(robot: Robot) -> Iterator[str]:
-    """Yield parts that plans use and the robot does not have."""
+    """Parts that plans use and the robot lacks."""
     if not robot.arms:
         yield "arms"
     yield from (f"a gripper of the {arm.name} arm" for arm in robot.arms if arm.gripper is None)
     if robot.torso is None:
         yield "a torso that lifts the arms: they reach fewer heights"
     if robot.camera is None:
-        yield "a camera: nothing can be looked for ([camera] in the robot file)"
+        yield "a camera: the robot cannot look for things ([camera] in the robot file)"
     known = robot.postures
     yield from (f"a posture {name} ([postures.{name}] in the robot file)" for name in USEFUL if name not in known)

@@ -1,4 +1,4 @@
-"""``planlang list``: what there is to name: robots, rooms, recipes, classes, relations and failures."""
+"""``planlang list``: bundled robots, rooms and recipes; classes, relations and failures that may be named."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import ListArguments, Listed
-from executive.cli.console import Answer, ExitCode
+from executive.commands.answers import Answer, ExitCode
 from planlang import failures
 from planlang.closure import reached
 from planlang.designators import local_name
@@ -24,54 +24,54 @@ from planlang.spelling import guess
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """Something that can be named: ``words`` are its label or its description, ``more`` is for JSON only."""
+    """Entry of a list: ``words`` is its label or description, ``more`` is for JSON only."""
 
     name: str
     words: str = ""
     more: Mapping[str, Any] | None = None
     above: tuple[str, ...] = ()
-    """Keys of the entries that it is below, for trees."""
+    """Keys of its parents, for trees."""
     key: str = ""
-    """What tells it from all others; its name if that does."""
+    """Unique key; the name if empty."""
     also: tuple[str, ...] = ()
-    """Other names that it is found by."""
+    """Further names that are searched."""
 
     @property
     def id(self) -> str:
         return self.key or self.name
 
     def has(self, word: str) -> bool:
-        """Return True if a word, in whatever case, is in a name or in the description."""
-        wanted = word.casefold()
-        return any(wanted in text.casefold() for text in (self.name, self.words, *self.also))
+        """Check whether a word is in a name or in the description, in whatever case."""
+        folded = word.casefold()
+        return any(folded in text.casefold() for text in (self.name, self.words, *self.also))
 
     def as_json(self) -> dict[str, Any]:
-        """Return name, words and what else is known."""
+        """Name, words and further data."""
         return {"name": self.name, "words": self.words, **(self.more or {})}
 
 
 def command(arguments: ListArguments) -> Answer:
-    """List what was asked for; exit code 1 if a word is in none of it."""
+    """List entries of a kind; exit code 1 if none has the word."""
     kind, word = arguments.kind, arguments.word
     entries = _LISTS[kind]()
-    found = [one for one in entries if word is None or one.has(word)]
-    data = {"kind": kind.value, "entries": [one.as_json() for one in found]}
-    if not found:
+    matching = [one for one in entries if word is None or one.has(word)]
+    data = {"kind": kind.value, "entries": [one.as_json() for one in matching]}
+    if not matching:
         advice = guess(word or "", (one.name for one in entries))
         text = (
             f"none of the {len(entries)} {kind.value} has {word!r} in its name or description{advice and '; '}{advice}"
         )
         return Answer(ExitCode.FAILED, text=text.rstrip(), data=data)
     is_tree = kind in (Listed.CLASSES, Listed.FAILURES)
-    lines = tree(entries, {one.id for one in found}) if is_tree else table(found)
+    lines = tree(entries, {one.id for one in matching}) if is_tree else table(matching)
     return Answer(text="\n".join(lines), data=data)
 
 
-# What is listed
+# Entries
 
 
 def files(kind: Bundled, folder: Path | None = None) -> list[Entry]:
-    """Return the bundled files of a kind, by name, with the first sentence of each; those below ``folder`` follow."""
+    """Bundled files of a kind by name, with the first sentence of each; then the files in ``folder``."""
     named = [(name, kind.find(name)) for name in kind.names()]
     if folder is not None:
         named += [(f"{folder.name}/{path.stem}", path) for path in sorted(folder.glob("*.omn"))]
@@ -79,27 +79,27 @@ def files(kind: Bundled, folder: Path | None = None) -> list[Entry]:
 
 
 def opening(path: Path) -> str:
-    """Return the first sentence of the comment that a file begins with, "" if it begins otherwise."""
+    """First sentence of the comment at the top of a file; "" without one."""
     with path.open(encoding="utf-8") as file:
         comment = [line.removeprefix("#").strip() for line in takewhile(lambda line: line.startswith("# "), file)]
     return sentence(" ".join(comment))
 
 
 def sentence(text: str) -> str:
-    """Return the first sentence of a text, without its end."""
+    """First sentence of a text, without its full stop."""
     return re.split(r"\.(?:\s|$)", " ".join(text.replace("``", "").split()), maxsplit=1)[0]
 
 
 def classes() -> list[Entry]:
-    """Return the classes of the bundled vocabulary, by name."""
+    """Classes of the bundled vocabulary, by name."""
     ontology = load(bundled("ontologies") / "knowrob.omn")
     also: dict[str, list[str]] = {}
     for triple in ontology.triples(p=expand("alsoCalled")):
         if isinstance(triple.object, Literal):
             also.setdefault(str(triple.subject), []).append(triple.object.value)
     named = {iri for iri in ontology.class_names() if ontology.defined(iri)}
-    found = [_class(ontology, iri, named, also.get(iri, ())) for iri in named]
-    return sorted(found, key=lambda one: (one.name.casefold(), one.id))
+    entries = [_class(ontology, iri, named, also.get(iri, ())) for iri in named]
+    return sorted(entries, key=lambda one: (one.name.casefold(), one.id))
 
 
 def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[str]) -> Entry:
@@ -111,7 +111,7 @@ def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[
 
 
 def relations() -> list[Entry]:
-    """Return the relations of locations, in the order of their table."""
+    """Location relations, in the order of their table."""
     return [
         Entry(
             " | ".join(one.forms),
@@ -123,8 +123,8 @@ def relations() -> list[Entry]:
 
 
 def plan_failures() -> list[Entry]:
-    """Return the failures of plans, in the order of their module, each with its first sentence."""
-    found = [PlanFailure, *(one for one in vars(failures).values() if _is_failure(one))]
+    """Plan failures in the order of their module, each with its first sentence."""
+    kinds = [PlanFailure, *(one for one in vars(failures).values() if _is_failure(one))]
     return [
         Entry(
             one.__name__,
@@ -132,7 +132,7 @@ def plan_failures() -> list[Entry]:
             {"below": [above.__name__ for above in one.__bases__ if _is_failure(above) or above is PlanFailure]},
             tuple(above.__name__ for above in one.__bases__),
         )
-        for one in dict.fromkeys(found)
+        for one in dict.fromkeys(kinds)
     ]
 
 
@@ -150,26 +150,26 @@ _LISTS: Mapping[Listed, Callable[[], list[Entry]]] = {
 }
 
 
-# How it is shown
+# Output
 
 
 def table(entries: Sequence[Entry]) -> Iterator[str]:
-    """Yield a line for each entry: name, words, and the file if it is one."""
+    """Yield a line for each entry: name, words, and its file if there is one."""
     wide = max(len(one.name) for one in entries)
     for one in entries:
         file = (one.more or {}).get("file")
         yield "  ".join(filter(None, (f"{one.name:{wide}}", one.words, f"({file})" if file else ""))).rstrip()
 
 
-def tree(entries: Sequence[Entry], wanted: Collection[str]) -> Iterator[str]:
-    """Yield what was found with all that it is below and all below it, as a tree; what is repeated ends in ``...``."""
-    known = {one.id: one for one in entries}
+def tree(entries: Sequence[Entry], matching: Collection[str]) -> Iterator[str]:
+    """Yield matching entries with their ancestors and descendants as a tree; ``...`` marks a repeated subtree."""
+    by_id = {one.id: one for one in entries}
     below: dict[str, list[Entry]] = {}
     for one in entries:
         for above in one.above:
             below.setdefault(above, []).append(one)
-    shown = {*reached(wanted, lambda id: [one.id for one in below.get(id, ())])}
-    shown.update(reached(wanted, lambda id: [above for above in known[id].above if above in known]))
+    shown = {*reached(matching, lambda id: [one.id for one in below.get(id, ())])}
+    shown.update(reached(matching, lambda id: [above for above in by_id[id].above if above in by_id]))
     drawn: set[str] = set()
 
     def lines(one: Entry, depth: int) -> Iterator[str]:
@@ -181,5 +181,5 @@ def tree(entries: Sequence[Entry], wanted: Collection[str]) -> Iterator[str]:
             yield from lines(other, depth + 1)
 
     for one in entries:
-        if one.id in shown and not any(above in known for above in one.above):
+        if one.id in shown and not any(above in by_id for above in one.above):
             yield from lines(one, 0)

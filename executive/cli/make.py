@@ -1,4 +1,4 @@
-"""``planlang robot make``: a robot file is derived from a URDF and a SRDF."""
+"""``planlang robot make``: a robot file, derived from a URDF and an SRDF."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import MakeArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import check_files, refuse
+from executive.cli.console import progress_of, waiting
+from executive.commands.answers import Answer
+from executive.commands.inputs import check_files, refuse
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
@@ -24,17 +25,17 @@ def command(arguments: MakeArguments) -> Answer:
     problems += check_outputs({"--output": output}, {"the URDF": urdf, "--srdf": srdf}, force=arguments.force)
     refuse(problems)
     folder = Path() if output is None else output.parent
-    with arguments.waiting(lambda: f"reading {urdf.name}"):
+    with waiting(arguments, lambda: f"reading {urdf.name}"):
         draft = draft_of(urdf, srdf, named=os.path.relpath(urdf, folder))
         robot = bind_draft(draft, folder / f"{urdf.stem}.toml")
     if robot.arms and CARRYING not in robot.postures:
         table = draft.table("postures", CARRYING)
-        for joint, value in with_carrying(robot, report=arguments.progress).postures[CARRYING].items():
+        for joint, value in with_carrying(robot, report=progress_of(arguments)).postures[CARRYING].items():
             table.add(joint, value, "" if table.entries else "hands level, close to the body, without contact")
     text = draft.text()
     if output is not None:
         write_text(output, text)
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
-    found = (*draft.diagnostics(), *robot.diagnostics)
+    diagnostics = (*draft.diagnostics(), *robot.diagnostics)
     made = f"{output}: {robot.name}\nplanlang robot inspect {output} shows what the robot can do, and what it lacks"
-    return Answer(diagnostics=found, text=text if output is None else made, data=data)
+    return Answer(diagnostics=diagnostics, text=text if output is None else made, data=data)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from executive.cli.arguments import MatchArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
 from executive.robots import Semantics, bind_robot, possessions_of
 from executive.robots.matching import Possessions
@@ -20,11 +20,11 @@ from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.recipe.reading import choose_task, named_action
 
 EXIT_CODES = {True: ExitCode.DONE, False: ExitCode.MISSING_CAPABILITY, None: ExitCode.FAILED}
-"""Exit codes by what is found: feasible, not, unknown."""
+"""Exit codes for feasible, infeasible and unknown."""
 
 
 def command(arguments: MatchArguments) -> Answer:
-    """Compare, and explain; a robot without URDF is compared by its self-model alone. Raises BadInput."""
+    """Compare a robot with a recipe; without a URDF, by its self-model alone. Raises BadInput."""
     file = read_recipe_file(arguments.recipe)
     problems: list[Diagnostic] = []
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
@@ -34,40 +34,44 @@ def command(arguments: MatchArguments) -> Answer:
     assert robot is not None
     folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
     ontology = load(file.path, folders=folders)
-    found: list[Diagnostic] = []
-    task = _task(ontology, arguments.task, semantics, found)
-    performed = performed_by(arguments.modules or (), found)
-    possessions = possessions_in(robot, arguments.urdf, folders, found)
+    diagnostics: list[Diagnostic] = []
+    task = _task(ontology, arguments.task, semantics, diagnostics)
+    performed = performed_by(arguments.modules or (), diagnostics)
+    possessions = possessions_in(robot, arguments.urdf, folders, diagnostics)
     matched = match(ontology, task, possessions, semantics, performed)
-    code = ExitCode.BAD_INPUT if has_errors(found) else EXIT_CODES[matched.feasible]
-    return Answer(code, tuple(found), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()})
+    code = ExitCode.BAD_INPUT if has_errors(diagnostics) else EXIT_CODES[matched.feasible]
+    return Answer(
+        code, tuple(diagnostics), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()}
+    )
 
 
-def _task(ontology: Ontology, wanted: str | None, semantics: Semantics, found: list[Diagnostic]) -> RecipeSet | str:
-    """Return the recipe of the task; of an action class without recipe, and for the original semantics, its IRI."""
+def _task(ontology: Ontology, name: str | None, semantics: Semantics, diagnostics: list[Diagnostic]) -> RecipeSet | str:
+    """Recipe of the task; for an action class without one, and with the original semantics, its IRI."""
     actions, span = Actions(ontology), Span(str(ontology.documents[0].path))
     if semantics is Semantics.ORIGINAL:
-        found += ontology.diagnostics
-        return choose_task(actions) if wanted is None else _action(actions, wanted, span)
-    reading = read_recipe(actions, wanted)
+        diagnostics += ontology.diagnostics
+        return choose_task(actions) if name is None else _action(actions, name, span)
+    reading = read_recipe(actions, name)
     if reading.recipes is not None:
-        found += reading.diagnostics
+        diagnostics += reading.diagnostics
         return reading.recipes
     others = [one for one in reading.diagnostics if one.code != "R004"]
-    if wanted is None or has_errors(others):
+    if name is None or has_errors(others):
         raise BadInput(reading.diagnostics)
-    found += others
-    return _action(reading.actions, wanted, span)
+    diagnostics += others
+    return _action(reading.actions, name, span)
 
 
-def _action(actions: Actions, wanted: str, span: Span) -> str:
-    """Return the IRI of a named class of actions, with a recipe or without; raises BadInput for anything else."""
-    named = named_action(actions, wanted, span)
-    return named if actions.ontology.is_a(named, expand("knowrob:Event")) else choose_task(actions, wanted)
+def _action(actions: Actions, name: str, span: Span) -> str:
+    """IRI of an action class, with or without a recipe. Raises BadInput for anything else."""
+    iri = named_action(actions, name, span)
+    return iri if actions.ontology.is_a(iri, expand("knowrob:Event")) else choose_task(actions, name)
 
 
-def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], found: list[Diagnostic]) -> Possessions:
-    """Return what a robot has, by its self-model alone if there is no URDF of it; appends notes. Raises BadInput."""
+def possessions_in(
+    robot: Path, urdf: Path | None, folders: Sequence[Path], diagnostics: list[Diagnostic]
+) -> Possessions:
+    """What a robot has, from its self-model alone without a URDF; appends to ``diagnostics``. Raises BadInput."""
     try:
         bound = bind_robot(robot, urdf=urdf, folders=folders)
     except BadInput as problem:
@@ -75,9 +79,9 @@ def possessions_in(robot: Path, urdf: Path | None, folders: Sequence[Path], foun
             raise
         model = read_self_model(load(robot, folders=folders))
         advice = "with --urdf FILE, its claims are compared with its arms and grippers"
-        found.append(
-            note("B008", f"there is no URDF of {model.name}: compared by its self-model alone", model.span, advice)
+        diagnostics.append(
+            note("B008", f"{model.name} has no URDF: compared by its self-model alone", model.span, advice)
         )
         return Possessions(model.name, parts_of(model), claims_of(model), model)
-    found += bound.diagnostics
+    diagnostics += bound.diagnostics
     return possessions_of(bound)

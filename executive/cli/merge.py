@@ -7,8 +7,8 @@ from typing import Any
 import typer
 
 from executive.cli.arguments import MergeArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import environments, refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import environments, refuse
 from executive.maps.merging import merge
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import check_outputs, write_text
@@ -17,7 +17,7 @@ from planlang.outputs import check_outputs, write_text
 def command(arguments: MergeArguments) -> Answer:
     """Merge maps; raises BadInput."""
     if len(arguments.maps) < 2:
-        raise typer.BadParameter("name two maps or more")
+        raise typer.BadParameter("name at least two maps")
     problems: list[Diagnostic] = []
     paths = environments(arguments.maps, problems)
     inputs = {f"the map {path}": path for path in paths}
@@ -30,5 +30,5 @@ def command(arguments: MergeArguments) -> Answer:
         return Answer(diagnostics=merged.diagnostics, text=merged.text, data=data | {"source": merged.text})
     write_text(arguments.output, merged.text)
     count = f"{len(data['conflicts'])} conflict{'' if len(data['conflicts']) == 1 else 's'}"
-    told = f"{arguments.output}: {merged.things} things, {merged.placed} with a place, {count}"
-    return Answer(diagnostics=merged.diagnostics, text=told, data=data | {"output": str(arguments.output)})
+    text = f"{arguments.output}: {merged.things} things, {merged.placed} with a place, {count}"
+    return Answer(diagnostics=merged.diagnostics, text=text, data=data | {"output": str(arguments.output)})

@@ -1,4 +1,4 @@
-"""``planlang new``: files to begin with, which run as they are. Their templates are in ``executive/templates``."""
+"""``planlang new``: files to start from, which run as they are. Their templates are in ``executive/templates``."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from executive.cli.authoring_arguments import NewArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import check_outputs, write_text
 
@@ -30,10 +30,8 @@ def command(arguments: NewArguments) -> Answer:
     name, kind = arguments.name, arguments.kind.value
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         proposal = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "my_task"
-        help = (
-            f"name it {proposal}: small letters, digits and _, as it becomes the name of files, classes and functions"
-        )
-        raise BadInput([error("C034", f"{name!r} is no name for a template's files", help=help)])
+        help = f"use lower-case letters, digits and _, for example {proposal}"
+        raise BadInput([error("C034", f"{name!r} cannot name files, classes and functions", help=help)])
     folder = arguments.folder / name if kind == "project" else arguments.folder
     texts = {folder / path: text for path, text in _filled(kind, name)}
     if kind == "project":
@@ -49,7 +47,7 @@ def command(arguments: NewArguments) -> Answer:
 
 
 def _filled(kind: str, name: str) -> list[tuple[Path, str]]:
-    """The files of a template and their texts, with the name in all its forms."""
+    """Files of a template and their texts, with the name filled in in all its forms."""
     words = name.replace("_", " ")
     forms = {"template_name": name, "TemplateName": words.title().replace(" ", ""), "template name": words}
     filled = []

@@ -1,4 +1,4 @@
-"""Progress of long work on stderr, with the time left: a line of a terminal that is drawn anew, else one now and then.
+"""Progress of long work on stderr, with the time left: a line that is redrawn in a terminal, else a line now and then.
 
 Computations report shares (:mod:`planlang.progress`); a thread shows them, so that a long call between two reports is
 shown as well. The wall clock is read here only, and never enters a run.
@@ -19,23 +19,23 @@ import typer
 from planlang.records import dataclass
 
 SHORT = 2.0
-"""Work that takes less than this is not shown [s]."""
+"""Shorter work is not shown [s]."""
 EVERY, EVERY_IN_TERMINAL = 10.0, 0.2
-"""Time between two lines, and between two drawings of the line of a terminal [s]."""
+"""Time between two lines, and between two drawings in a terminal [s]."""
 BAR = 20
-"""Characters of the bar of a terminal."""
+"""Width of the bar [characters]."""
 
 
 @dataclass(slots=True, eq=False)
 class _Work:
-    """A piece of work: words for it, its share when it was first reported and now (NaN: unknown), when it began [s]."""
+    """Piece of work: its description, its share when first reported and now (NaN: unknown), its start [s]."""
 
     what: Callable[[], str]
     first: float
     share: float
     began: float
     most: float | None = None
-    """The longest time that it may take [s], if that is known."""
+    """Time limit [s], if any."""
 
     @property
     def is_open(self) -> bool:
@@ -43,7 +43,7 @@ class _Work:
         return math.isnan(self.share)
 
     def line(self, now: float) -> str:
-        """Return the work with its share and the time left, else with the time that has gone by."""
+        """Describe the work, with its share and the time left, or with the time passed."""
         seconds, gained = now - self.began, self.share - self.first
         if self.is_open:
             limit = f" of at most {duration(self.most)}" if self.most is not None else ""
@@ -53,14 +53,14 @@ class _Work:
 
 
 class Progress:
-    """Shows the innermost piece of work. ``clock`` yields seconds."""
+    """Shows the innermost piece of work; ``clock`` returns seconds."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._lock = clock, threading.RLock()
         self._works: list[_Work] = []
         self._shown = 0.0
         self._is_drawn = False
-        """True if the last line of the terminal is a drawing."""
+        """True if the last line in the terminal is to be redrawn."""
         self._ended = threading.Event()
 
     def __call__(self, what: str, share: float) -> None:
@@ -78,7 +78,7 @@ class Progress:
 
     @contextmanager
     def during(self, what: Callable[[], str], most: float | None = None) -> Iterator[None]:
-        """Show work whose end is unknown: ``what`` returns words for it at any time, ``most`` is its limit [s]."""
+        """Show work whose end is unknown: ``what`` describes it at any time, ``most`` is its time limit [s]."""
         self._push(_Work(what, math.nan, math.nan, self._clock(), most))
         try:
             yield
@@ -105,7 +105,7 @@ class Progress:
             self.tick()
 
     def tick(self) -> None:
-        """Show the work if it is time to."""
+        """Show the work if a new line or drawing is due."""
         with self._lock:
             now, is_terminal = self._clock(), sys.stderr.isatty()
             if not self._works or now - self._works[-1].began < SHORT:
@@ -123,7 +123,7 @@ class Progress:
             self._is_drawn = True
 
     def clear(self) -> None:
-        """Make room for a line of something else."""
+        """Erase the drawn line, so that another line can be printed."""
         with self._lock:
             if self._is_drawn:
                 sys.stderr.write("\r\x1b[K")
@@ -138,7 +138,7 @@ class Progress:
 
 
 def duration(seconds: float) -> str:
-    """Return a time in words, to a second."""
+    """Format a time, to a second."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if hours else f"{minutes} min {seconds} s" if minutes else f"{seconds} s"

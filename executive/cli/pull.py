@@ -1,10 +1,10 @@
-"""``planlang pull``: an entry of a server, with its files, written into a folder."""
+"""``planlang pull``: an entry of a server and its files, written to a folder."""
 
 from __future__ import annotations
 
-from executive.cli.console import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PullArguments
+from executive.commands.answers import Answer
 from planlang.diagnostics import warning
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Kind

@@ -1,4 +1,4 @@
-"""``planlang push``: an ontology handed in at a server, with files that belong to it."""
+"""``planlang push``: an ontology and its attachments, uploaded to a server."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from hashlib import sha256
 from mimetypes import guess_type
 from pathlib import Path
 
-from executive.cli.console import Answer
-from executive.cli.inputs import check_files, refuse
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PushArguments
+from executive.commands.answers import Answer
+from executive.commands.inputs import check_files, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled, read_file
 from planlang.knowledge.answers import RefusedByChecks, Taken
@@ -19,11 +19,11 @@ from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Entry, Kind
 
 _BUNDLED = {Kind.RECIPE: Bundled.RECIPE, Kind.ENVIRONMENT: Bundled.ENVIRONMENT, Kind.ROBOT: Bundled.ROBOT}
-"""Kinds of which some come with planlang, and may be named without a path."""
+"""Kinds with bundled files, which need no path."""
 
 
 def command(arguments: PushArguments) -> Answer:
-    """Hand in a file and what is attached to it. Raises BadInput with what the server's checks found."""
+    """Upload a file and its attachments. Raises BadInput with the findings of the server's checks."""
     problems: list[Diagnostic] = []
     attached = arguments.attach or []
     check_files(problems, attach=attached)
@@ -39,51 +39,53 @@ def command(arguments: PushArguments) -> Answer:
 
     def work(client: Client) -> Answer:
         try:
-            taken = _handed_in(client, kind, arguments, data)
+            uploaded = _upload(client, kind, arguments, data)
         except RefusedByChecks as problem:
             raise RefusedByChecks(
                 problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
             ) from None
-        entry, sent = _attached(client, taken.entry, attached)
+        entry, sent = _attach(client, uploaded.entry, attached)
         lines = [f"{entry.uid}: revision {entry.revision.number}", *(f"attached {name}" for name in sent)]
         data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
-        return Answer(diagnostics=_placed(taken.diagnostics, arguments.name, path), text="\n".join(lines), data=data_)
+        return Answer(
+            diagnostics=_placed(uploaded.diagnostics, arguments.name, path), text="\n".join(lines), data=data_
+        )
 
     return ask(arguments, work)
 
 
-def _handed_in(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> Taken:
-    """Create or change an entry; one that has this content already is left as it is."""
+def _upload(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> Taken:
+    """Create or change an entry, unless it has this content already."""
     if not arguments.update:
         return client.create(kind, arguments.name, data, arguments.about)
-    entry = _named(client, kind, arguments.name)
+    entry = _find(client, kind, arguments.name)
     if entry.revision.sha256 == sha256(data).hexdigest():
         return Taken(entry)
     return client.change(entry, data)
 
 
-def _named(client: Client, kind: Kind, name: str) -> Entry:
-    """Return the entry of an identifier, or the only one of an author's name for it. Raises BadInput."""
+def _find(client: Client, kind: Kind, name: str) -> Entry:
+    """Find an entry by its identifier, or by its author's name for it if that is unique. Raises BadInput."""
     if "." in name:
         return client.entry(name, kind)
     second = "".join(name.split()).lower()
-    found = [entry for entry in client.entries(kind) if entry.uid.partition(".")[2] == second]
-    if len(found) == 1:
-        return found[0]
-    if not found:
-        advice = "without --update it becomes a new entry"
-        raise BadInput([error("K039", f"there is no {kind.word} of the name {name} to update", help=advice)])
-    advice = f"--name {' or '.join(entry.uid for entry in found[:5])}"
-    raise BadInput([error("K039", f"{len(found)} entries have the name {name}", help=advice)])
+    entries = [entry for entry in client.entries(kind) if entry.uid.partition(".")[2] == second]
+    if len(entries) == 1:
+        return entries[0]
+    if not entries:
+        advice = "leave out --update to make a new entry"
+        raise BadInput([error("K039", f"there is no {kind.word} named {name} to update", help=advice)])
+    advice = f"--name {' or '.join(entry.uid for entry in entries[:5])}"
+    raise BadInput([error("K039", f"{len(entries)} entries have the name {name}", help=advice)])
 
 
-def _attached(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entry, list[str]]:
-    """Send the files that the entry does not have yet; returns the entry, and their names."""
-    known = {one.name: one.sha256 for one in entry.attachments}
+def _attach(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entry, list[str]]:
+    """Attach files that the entry does not have yet; returns the changed entry, and their names."""
+    digests = {one.name: one.sha256 for one in entry.attachments}
     sent = []
     for path in paths:
         data = read_file(path)
-        if known.get(path.name) != sha256(data).hexdigest():
+        if digests.get(path.name) != sha256(data).hexdigest():
             media_type = guess_type(path.name)[0] or "application/octet-stream"
             entry = client.attach(entry.uid, path.name, media_type, data)
             sent.append(path.name)
@@ -91,7 +93,7 @@ def _attached(client: Client, entry: Entry, paths: Sequence[Path]) -> tuple[Entr
 
 
 def _placed(diagnostics: Iterable[Diagnostic], name: str, path: Path) -> tuple[Diagnostic, ...]:
-    """Return what the server says of the upload, which it knows by the author's name for it, as said of the file."""
+    """Place diagnostics in the local file; the server places them in a file with the author's name for the entry."""
     stem = "".join(name.split()).rpartition(".")[2].replace("/", "_")[:100]
 
     def placed(one: Diagnostic) -> Diagnostic:

@@ -1,10 +1,10 @@
-"""``planlang rate``: how good an entry is."""
+"""``planlang rate``: a rating for an entry."""
 
 from __future__ import annotations
 
-from executive.cli.console import Answer
 from executive.cli.server import ask
 from executive.cli.server_arguments import RateArguments
+from executive.commands.answers import Answer
 from planlang.knowledge.client import Client
 
 

@@ -1,4 +1,4 @@
-"""``planlang replay``: a plan decides again by the trace of its run; the first difference is shown side by side."""
+"""``planlang replay``: a plan is replayed from its trace; the first difference is shown side by side."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from executive.cli.arguments import ReplayArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
 from executive.runs.options import RunOptions
 from executive.runs.plan_run import Run
 from executive.runs.traces import read_trace
@@ -15,20 +15,20 @@ from planlang.diagnostics import Diagnostic
 from planlang.runs import Different
 
 WIDTH = 56
-"""Characters of a value that are shown, of longer ones the end: two columns fit into 120."""
+"""Maximum length of a value [characters], of longer ones the end is shown: two columns fit into 120."""
 
 
 def command(arguments: ReplayArguments) -> Answer:
     """Replay a trace; raises BadInput."""
     recorded, header = read_trace(arguments.trace)
-    found = read(arguments.file or header.plan(str(arguments.trace)))
+    file = read(arguments.file or header.plan(str(arguments.trace)))
     problems: list[Diagnostic] = []
     check_files(problems, modules=arguments.modules)
-    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
+    check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     refuse(problems)
     options = RunOptions(
-        plan=found.path if isinstance(found, PlanFile) else None,
-        recipe=found.path if isinstance(found, RecipeFile) else None,
+        plan=file.path if isinstance(file, PlanFile) else None,
+        recipe=file.path if isinstance(file, RecipeFile) else None,
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),
         ontologies=arguments.folders,
@@ -46,23 +46,23 @@ def command(arguments: ReplayArguments) -> Answer:
 
 def _side_by_side(name: str, difference: Different) -> Iterator[str]:
     where = "after the last line" if difference.line is None else f"line {difference.line}"
-    recorded, found = _texts(difference.recorded), _texts(difference.found)
+    recorded, now = _texts(difference.recorded), _texts(difference.found)
     yield f"{name}: {where} is not repeated"
     if not recorded or not isinstance(difference.found, Mapping):
         yield from (f"  recorded  {key} {value}" for key, value in recorded.items())
         yield f"  found     {difference.found}"
         return
-    keys = list(dict.fromkeys((*recorded, *found)))
+    keys = list(dict.fromkeys((*recorded, *now)))
     wide = max(map(len, keys))
     yield f"    {'':{wide}}  {'recorded':{WIDTH}}  found"
     for key in keys:
-        one, other = recorded.get(key, ""), found.get(key, "")
+        one, other = recorded.get(key, ""), now.get(key, "")
         mark = " " if one == other else "*"
         yield f"  {mark} {key:{wide}}  {_end(one):{WIDTH}}  {_end(other)}".rstrip()
 
 
 def _texts(record: object) -> dict[str, str]:
-    """Return the values of a record as text."""
+    """Values of a record as text."""
     if not isinstance(record, Mapping):
         return {}
     return {str(key): value if isinstance(value, str) else str(value) for key, value in record.items()}

@@ -1,4 +1,4 @@
-"""``planlang report``: a page that shows the run of a trace, repeated to see where things were, if that can be done."""
+"""``planlang report``: a page of a recorded run, which is repeated, if possible, to find where things were."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from executive.cli.arguments import ReportArguments, RunArguments, SituationArguments
-from executive.cli.console import Answer, say, silent
-from executive.cli.inputs import RecipeFile, read, refuse
-from executive.cli.run import options_of
+from executive.cli.arguments import ReportArguments
+from executive.cli.console import progress_of, say
+from executive.commands.answers import Answer
+from executive.commands.arguments import RunArguments, SituationArguments
+from executive.commands.inputs import RecipeFile, read, refuse
+from executive.commands.run import options_of
 from executive.runs.plan_run import run_plan_file
 from executive.runs.reporting import context_of
 from executive.runs.traces import TraceHeader, damaged
@@ -52,13 +54,13 @@ def command(arguments: ReportArguments) -> Answer:
 
 def _without_texts(context: Context) -> Iterator[str]:
     if context.plan is None:
-        yield "The plan is not shown, as it is not here, or is not that of the trace."
+        yield "The plan is not shown: it was not found, or is not the plan of the trace."
     if context.recipe is None:
-        yield "The recipe is not shown, as it is not here."
+        yield "The recipe is not shown: it was not found."
 
 
 def _keep_fuller_page(output: Path, model: Mapping[str, Any], missing: Sequence[str], *, force: bool) -> None:
-    """Raise BadInput if a page would be replaced by one that lacks some of its views; with ``force`` it may be."""
+    """Raise BadInput if the new page lacks views of the page that it would replace, unless ``force``."""
     lost = () if force else sorted(_views(_model_in(output)) - _views(model))
     if lost:
         message = f"{output} shows {', '.join(lost)}, the new page would not: {' '.join(missing)}"
@@ -67,10 +69,10 @@ def _keep_fuller_page(output: Path, model: Mapping[str, Any], missing: Sequence[
 
 
 def _model_in(file: Path) -> Mapping[str, Any]:
-    """Return the model of a page that was written before, empty if the file has none."""
+    """Model in an existing page; empty if the file has none."""
     with suppress(OSError, ValueError):
-        found = _MODEL.search(file.read_text(encoding="utf-8")) if file.is_file() else None
-        model = json.loads(found[1]) if found is not None else None
+        match = _MODEL.search(file.read_text(encoding="utf-8")) if file.is_file() else None
+        model = json.loads(match[1]) if match is not None else None
         return model if isinstance(model, dict) else {}
     return {}
 
@@ -91,34 +93,33 @@ def recorded_run(path: Path) -> RecordedRun:
 
 
 def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -> tuple[str, ...]:
-    """Repeat the run and write its page; return why that cannot be, in sentences, nothing if it was done."""
+    """Repeat the run and write its page. Returns sentences that explain why that failed; empty if it was done."""
     if "robot" not in recorded.header:
-        return ("The run had no world: it was scripted, so there are plan, lanes and failures only.",)
+        return ("The run was scripted, without a world: the page shows plan, lanes and failures only.",)
     try:
         options = options_of(_as_run(arguments))
-        result = run_plan_file(
-            replace(options, report=output, trace=None, repeats=True, announce=lambda found: None, progress=silent)
-        )
+        long_work = progress_of(arguments)
+        result = run_plan_file(replace(options, report=output, trace=None, repeats=True, long_work=long_work))
     except BadInput as problem:
         first = problem.diagnostics[0]
-        return (f"The world is not shown, as the run could not be repeated: {first.message.splitlines()[0]}.",)
+        return (f"The world is not shown: the run could not be repeated: {first.message.splitlines()[0]}.",)
     if result.diagnostics and not output.exists():
-        return ("The world is not shown, as the run could not be repeated.",)
+        return ("The world is not shown: the run could not be repeated.",)
     return ()
 
 
 def _as_run(arguments: ReportArguments) -> RunArguments:
-    """Return the arguments by which ``planlang run --resume`` would be asked for the same run."""
+    """Arguments of ``planlang run --resume`` for the same run."""
     same = {one.name: getattr(arguments, one.name) for one in fields(SituationArguments)}
     return RunArguments(**same, file=arguments.file, resume=arguments.trace)
 
 
 def _context(arguments: ReportArguments, header: Mapping[str, Any]) -> Context:
-    """Return plan and recipe of a run that is not repeated, as far as they are there and those of the trace."""
+    """Plan and recipe of a run that is not repeated, if they are found and match the trace."""
     named = arguments.file or header.get("plan")
     with suppress(BadInput):
-        found = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
-        is_recipe = isinstance(found, RecipeFile)
-        plan, recipe = (None, found.path) if is_recipe else (found.path, None)
+        source = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
+        is_recipe = isinstance(source, RecipeFile)
+        plan, recipe = (None, source.path) if is_recipe else (source.path, None)
         return context_of(plan, None, recipe, frozenset(), arguments.folders, of=header)
     return Context()

@@ -2,151 +2,29 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
-import sys
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import typer
-
-from executive.cli.arguments import RunArguments
-from executive.cli.console import Answer, ExitCode, show, silent
-from executive.cli.inputs import (
-    PlanFile,
-    RecipeFile,
-    accepted,
-    check_files,
-    check_trusted,
-    chosen,
-    environments,
-    planar,
-    programs,
-    read,
-    refuse,
-)
-from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.cli.console import printer_of, progress_of, show, silent
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import RunArguments
+from executive.commands.run import options_of
+from executive.runs.options import Outcome, RunResult
 from executive.runs.plan_run import run_plan_file
-from executive.runs.settings import shared
-from executive.runs.traces import TraceHeader, read_trace
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.files import Bundled, decode, read_file
-from planlang.outputs import PNG, WEBP, check_outputs
 from planlang.progress import unreported
 
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
     """Run or resume a plan; ``recipes`` are further files with recipes of its steps. Raises BadInput."""
-    options = replace(options_of(arguments), recipes=recipes)
-    return _answer(run_plan_file(options), is_announced=not arguments.json)
-
-
-def _check_together(arguments: RunArguments) -> None:
-    """Raise a usage error for options of which one needs another, or excludes it."""
-    if arguments.file is None and arguments.resume is None:
-        raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
-    if arguments.world_as_left and arguments.resume is None:
-        raise typer.BadParameter("--world-as-left needs --resume")
-    if arguments.view is not None:
-        _check_view(arguments.view, is_used=bool(arguments.picture or arguments.video))
-    if arguments.world_as_left and arguments.poses is not None:
-        raise typer.BadParameter("--poses needs the whole run, of which --world-as-left leaves the beginning out")
-    if arguments.world_as_left and arguments.report is not None:
-        raise typer.BadParameter("--report needs the whole run, of which --world-as-left leaves the beginning out")
-    if arguments.watch and arguments.watch_tree:
-        raise typer.BadParameter("--watch shows the tree of the plan, too: leave out --watch-tree")
-
-
-def options_of(arguments: RunArguments) -> RunOptions:
-    """Return the options of the run that the arguments ask for; raises BadInput."""
-    _check_together(arguments)
-    start, bindings = planar(arguments.start), _bindings(arguments.set_ or [])
-    recorded, header = None, TraceHeader()
-    if arguments.resume is not None:
-        recorded, header = read_trace(arguments.resume)
-    found = read(arguments.file or header.plan(str(arguments.resume)))
-    is_bundled = isinstance(found, RecipeFile) and found.is_bundled
-    problems: list[Diagnostic] = []
-    check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
-    check_trusted(problems, programs(found, arguments.modules), trust=arguments.trust)
-    robot = chosen(
-        Bundled.ROBOT, arguments.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
-    )
-    notes: list[Diagnostic] = []
-    environment, *further = (*(arguments.environment or ()),) or (header.environment,)
-    if environment is None and is_bundled:
-        environment = default_environment(found.path, bindings.values(), notes)
-    semantic_map = chosen(
-        Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
-    )
-    additions = environments(further, problems)
-    inputs = {"the plan": found.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
-    problems += _check_shown(arguments, inputs)
-    refuse(problems)
-    settings = {name: value or header.settings.get(name, value) for name, value in shared(arguments).items()}
-    settings |= {
-        "seed": header.seed if arguments.seed is None else arguments.seed,
-        "schedule": header.schedule if arguments.schedule is None else arguments.schedule,
-        "trace": arguments.trace or arguments.resume,
-    }
-    return RunOptions(
-        **settings,
-        plan=found.path if isinstance(found, PlanFile) else None,
-        recipe=found.path if isinstance(found, RecipeFile) else None,
-        task=arguments.task or header.task,
-        accepted=accepted(arguments.accept),
-        ontologies=arguments.folders,
-        robot=robot,
-        environment=semantic_map,
-        additions=additions,
-        start=start or header.start,
-        bindings=bindings,
-        resume=recorded,
-        notes=tuple(notes),
-        inner_actions=arguments.verbose,
-        progress=silent if arguments.watch_tree else arguments.tell,
-        long_work=unreported if arguments.watch_tree else arguments.progress,
+    options = replace(
+        options_of(arguments),
+        recipes=recipes,
+        progress=silent if arguments.watch_tree else printer_of(arguments),
+        long_work=unreported if arguments.watch_tree else progress_of(arguments),
         announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )
-
-
-def _check_shown(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> Iterator[Diagnostic]:
-    """Yield why the run cannot write its files, which are none of the inputs, or cannot be shown."""
-    outputs = {
-        "--picture": arguments.picture,
-        "--video": arguments.video,
-        "--trace": arguments.trace or arguments.resume,
-        "--record": arguments.record,
-        "--poses": arguments.poses,
-        "--report": arguments.report,
-        "--upload": arguments.upload,
-        "--update-map": arguments.update_map,
-    }
-    files = {**inputs, **{f"--modules {file}": file for file in arguments.modules or ()}}
-    yield from check_outputs(outputs, files, formats={"--picture": PNG, "--video": WEBP}, force=arguments.force)
-    if arguments.record is not None:
-        from executive.pictures.drawn import missing  # most runs draw nothing
-
-        yield from missing()
-    yield from no_display() if arguments.gui else ()
-
-
-def _check_view(view: str, *, is_used: bool) -> None:
-    """Raise a usage error for a view that is none, or that nothing is shown from."""
-    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
-
-    if not is_used:
-        raise typer.BadParameter("--view needs --picture or --video")
-    if not is_view(view):
-        raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
-
-
-MOST_SETTINGS = 1_000_000
-"""Greatest size of a file of settings [bytes]."""
-_NEEDS = "only bundled recipes have a default: this plan"
+    return _answer(run_plan_file(options), is_announced=not arguments.json)
 
 
 def _answer(result: RunResult, *, is_announced: bool) -> Answer:
@@ -157,58 +35,3 @@ def _answer(result: RunResult, *, is_announced: bool) -> Answer:
         Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
     }[result.outcome]
     return Answer(code, () if is_announced else result.diagnostics, str(result), result.as_json())
-
-
-def _bindings(texts: Sequence[str]) -> dict[str, str]:
-    """Return what parameters are set to; ``@FILE`` stands for the lines of a file. Raises a usage error or BadInput."""
-    bindings: dict[str, str] = {}
-    for text, span in _settings(texts):
-        name, equals, value = (part.strip() for part in text.partition("="))
-        problem = f"{name!r} is set twice" if name in bindings else None
-        if not (name and equals and value):
-            problem = f"{text!r} is not NAME=THING; write for example --set bottle=bottle2"
-        if problem is not None and span is None:
-            raise typer.BadParameter(problem)
-        if problem is not None:
-            raise BadInput([error("C018", problem, span, "each line is NAME=THING, or begins with #")])
-        bindings[name] = value
-    return bindings
-
-
-def _settings(texts: Sequence[str]) -> Iterator[tuple[str, Span | None]]:
-    """Yield settings one by one, those of files with their place."""
-    for text in texts:
-        if not text.startswith("@"):
-            yield text, None
-            continue
-        lines = decode(read_file(Path(text[1:]), largest=MOST_SETTINGS), text[1:]).splitlines()
-        for number, line in enumerate(lines, 1):
-            if line.strip() and not line.lstrip().startswith("#"):
-                yield line, Span(text[1:], number)
-
-
-def no_display() -> list[Diagnostic]:
-    """Return an error if no window can be opened: PyBullet would end the process without a word.
-
-    On systems other than Linux a display is assumed.
-    """
-    if not sys.platform.startswith("linux") or _opens_x_display():
-        return []
-    name = os.environ.get("DISPLAY")
-    reason = f"the display {name} cannot be opened" if name else "there is no display (DISPLAY is not set)"
-    return [error("C013", f"--gui needs a window, and {reason}", help="--picture scene.png shows the end of a run")]
-
-
-def _opens_x_display() -> bool:
-    if not os.environ.get("DISPLAY"):
-        return False
-    try:
-        x11 = ctypes.CDLL("libX11.so.6")
-    except OSError:
-        return False
-    x11.XOpenDisplay.restype = ctypes.c_void_p
-    display = x11.XOpenDisplay(None)
-    if display is None:
-        return False
-    x11.XCloseDisplay(ctypes.c_void_p(display))
-    return True

@@ -1,4 +1,4 @@
-"""``planlang search``: entries of a server that fit a question, and what a robot can use of them."""
+"""``planlang search``: entries of a server that meet criteria, and whether a robot can use them."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import islice
 
-from executive.cli.console import Answer
-from executive.cli.inputs import chosen, refuse
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import SearchArguments
+from executive.commands.answers import Answer
+from executive.commands.inputs import chosen, refuse
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import LARGEST, Bundled, decode, read_file
 from planlang.knowledge.answers import Found
@@ -17,12 +17,12 @@ from planlang.knowledge.client import Client
 
 
 def command(arguments: SearchArguments) -> Answer:
-    """List what a server finds. Raises BadInput."""
+    """List matching entries of a server. Raises BadInput."""
     robot = None if arguments.robot is None else self_model_of(arguments.robot)
     kind = kind_of(arguments.kind)
 
     def work(client: Client) -> Answer:
-        found = client.search(
+        entries = client.search(
             expression=arguments.expression,
             label=arguments.label,
             kind=kind.value if kind else None,
@@ -35,15 +35,15 @@ def command(arguments: SearchArguments) -> Answer:
             robot=robot,
             most=arguments.limit + 1,
         )
-        listed = list(islice(found, arguments.limit + 1))
+        listed = list(islice(entries, arguments.limit + 1))
         return _answer(listed[: arguments.limit], arguments.limit, is_all=len(listed) <= arguments.limit)
 
     return ask(arguments, work)
 
 
 def self_model_of(name: str) -> str:
-    """Return the text of a robot's self-model, which its robot file may name. Raises BadInput."""
-    from executive.robots.robot_file import looks_like_toml, read_robot_file  # takes as long as all else
+    """Read a robot's self-model, which its robot file may name. Raises BadInput."""
+    from executive.robots.robot_file import looks_like_toml, read_robot_file  # as slow to import as all else together
 
     problems: list[Diagnostic] = []
     path = chosen(Bundled.ROBOT, name, None, problems)
@@ -52,28 +52,26 @@ def self_model_of(name: str) -> str:
     if looks_like_toml(path):
         stated = read_robot_file(path).self_model
         if stated is None:
-            advice = (
-                "--robot takes the ontology that says what the robot has; self_model = FILE names it in a robot file"
-            )
-            raise BadInput([error("K037", f"{path.name} names no self-model to ask with", Span(str(path)), advice)])
+            advice = "add self_model = FILE to the robot file, or give that ontology to --robot"
+            raise BadInput([error("K037", f"{path.name} names no self-model", Span(str(path)), advice)])
         path = stated
     return decode(read_file(path, largest=LARGEST), str(path))
 
 
-def _answer(found: list[Found], limit: int, *, is_all: bool) -> Answer:
-    data = {"entries": [{**asdict(one.entry), "etag": one.entry.etag, **_ability(one)} for one in found]}
-    counted = f"{len(found)} {'entry' if len(found) == 1 else 'entries'}"
+def _answer(entries: list[Found], limit: int, *, is_all: bool) -> Answer:
+    data = {"entries": [{**asdict(one.entry), "etag": one.entry.etag, **_ability(one)} for one in entries]}
+    counted = f"{len(entries)} {'entry' if len(entries) == 1 else 'entries'}"
     last = counted if is_all else f"the first {counted}; --limit {10 * limit} lists more"
-    return Answer(text="\n".join((*_lines(found), last)), data=data)
+    return Answer(text="\n".join((*_lines(entries), last)), data=data)
 
 
 def _ability(one: Found) -> dict[str, object]:
     return {} if one.can is None else {"can": one.can, "missing": [asdict(lack) for lack in one.missing]}
 
 
-def _lines(found: list[Found]) -> Iterator[str]:
-    wide = max((len(one.entry.uid) for one in found), default=0)
-    for one in found:
+def _lines(entries: list[Found]) -> Iterator[str]:
+    wide = max((len(one.entry.uid) for one in entries), default=0)
+    for one in entries:
         entry = one.entry
         can = "" if one.can is None else f"{one.can:7}  "
         rated = "" if entry.rating is None else f", rated {entry.rating:.1f} by {entry.ratings}"

@@ -1,19 +1,19 @@
-"""``planlang serve``: the knowledge base over HTTP, and keys for those who change it."""
+"""``planlang serve``: the knowledge base over HTTP, and keys for its authors."""
 
 from __future__ import annotations
 
 from importlib.util import find_spec
 
-from executive.cli.console import Answer
 from executive.cli.server_arguments import ServeArguments
+from executive.commands.answers import Answer
 from planlang.diagnostics import BadInput, error
 
 NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")
-"""Modules of the extra that every server needs; with - for _, they are called as their packages."""
+"""Modules of the extra that every server needs; their packages have the same names, with - for _."""
 
 
 def command(arguments: ServeArguments) -> Answer:
-    """Serve until somebody ends it, or make and drop keys.
+    """Serve until interrupted, or make and revoke keys.
 
     Exit code 1 if an endpoint does not answer. Raises BadInput.
     """

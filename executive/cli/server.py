@@ -1,4 +1,4 @@
-"""The server that a command asks: its address and the author's key."""
+"""The server that a command talks to: its address and the author's key."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from urllib.parse import urlsplit
 
-from executive.cli.console import Answer, ExitCode
 from executive.cli.server_arguments import AuthorArguments, KindWord, ServerArguments
+from executive.commands.answers import Answer, ExitCode
 from planlang.diagnostics import BadInput, error, warning
 from planlang.files import read_file
 from planlang.knowledge.answers import NoAnswer, NotAsAgreed
@@ -24,7 +24,7 @@ _KEY = re.compile(r"[A-Za-z0-9._~+/=-]{1,500}")
 
 
 def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
-    """Do a command's work with a client of the server that the arguments name; says what its refusals mean.
+    """Do a command's work with a client of the server that the arguments name; refusals become diagnostics.
 
     Exit code 1 if the server does not answer as agreed. Raises BadInput.
     """
@@ -42,7 +42,7 @@ def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
 
 
 def _can_be_read(url: str) -> bool:
-    """Return True if what is sent to an address can be read on its way: without TLS, to another machine."""
+    """Check whether others can read what is sent to an address: without TLS, to another machine."""
     parts = urlsplit(url)
     return parts.scheme == "http" and parts.hostname not in ("localhost", "127.0.0.1", "::1")
 
@@ -51,23 +51,23 @@ def _client(arguments: ServerArguments) -> Client:
     url = arguments.server or os.environ.get(SERVER)
     if not url:
         raise BadInput([error("K030", "no server was named", help=f"add --from URL, or set {SERVER}")])
-    key = _key(arguments) if isinstance(arguments, AuthorArguments) else None  # a reader tells nobody who he is
+    key = _key(arguments) if isinstance(arguments, AuthorArguments) else None  # readers stay anonymous
     return client_of(url, key)
 
 
 def _key(arguments: AuthorArguments) -> str | None:
-    """Return the author's key, of the file or the environment, without ever showing it. Raises BadInput."""
+    """Read the author's key from the file or the environment; it is never shown. Raises BadInput."""
     where = KEY if arguments.key_file is None else str(arguments.key_file)
-    stated = os.environ.get(KEY)
+    key = os.environ.get(KEY)
     if arguments.key_file is not None:
-        stated = read_file(arguments.key_file, largest=LARGEST_KEY_FILE).decode("ascii", errors="replace")
-    if stated is None:
+        key = read_file(arguments.key_file, largest=LARGEST_KEY_FILE).decode("ascii", errors="replace")
+    if key is None:
         return None
-    if not _KEY.fullmatch(stated.strip()):
-        raise BadInput([error("K034", f"{where} holds no key", help=HOW_TO_MAKE_A_KEY)])
-    return stated.strip()
+    if not _KEY.fullmatch(key.strip()):
+        raise BadInput([error("K034", f"{where} does not hold a key", help=HOW_TO_MAKE_A_KEY)])
+    return key.strip()
 
 
 def kind_of(word: KindWord | None) -> Kind | None:
-    """Return the kind that a word means."""
+    """Kind of entry for its word on the command line."""
     return None if word is None else next(kind for kind in Kind if kind.word == word.value)

@@ -1,4 +1,4 @@
-"""What ``planlang serve`` does where its packages are installed."""
+"""``planlang serve``, where its packages are installed."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.cli.console import Answer, ExitCode, show
+from executive.cli.console import printer_of, show
 from executive.cli.server_arguments import ServeArguments
+from executive.commands.answers import Answer, ExitCode
 from executive.processes.calls import Limits
 from executive.serving.access import Lines
 from executive.serving.app import application
@@ -24,19 +25,19 @@ LONGEST_AUTHOR = 100
 
 
 def command(arguments: ServeArguments) -> Answer:
-    """Serve until somebody ends it, or make and drop keys.
+    """Serve until interrupted, or make and revoke keys.
 
     Exit code 1 if an endpoint does not answer. Raises BadInput.
     """
-    store = _opened(arguments.store, arguments.contents)
+    store = _open(arguments.store, arguments.contents)
     try:
         if arguments.new_key is not None or arguments.drop_keys is not None:
             return _keys(store, arguments)
         return _serve(store, arguments)
     except Unreachable as problem:
-        advice = "the endpoint and the storage have to answer when a server starts"
+        advice = "the endpoint and the storage must be reachable when a server starts"
         if isinstance(problem, Full):
-            advice = "make room where it lies; nothing was changed"
+            advice = "free space on its disk; nothing was changed"
         return Answer(ExitCode.FAILED, (error("K044", str(problem), help=advice),))
     finally:
         store.close()
@@ -44,46 +45,46 @@ def command(arguments: ServeArguments) -> Answer:
 
 def _serve(store: Store, arguments: ServeArguments) -> Answer:
     folders = arguments.folders
-    lines = None if arguments.access_log is None else _lines(arguments.access_log)
-    tell = arguments.tell
+    access_log = None if arguments.access_log is None else _open_log(arguments.access_log)
+    say = printer_of(arguments)
     with closing(Staff(folders, Limits(arguments.check_seconds))) as staff:
-        staff.start()  # beside the index, which is made meanwhile
-        app = application(store, staff, rates=Rates(arguments.rate), access=lines)
+        staff.start()  # in parallel to building the index
+        app = application(store, staff, rates=Rates(arguments.rate), access=access_log)
         serving = app.state.serving
         show(serving.vocabulary.diagnostics, arguments.detail)
         with closing(serving):
             staff.wait()
-            address = run(
-                app, arguments.host, arguments.port, lambda url: tell(f"{arguments.store} is served at {url}")
-            )
-    if lines is not None:
-        lines.close()
+            address = run(app, arguments.host, arguments.port, lambda url: say(f"{arguments.store} is served at {url}"))
+    if access_log is not None:
+        access_log.close()
     return Answer(text="", data={"url": address, "entries": len(serving.catalogue)})
 
 
-def _lines(path: Path) -> Lines:
-    """Return what writes the access log. Raises BadInput."""
+def _open_log(path: Path) -> Lines:
+    """Open the access log. Raises BadInput."""
     try:
         return Lines(path)
     except OSError as problem:
         raise BadInput([error("C004", f"{path}: {problem.strerror or problem}")]) from None
 
 
-def _opened(address: str, contents: str | None) -> Store:
-    """Return the store in a file, or over a SPARQL endpoint with contents elsewhere. Raises BadInput."""
+def _open(address: str, contents: str | None) -> Store:
+    """Open the store: a file, or a SPARQL endpoint with contents elsewhere. Raises BadInput."""
     if not address.startswith(SCHEME):
         if contents is not None:
-            raise BadInput([error("K020", "a file holds its contents itself: --contents goes with sparql+https://...")])
+            raise BadInput(
+                [error("K020", "--contents needs a SPARQL endpoint as --store; a file stores contents itself")]
+            )
         if "://" in address:
             advice = f"write {SCHEME}{address} for a SPARQL endpoint, or the name of a file"
-            raise BadInput([error("K001", f"{address} is no file", help=advice)])
+            raise BadInput([error("K001", f"{address} is not a file", help=advice)])
         return SqliteStore(Path(address))
     if find_spec("obstore") is None:
         message = "object storage needs a package that is not installed: obstore"
         raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
     if contents is None:
         advice = "add --contents s3://BUCKET/FOLDER, or file:///FOLDER that all servers share"
-        raise BadInput([error("K020", "a catalogue behind SPARQL keeps contents elsewhere", help=advice)])
+        raise BadInput([error("K020", "a store behind SPARQL needs --contents", help=advice)])
     from planlang.knowledge.sparql_store import SparqlStore
 
     try:
@@ -94,8 +95,7 @@ def _opened(address: str, contents: str | None) -> Store:
 
 
 def _keys(store: Store, arguments: ServeArguments) -> Answer:
-    """Drop an author's keys, make a new one, or both."""
-
+    """Revoke an author's keys, make a new one, or both."""
     lines: list[str] = []
     data: dict[str, object] = {}
     if arguments.drop_keys is not None:
@@ -105,7 +105,7 @@ def _keys(store: Store, arguments: ServeArguments) -> Answer:
     author = arguments.new_key
     if author is not None:
         if not author.strip() or len(author) > LONGEST_AUTHOR or not author.isprintable():
-            message = f"an author has a printable name of at most {LONGEST_AUTHOR} characters"
+            message = f"the name of an author must be printable, with at most {LONGEST_AUTHOR} characters"
             raise BadInput([error("K006", message)])
         key = store.new_key(author, now())
         lines.append(key)

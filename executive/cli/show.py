@@ -1,4 +1,4 @@
-"""``planlang show``: what is in a file - a recipe, plan, trace, map or robot - as text, and as a picture or page."""
+"""``planlang show``: the contents of a recipe, plan, trace, map or robot as text, and as a picture or page."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from pathlib import Path
 
 import typer
 
-from executive.cli import check, inspect, report
-from executive.cli.arguments import CheckArguments, ReportArguments, ShowArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import PlanFile, read, refuse
+from executive.cli import inspect, report
+from executive.cli.arguments import ReportArguments, ShowArguments
+from executive.commands.answers import Answer
+from executive.commands.arguments import CheckArguments
+from executive.commands.check import check
+from executive.commands.inputs import PlanFile, read, refuse
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
@@ -33,17 +35,17 @@ _PAGE, _GRAPH = (".html",), (".svg", ".png", ".dot", ".mmd")
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """What a file holds, and how it is drawn: ``draw`` writes a file of one of the ``suffixes``, None: nothing can."""
+    """Contents of a file; ``draw`` draws them to a file with one of the ``suffixes`` (None: text only)."""
 
     answer: Answer
     suffixes: tuple[str, ...] = ()
     draw: Callable[[Path], object] | None = None
     has_view: bool = False
-    """True if it is seen from somewhere."""
+    """True if the drawing has a viewpoint."""
 
 
 def command(arguments: ShowArguments) -> Answer:
-    """Show what is in a file; raises BadInput."""
+    """Show the contents of a file. Raises BadInput."""
     path, show = _kind(arguments.file)
     output = arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
@@ -59,27 +61,27 @@ def command(arguments: ShowArguments) -> Answer:
 
 
 def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
-    """Raise BadInput or a usage error if the file cannot be drawn as it is asked for."""
+    """Raise BadInput or a usage error for a format or viewpoint that does not fit the file."""
     from executive.pictures.scene_picture import is_view  # Pillow is slow to import
 
-    output, view, known = arguments.output, arguments.view, ", ".join(shown.suffixes) or "text only"
+    output, view, formats = arguments.output, arguments.view, ", ".join(shown.suffixes) or "text only"
     if output is not None and output.suffix.lower() not in shown.suffixes:
-        message = f"{arguments.file} cannot be shown as {output.suffix or output.name}; known: {known}"
+        message = f"{arguments.file} cannot be drawn as {output.suffix or output.name}; formats: {formats}"
         raise BadInput([error("C014", message)])
     if view is not None and not (shown.has_view and output is not None):
-        raise typer.BadParameter("--view goes with --output, for a map or a robot")
+        raise typer.BadParameter("--view needs --output, and a map or a robot")
     if view is not None and not is_view(view):
         raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
 
 
 def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
-    """Return the file of a name, and what shows it; raises BadInput if there is none."""
+    """Find a file by its name, and the function that shows it. Raises BadInput."""
     path = Path(name)
-    if not os.path.exists(name):  # False also for what can be no name of a file
+    if not os.path.exists(name):  # False also for a text that cannot be a path
         kind = next((one for one in Bundled if name in one.names()), None)
         if kind is None:
             advice = guess(name, (other for one in Bundled for other in one.names()))
-            help = f"{advice}planlang list robots, rooms or recipes has the names of bundled ones"
+            help = f"{advice}planlang list robots, rooms or recipes lists the bundled ones"
             raise BadInput([error("C001", f"no such file: {name[:80]}", help=help)])
         return kind.find(name), _robot if kind is Bundled.ROBOT else _recipe_or_other
     if path.suffix.lower() in (".toml", ".urdf"):
@@ -97,9 +99,9 @@ def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
 
 def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
     """Show a recipe; a file without one is a map, or else the self-model of a robot."""
-    asked = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies)
+    to_check = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies)
     try:
-        answer = check.command(asked)
+        answer = check(to_check)
     except BadInput as problem:
         try:
             return _robot(path, arguments)
@@ -109,12 +111,11 @@ def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
         return Shown(answer, PNG, partial(_draw_map, path, arguments), has_view=True)
     plan = compile_recipe(path, task=arguments.task, folders=arguments.folders)
     text = "\n".join((f"{path}: the recipe {plan.task}", *recipe_lines(plan.recipes)))
-
     return Shown(changed(answer, text=text), _GRAPH, partial(plan.graph.save, force=True))
 
 
 def recipe_lines(recipes: RecipeSet) -> Iterator[str]:
-    """Yield the steps of a task in an order in which they can be performed, those of a step's own recipe below it."""
+    """Yield the steps of a task in a feasible order, with those of a step's own recipe below it."""
 
     def lines(recipe: Recipe, depth: int, around: tuple[str, ...]) -> Iterator[str]:
         order = recipe_order(recipe)
@@ -165,7 +166,7 @@ def _robot(path: Path, arguments: ShowArguments) -> Shown:
 def _plan(path: Path, arguments: ShowArguments) -> Shown:
     plan = read(str(path))
     assert isinstance(plan, PlanFile)
-    answer = check.command(CheckArguments(file=str(path), ontologies=arguments.ontologies))
+    answer = check(CheckArguments(file=str(path), ontologies=arguments.ontologies))
     state = str(answer.text).partition("\n")[0]
     module = ast.parse(plan.source)
     functions, classes = _plan_functions(module), _classes(module)
@@ -174,7 +175,7 @@ def _plan(path: Path, arguments: ShowArguments) -> Shown:
 
 
 def _plan_functions(module: ast.Module) -> dict[str, ast.AsyncFunctionDef]:
-    """Return the functions of a module that are plans, by name."""
+    """Plan functions of a module, by name."""
     return {
         one.name: one
         for one in module.body
@@ -183,7 +184,7 @@ def _plan_functions(module: ast.Module) -> dict[str, ast.AsyncFunctionDef]:
 
 
 def _classes(module: ast.Module) -> dict[str, str]:
-    """Return the action classes that a module gives names to, by these names."""
+    """Action classes that a module assigns to names, by name."""
     return {
         target.id: _class_of(one.value.args[0], {})
         for one in module.body
@@ -196,7 +197,7 @@ def _classes(module: ast.Module) -> dict[str, str]:
 def _function_lines(
     function: ast.AsyncFunctionDef, plans: Mapping[str, ast.AsyncFunctionDef], classes: Mapping[str, str]
 ) -> Iterator[str]:
-    """Yield a plan function and what it performs and calls, in the order of the source."""
+    """Yield a plan function with its actions and plan calls, in the order of the source."""
     names = ", ".join(one.arg for one in (*function.args.args, *function.args.kwonlyargs))
     words = (ast.get_docstring(function) or "").partition("\n")[0]
     yield f"{function.name}({names})  {words}".rstrip()
@@ -215,7 +216,7 @@ def _called(node: ast.expr) -> str | None:
 
 
 def _class_of(node: ast.expr, classes: Mapping[str, str]) -> str:
-    """Return the local name of an action's class, however the plan writes it."""
+    """Local name of an action's class, in any notation."""
     match node:
         case ast.BinOp(right=right):
             return _class_of(right, classes)
@@ -249,8 +250,8 @@ def _trace(path: Path, arguments: ShowArguments) -> Shown:
             *ending_of(told, outcome, message, seconds, ()),
         )
     )
-    asked = ReportArguments(
+    to_report = ReportArguments(
         trace=path, ontologies=arguments.ontologies, force=arguments.force, json=arguments.json, quiet=arguments.quiet
     )
     answer = Answer(text=text, data={"kind": "trace", "outcome": outcome, "seconds": seconds})
-    return Shown(answer, _PAGE, lambda output: report.command(changed(asked, output=output)))
+    return Shown(answer, _PAGE, lambda output: report.command(changed(to_report, output=output)))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from executive.cli.arguments import SweepMergeArguments
-from executive.cli.console import Answer
-from executive.cli.inputs import refuse
 from executive.cli.sweep_table import answered, write_csv
+from executive.commands.answers import Answer
+from executive.commands.inputs import refuse
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from planlang.outputs import check_outputs
 
 
 def command(arguments: SweepMergeArguments) -> Answer:
-    """Merge sweeps, and print the table of the whole; raises BadInput for different ones."""
+    """Merge shards, and print the table of the whole sweep. Raises BadInput for shards of different sweeps."""
     inputs = {str(file): file for file in arguments.files}
     refuse(check_outputs({"--out": arguments.out, "--csv": arguments.csv}, inputs, force=arguments.force))
     whole = merged([read_sweep(file) for file in arguments.files])

@@ -1,4 +1,4 @@
-"""``planlang sweep-table``: the table of a sweep that was kept in a file."""
+"""``planlang sweep-table``: the table of a recorded sweep."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from executive.cli.arguments import SweepTableArguments
-from executive.cli.console import Answer, ExitCode
-from executive.cli.inputs import refuse
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.inputs import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
 from executive.sweeps.files import Sweep, read_sweep
@@ -18,11 +18,11 @@ from planlang.diagnostics import Diagnostic, warning
 from planlang.outputs import check_outputs, write_text
 
 MOST_NAMED = 10
-"""Missing worlds that are named."""
+"""Maximum number of missing worlds that are listed."""
 
 
 def command(arguments: SweepTableArguments) -> Answer:
-    """Print the table; raises BadInput for a file that is no sweep."""
+    """Print the table. Raises BadInput for a file that is not a sweep."""
     refuse(check_outputs({"--csv": arguments.csv}, {"the sweep": arguments.file}, force=arguments.force))
     sweep = read_sweep(arguments.file)
     if arguments.csv is not None:
@@ -31,7 +31,7 @@ def command(arguments: SweepTableArguments) -> Answer:
 
 
 def answered(sweep: Sweep) -> Answer:
-    """Return the table of a sweep, with a warning if worlds are missing."""
+    """Answer with the table of a sweep, and a warning if worlds are missing."""
     total = len(sweep.header["worlds"])
     return counted(sweep.rows, total, exit_code(sweep.rows, total), _incomplete(sweep))
 
@@ -42,22 +42,22 @@ def _incomplete(sweep: Sweep) -> list[Diagnostic]:
         return []
     named = ", ".join(map(str, missing[:MOST_NAMED])) + (", ..." if len(missing) > MOST_NAMED else "")
     message = f"{len(missing)} of {len(sweep.header['worlds'])} worlds are missing: {named}"
-    return [warning("C033", message, help="planlang sweep does them: name the file of their shard as --out")]
+    return [warning("C033", message, help="planlang sweep runs them if --out names the file of their shard")]
 
 
-def counted(rows: Sequence[Row], total: int, code: ExitCode, found: Sequence[Diagnostic] = ()) -> Answer:
-    """Return the table of the rows; ``total``: how many there should be."""
+def counted(rows: Sequence[Row], total: int, code: ExitCode, diagnostics: Sequence[Diagnostic] = ()) -> Answer:
+    """Answer with the table of the rows, of ``total`` worlds."""
     data = {
         "worlds": total,
         "outcomes": [asdict(one) for one in shares(rows)],
         "causes": [asdict(one) for one in causes(rows)],
         "rows": list(rows),
     }
-    return Answer(code, tuple(found), table(rows, total), data)
+    return Answer(code, tuple(diagnostics), table(rows, total), data)
 
 
 def exit_code(rows: Sequence[Row], total: int) -> ExitCode:
-    """Return DONE if all worlds were reached; MISSING_CAPABILITY if no run began; else FAILED."""
+    """DONE if all worlds reached their goal; MISSING_CAPABILITY if no run began; else FAILED."""
     if len(rows) == total and all(map(is_reached, rows)):
         return ExitCode.DONE
     refused = rows and all(row.get("outcome") == Outcome.LACKS_CAPABILITY.value for row in rows)
@@ -65,5 +65,5 @@ def exit_code(rows: Sequence[Row], total: int) -> ExitCode:
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV, at once or not at all. Raises BadInput."""
+    """Write rows as CSV, atomically. Raises BadInput."""
     write_text(path, csv_text(rows))

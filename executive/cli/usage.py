@@ -1,4 +1,4 @@
-"""Wrong usage of the command: what is wrong, and what was probably meant, from the messages of the library typer."""
+"""Usage errors: the message and a guess at what was meant, taken from the messages of typer."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ _ADVICE = re.compile(r"\s*(?:\((Possible options: [^)]*)\)|(Did you mean .*\?))\
 _CHOICE = re.compile(r"'([^']*)' is not one of ('.*')")
 
 
-def understood(problem: Any) -> tuple[str, str, str]:
-    """Return the command of a usage error, its message and the advice; ``planlang`` itself is the command ""."""
+def explain(problem: Any) -> tuple[str, str, str]:
+    """Split a usage error into command ("" for ``planlang`` itself), message and advice."""
     path = problem.ctx.command_path if problem.ctx is not None else "planlang"
     message = problem.format_message()
     advice = _ADVICE.search(message)
-    if getattr(problem, "option_name", None) == "--json":  # it belongs to a command, which was not named
+    if getattr(problem, "option_name", None) == "--json":  # --json belongs to a command, and none was named
         return path.removeprefix("planlang").strip(), "Missing command.", f"{path} -h lists the commands"
     text = _ADVICE.sub("", message)
     if advice is not None:
@@ -27,9 +27,9 @@ def understood(problem: Any) -> tuple[str, str, str]:
 
 
 def guessed_value(message: str) -> str:
-    """Return which of the values of an option was probably meant, nothing if none is like what was written."""
-    found = _CHOICE.search(message)
-    return guess(found[1], re.findall(r"'([^']*)'", found[2])).strip() if found is not None else ""
+    """Guess which value of an option was meant; "" if none is similar."""
+    match = _CHOICE.search(message)
+    return guess(match[1], re.findall(r"'([^']*)'", match[2])).strip() if match is not None else ""
 
 
 def _lowered(text: str) -> str:

@@ -1,4 +1,4 @@
-"""``planlang watch``: the news of entries, as they come."""
+"""``planlang watch``: news of entries, as they arrive."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from dataclasses import asdict
 
 import typer
 
-from executive.cli.console import Answer, say
+from executive.cli.console import printer_of, say
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
+from executive.commands.answers import Answer
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.answers import NoAnswer
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import News
 
 MOST_KEPT = 10_000
-"""News that --json prints at the end, the latest ones."""
+"""Number of the latest news that --json prints at the end."""
 
 
 def command(arguments: WatchArguments) -> Answer:
-    """Follow the news until Ctrl-C, which is the usual end. Raises BadInput."""
+    """Print news until Ctrl-C, which is the usual end. Raises BadInput."""
     return ask(arguments, lambda client: _watch(client, arguments))
 
 
 def _watch(client: Client, arguments: WatchArguments) -> Answer:
     if arguments.stop:
-        return _stopped(client, arguments.uids or ())
+        return _unsubscribe(client, arguments.uids or ())
     kept: deque[News] = deque(maxlen=MOST_KEPT)
-    tell = arguments.tell
     try:
         for uid in arguments.uids or ():
             client.subscribe(uid)
@@ -39,7 +39,7 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
         if after is None:
             after = _last(client)
         watched = client.subscriptions()
-        tell(f"watching {', '.join(watched)}" if watched else "you have subscribed to nothing")
+        printer_of(arguments)(f"watching {', '.join(watched)}" if watched else "you have no subscriptions")
         for news in _followed(client, after, arguments):
             kept.append(news)
             if not arguments.json:
@@ -49,21 +49,21 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
     return Answer(data={"news": [asdict(one) for one in kept]})
 
 
-def _stopped(client: Client, uids: Iterable[str]) -> Answer:
-    """End subscriptions; returns those that are left."""
+def _unsubscribe(client: Client, uids: Iterable[str]) -> Answer:
+    """Cancel subscriptions, and list the remaining ones."""
     before = client.subscriptions()
     if unknown := [uid for uid in uids if uid not in before] or ([] if uids else ["no entry"]):
-        watched = f"you watch {', '.join(before)}" if before else "you have subscribed to nothing"
+        watched = f"your subscriptions: {', '.join(before)}" if before else "you have no subscriptions"
         raise BadInput([error("K047", f"you have not subscribed to {', '.join(unknown)}", help=watched)])
     for uid in uids:
         client.unsubscribe(uid)
     left = client.subscriptions()
-    text = f"watching {', '.join(left)}" if left else "you have subscribed to nothing any more"
+    text = f"watching {', '.join(left)}" if left else "you have no subscriptions left"
     return Answer(text=text, data={"watching": left})
 
 
 def _last(client: Client) -> int:
-    """Return the number of the last line of the feed."""
+    """Number of the last line of the feed."""
     after = 0
     while True:
         news, following = client.news(after, mine=True)
@@ -73,7 +73,7 @@ def _last(client: Client) -> int:
 
 
 def _followed(client: Client, after: int, arguments: WatchArguments) -> Iterator[News]:
-    """Yield what happens behind a line of the feed; a server that does not answer is asked again later."""
+    """Yield news after a line of the feed; retries if the server does not answer."""
     is_there = True
     while True:
         try:
@@ -82,7 +82,7 @@ def _followed(client: Client, after: int, arguments: WatchArguments) -> Iterator
             if arguments.once:
                 raise
             if is_there and not arguments.json:
-                say(f"{problem}; it is asked again")
+                say(f"{problem}; trying again")
             is_there, news, following = False, (), after
         else:
             if not is_there and not arguments.json:

@@ -1,10 +1,6 @@
-"""planlang as a library: its functions take the options of the commands, and return what can be asked and shown.
+"""planlang as a library: its functions take the options of the commands, and return results to query and show.
 
-General layout: ``functions`` has them; ``arguments`` makes arguments of a command from values of Python, by the
-declaration that the command line has; ``sources`` takes recipes and plans by name, path or text; ``checked`` is the
-result of a check. Everything else is done by what the commands call, too. ``planlang`` exposes the functions.
+General layout: ``recipes`` and ``worlds`` have the functions, which ``planlang`` exposes; ``arguments`` makes arguments
+of a command from Python values, by the declarations that the command line reads, too; ``sources`` takes recipes and
+plans by name, path or text; ``checked`` is the result of a check. ``executive.commands`` does the work.
 """
-
-from executive.library.functions import check, compile, locate, simulate, sweep
-
-__all__ = ["check", "compile", "locate", "simulate", "sweep"]

@@ -1,4 +1,4 @@
-"""Arguments of a command from values of Python, by the declaration from which the command line is made."""
+"""Arguments of a command from Python values, by the declarations of the command line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
 
-from executive.cli.base_arguments import Arguments
+from executive.commands.base_arguments import Arguments
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.spelling import similar
 
@@ -23,16 +23,16 @@ A = TypeVar("A", bound=Arguments)
 F = TypeVar("F", bound=Callable[..., Any])
 
 _OF_THE_TERMINAL = ("json", "verbose", "quiet")
-"""Options of what a command prints."""
+"""Options for what a command prints."""
 
 
 def arguments_of(kind: type[A], own: Mapping[str, Any], options: Mapping[str, Any]) -> A:
-    """Return the arguments of a command: ``own`` of the function that is called, and its further ``options``.
+    """Make the arguments of a command from the ``own`` parameters of a function and its further ``options``.
 
-    None stands for the default, paths may be texts, and a repeatable option may have one value. Raises BadInput (C040)
-    for values that cannot be read, TypeError for a name that is no option.
+    None is the default, a path may be a string, a repeatable option may be a single value. Raises BadInput (C040) for
+    invalid values, TypeError for an unknown option.
     """
-    declared, made, problems = options_of(kind), dict[str, Any](), []
+    declared, values, problems = options_of(kind), dict[str, Any](), []
     known = [name for name, (_, hint) in declared.items() if name not in own and not _is_positional(hint)]
     for name in options:
         if name not in known:
@@ -44,18 +44,19 @@ def arguments_of(kind: type[A], own: Mapping[str, Any], options: Mapping[str, An
             continue
         field, hint = declared[name]
         try:
-            made[field] = _converted(hint, value)
+            values[field] = _converted(hint, value)
         except ValueError as problem:
             problems.append(error("C040", f"{name}={value!r}: {problem}"))
     if problems:
         raise BadInput(problems)
-    return kind(**made, json=True)  # nothing is printed
+    return kind(**values, json=True)  # nothing is printed
 
 
 def with_options_of(kind: type[Arguments]) -> Callable[[F], F]:
-    """Return a decorator: a function that takes ``**options`` shows those of a command as its own.
+    """Make a decorator that adds the options of a command to the signature and docstring of a function.
 
-    Its signature, by which notebooks complete names, lists all, its docstring those that it says nothing about.
+    The function takes them as ``**options``. Notebooks complete names by the signature; the docstring gets the options
+    that it does not describe itself.
     """
 
     def decorate(function: F) -> F:
@@ -63,17 +64,17 @@ def with_options_of(kind: type[Arguments]) -> Callable[[F], F]:
         own = {name: one for name, one in signature.parameters.items() if one.kind is not one.VAR_KEYWORD}
         defaults = {one.name: one.default for one in fields(kind)}
         text = inspect.cleandoc(function.__doc__ or "")
-        further, lines = [], [text, "", "Further options:", ""]
+        added, lines = [], [text, "", "Further options:", ""]
         for name, (field, hint) in options_of(kind).items():
             type_, option = get_args(hint)[:2] if get_origin(hint) is Annotated else (hint, None)
             if _is_positional(hint) or (name in own and f"``{name}``" in text):
                 continue
             if name not in own:
-                further.append(
+                added.append(
                     inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults[field], annotation=type_)
                 )
             lines.append(f"* ``{name}``: {getattr(option, 'help', None) or ''}".rstrip(": "))
-        function.__signature__ = signature.replace(parameters=[*own.values(), *further])  # type: ignore[attr-defined]
+        function.__signature__ = signature.replace(parameters=[*own.values(), *added])  # type: ignore[attr-defined]
         function.__doc__ = "\n".join(lines)
         return function
 
@@ -82,7 +83,7 @@ def with_options_of(kind: type[Arguments]) -> Callable[[F], F]:
 
 @contextmanager
 def in_python(kind: type[Arguments]) -> Iterator[None]:
-    """Word BadInput for callers of the library, and turn usage errors of the command line into it (C040)."""
+    """Reword BadInput for callers of the library, and turn usage errors of the command line into BadInput (C040)."""
     try:
         yield
     except typer.BadParameter as problem:
@@ -92,7 +93,7 @@ def in_python(kind: type[Arguments]) -> Iterator[None]:
 
 
 def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[Diagnostic, ...]:
-    """Return diagnostics with options as Python writes them; see :func:`in_words_of_python`."""
+    """Reword diagnostics by :func:`in_words_of_python`."""
     return tuple(
         replace(
             one,
@@ -104,18 +105,18 @@ def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[
 
 
 def in_words_of_python(text: str, kind: type[Arguments]) -> str:
-    """Return a text with options of a command as Python writes them: ``robot=FILE``, ``trust_map=True``.
+    """Replace options of a command in a text by keyword arguments: ``robot=FILE``, ``trust_map=True``.
 
-    From a command line on, it is as it has to be typed.
+    A command line at the end of the text stays as it is.
     """
     declared = options_of(kind)
 
-    def option(found: re.Match[str]) -> str:
-        name = found[1].replace("-", "_")
+    def option(match: re.Match[str]) -> str:
+        name = match[1].replace("-", "_")
         if name not in declared:
-            return found[0]
+            return match[0]
         is_flag = get_args(declared[name][1])[:1] == (bool,)
-        return f"{name}=True{found[2]}" if is_flag else f"{name}={'' if found[2] else '...'}"
+        return f"{name}=True{match[2]}" if is_flag else f"{name}={'' if match[2] else '...'}"
 
     text, *command = re.split(r"(?=\bplanlang )", text, maxsplit=1)
     text = re.sub(r"--set ([\w.]+)=(\w+)", r'set={"\1": \2}', text)
@@ -124,7 +125,7 @@ def in_words_of_python(text: str, kind: type[Arguments]) -> str:
 
 
 def options_of(kind: type[Arguments]) -> Mapping[str, tuple[str, Any]]:
-    """Return the options of a command: name in Python -> name of the field, its type with the declaration."""
+    """Options of a command: name in Python -> name of the field, its annotated type."""
     hints = get_type_hints(kind, include_extras=True)
     names = (one.name for one in fields(kind) if one.name not in _OF_THE_TERMINAL)
     return {name.removesuffix("_"): (name, hints[name]) for name in names}
@@ -135,12 +136,12 @@ def _is_positional(hint: Any) -> bool:
 
 
 def _converted(hint: Any, value: Any) -> Any:
-    """Return a value as a field of this type; raises ValueError with what would fit."""
+    """Convert a value to the type of a field. Raises ValueError that names valid values."""
     option = None
     if get_origin(hint) is Annotated:
         hint, option, *_ = get_args(hint)
-    several = [one for one in get_args(hint) if one is not NoneType]
-    hint = several[0] if NoneType in get_args(hint) else hint
+    members = [one for one in get_args(hint) if one is not NoneType]
+    hint = members[0] if NoneType in get_args(hint) else hint
     if get_origin(hint) is list:
         (item,) = get_args(hint)
         is_one = isinstance(value, (str, os.PathLike)) or not isinstance(value, Iterable)
@@ -162,5 +163,5 @@ def _single(kind: Any, value: Any, option: Any) -> Any:
         return kind(value)
     if kind is bool and isinstance(value, bool):
         return value
-    wanted = {Path: "a path", str: "a text", int: "a whole number", float: "a number", bool: "True or False"}
-    raise ValueError(f"write {wanted.get(kind, kind)}")
+    words = {Path: "a path", str: "a string", int: "an integer", float: "a number", bool: "True or False"}
+    raise ValueError(f"write {words.get(kind, kind)}")

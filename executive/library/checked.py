@@ -14,17 +14,17 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What was found in a recipe, a plan, a map or a folder of recipes; shows itself in a notebook."""
+    """Result of a check of a recipe, a plan, a map or a folder of recipes; notebooks display it."""
 
     ok: bool
     """True if there is no error."""
     kind: str
     """``recipe``, ``plan``, ``map``, ``ontology`` or ``folder``."""
     verdict: str
-    """The result for people, in lines, without the diagnostics."""
+    """The result for people, without the diagnostics; may have several lines."""
     diagnostics: tuple[Diagnostic, ...] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
-    """What ``planlang check --json`` prints besides: the task, fixes, the state of a plan, the recipes of a folder."""
+    """Further data, as of ``planlang check --json``: task, fixes, state of a plan, recipes of a folder."""
 
     @property
     def rows(self) -> list[dict[str, Any]]:

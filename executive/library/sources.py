@@ -1,4 +1,4 @@
-"""Recipes and plans as users of the library name them: bundled name, path, text, or what was compiled."""
+"""Recipes and plans as given to the library: a bundled name, a path, a text, or a compiled plan."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from executive.cli.inputs import starts_like_owl
+from executive.commands.inputs import starts_like_owl
 from planlang.compiler import CompiledPlan
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.records import dataclass
 
 Source = str | os.PathLike[str] | CompiledPlan
-"""The name of a bundled recipe, the path of a recipe or plan, its text (of several lines), or a compiled plan."""
+"""Name of a bundled recipe, path of a recipe or plan, its text (several lines), or a compiled plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceFile:
-    """The file of a source: for a text one that lasts as long as the process, so that results can repeat the run."""
+    """File of a source; the file of a text lives as long as the process, so that results can repeat the run."""
 
     path: str | None
-    """None if there is no source: a trace names its plan."""
+    """None without a source: the trace to resume names its plan."""
     name: str | None = None
-    """What diagnostics call the file of a text."""
+    """Name of the file of a text in diagnostics."""
 
     def located(self, diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-        """Return diagnostics about the file of a text by its name, without the temporary folder."""
+        """Replace the temporary path of a text in diagnostics by its name."""
         path, name = self.path, self.name
         if path is None or name is None:
             return tuple(diagnostics)
@@ -49,7 +49,7 @@ class SourceFile:
 
 @contextmanager
 def file_of(source: Source | None) -> Iterator[SourceFile]:
-    """Give the file of a source; what is wrong inside the block is located in it. Raises BadInput for what is none."""
+    """Yield the file of a source; BadInput raised in the block names it. Raises BadInput for an invalid source."""
     file = _file(source)
     try:
         yield file
@@ -71,7 +71,7 @@ def _file(source: Source | None) -> SourceFile:
 
 
 def _written(text: str, name: str) -> SourceFile:
-    """Write a text into a folder of its own: equal texts have one file."""
+    """Write a text to a folder of its own; equal texts share a file."""
     content = text.encode("utf-8", "surrogatepass")
     folder = _folder() / hashlib.sha256(content).hexdigest()
     folder.mkdir(exist_ok=True)

@@ -1,7 +1,7 @@
-"""Worlds, belief, robot and the executive that plans see, put together: what a run needs before it can begin.
+"""Assembly of a run: worlds, belief, robot, and the executive that plans see.
 
-The executive resolves locations, decides conditions by the belief and offers process modules. Its state for a trace is
-about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept.
+The executive resolves locations, decides conditions by the belief and offers process modules. Its snapshot in a trace
+is about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ from planlang.protocols import RobotInterface, Solution
 from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
-"""Free base poses that are tried for one where the arms have room, too; 5,000 are a disc of 2 m in the fine grid."""
+"""Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
 
 
 def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
-    """Return the scene as it might really be, by a seed; ``robot_in`` is a world with the robot at its start."""
+    """Displace things in a scene by a seed; ``robot_in`` is a world with the robot at its start pose."""
     bands = robot_in.silhouette()
     radius, height = max(radius for _, _, radius in bands), max(high for _, high, _ in bands)
     return perturb(scene, seed, radius=radius, height=height)
@@ -56,19 +56,19 @@ def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
 def world_at_start(
     scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Sequence[InHand] = ()
 ) -> PlanningWorld:
-    """Return a world with the robot at its start: where the user says, else at a free pose near the middle.
+    """Make a world with the robot at its start: the user's pose, else a free pose near the middle.
 
-    There is room for what its hands will hold as well. ``stack`` closes the world.
-    Raises BadInput when there is no free pose, or the user's is not free.
+    Things in ``held`` have room there, too. ``stack`` closes the world. Raises BadInput if no pose is free, or the
+    user's is not.
     """
-    places = default_starts(scene, robot.base.radius) if start is None else iter((start,))
-    first = next(places, None)
+    poses = default_starts(scene, robot.base.radius) if start is None else iter((start,))
+    first = next(poses, None)
     if first is None:
-        raise _nowhere()
+        raise _no_start()
     world = PlanningWorld(replace(with_store(scene), start=first), robot.body())
     stack.callback(world.close)
     if not world.robot.solid:
-        message = "no link has a shape (<collision> or <visual>): there is nothing to find room for"
+        message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     for one in held:
         world.set_pose(one.body.name, world.link_pose(one.link) @ one.offset)
@@ -76,31 +76,31 @@ def world_at_start(
     if start is not None:
         _check_start(world)
     now = world.configuration()
-    for place in chain((first,), islice(places, MOST_STARTS)):
-        if not world.contacts(replace(now, base=place), moving=("base",)):
+    for pose in chain((first,), islice(poses, MOST_STARTS)):
+        if not world.contacts(replace(now, base=pose), moving=("base",)):
             break
     else:
-        raise _nowhere()
-    if place == first and not held:
+        raise _no_start()
+    if pose == first and not held:
         return world
-    world = PlanningWorld(replace(with_store(scene), start=place), robot.body())
+    world = PlanningWorld(replace(with_store(scene), start=pose), robot.body())
     stack.callback(world.close)
     return world
 
 
-def _nowhere() -> BadInput:
-    advice = "name a pose with --start x,y,yaw"
-    return BadInput([error("X003", "there is no free pose for the robot to start at", help=advice)])
+def _no_start() -> BadInput:
+    advice = "choose a pose with --start x,y,yaw"
+    return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
 def _check_start(world: PlanningWorld) -> None:
-    """Raise BadInput when the robot would stand in something, or off the map."""
+    """Raise BadInput if the start pose is in collision or off the map."""
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
     place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
     advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
     if not (x_min < x < x_max and y_min < y < y_max):
-        raise BadInput([error("X007", f"{place}: that is off the map", help=advice)])
+        raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})
     if touched:
         raise BadInput([error("X007", f"{place}: it would collide with {', '.join(touched)}", help=advice)])
@@ -118,10 +118,10 @@ def platform_of(
     unknown: Iterable[str] = (),
     models: Iterable[str] | None = None,
 ) -> Platform:
-    """Return a robot, by its interface, and what it believes; with the progress of its reachability maps.
+    """Make the platform of a robot: its interface, belief and planning scene.
 
-    With ``trusts_map`` the poses of the map count as seen; of things that are ``unknown`` they are not known.
-    ``models``: classes of which there are recognition models beside those of the robot file; None: of all.
+    ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
+    ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
     """
     belief = Belief(semantic_map, believed, trusts_map=trusts_map, unknown=unknown)
     own = robot.camera.recognises if robot.camera else None
@@ -148,7 +148,7 @@ def platform_of(
 
 
 def _finding(ontology: Ontology) -> frozenset[str]:
-    """Return the action classes that look for things: it need not be known before where these are."""
+    """Action classes that search for things, whose poses need not be known before."""
     primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
     return frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
 
@@ -157,42 +157,42 @@ class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
     def __init__(self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]]) -> None:
-        """``modules`` are classes of process modules; of several for one action the first is used."""
+        """``modules`` are classes of process modules; the first that performs an action is used."""
         self.platform = platform
         self.tilts = Tilts(platform.leaning)
-        """The largest tilts of what was carried, which are measured where the true world is watched."""
+        """The largest tilts of carried things, measured by a watcher of the true world."""
         self._effects = ActionEffects(platform)
         self.finding = _finding(platform.belief.map.ontology)
-        """Action classes that look for things."""
+        """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
             ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
             for create in modules
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
-        """Return whether what a designator means may come into being by actions of some classes, or by heat."""
+        """Check whether actions of some classes, or heat, may create what a designator means."""
         return self._effects.may_create(what, actions)
 
     def may_find(self, what: Object, actions: Iterable[str]) -> bool:
-        """Return whether a thing is known, or it may be found: by some classes of actions, or as the map has it."""
+        """Check whether a thing is known, or may be found by actions of some classes, or where the map has it."""
         bodies = self.platform.scene.bodies
         if bodies.known(what) is not None or bodies.means_unknown(what):
             return True
         return any(cls in self.finding for action in actions for cls in self.ancestors(action))
 
     def ancestors(self, action_type: str) -> Sequence[str]:
-        """Return the class itself and its superclasses, nearest first; local names."""
+        """The class itself and its superclasses, nearest first, as local names."""
         return self.platform.ancestors(action_type)
 
     def revision(self) -> int:
-        """Return the number of changes of the belief."""
+        """Number of changes of the belief."""
         return self.platform.belief.revision
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Yield base poses, best first; the search starts again when the belief has changed in between.
+        """Yield base poses, best first; the search starts anew if the belief changes in between.
 
-        What is out of reach where the map alone has it is looked at before that is the end. Raises ObjectNotFound for a
-        thing of which it is not known where it is.
+        A thing that is unreachable by the map alone is looked at before the search fails. Raises ObjectNotFound for a
+        thing without a known pose.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -208,8 +208,8 @@ class RobotExecutive:
                         yield solution
                         if self.revision() != revision:
                             break
-                except LocationUnresolvable as nowhere:
-                    about_place = type(nowhere) is LocationUnresolvable and not is_found
+                except LocationUnresolvable as problem:
+                    about_place = type(problem) is LocationUnresolvable and not is_found
                     look = resolver.look_at_unseen(location) if about_place else None
                     if look is None:
                         raise
@@ -224,24 +224,24 @@ class RobotExecutive:
             raise ObjectNotFound(f"it is not known where {missing} is", what=str(missing)) from problem
 
     def move_to(self, solution: Solution) -> Action:
-        """Return the base motion to a solution; the arm with which it was found is the plan's choice from now on."""
+        """Make the base motion to a solution; its arm becomes the plan's choice."""
         if (arm := solution.detail.get("arm")) is not None:
             self.platform.arms.choices.choose(arm)
         x, y, yaw = map(float, solution.base)
         return action("Translation-LocationChange", x=x, y=y, yaw=yaw)
 
     def is_at(self, solution: Solution) -> bool:
-        """Return whether the base is where the solution put it, to 1 cm and about 1 degree."""
+        """Check whether the base is at the pose of a solution, within 1 cm and about 1 degree."""
         x, y, yaw = self.platform.base()
         turn = math.remainder(yaw - solution.base[2], 2 * math.pi)
         return math.dist((x, y), solution.base[:2]) < 0.01 and abs(turn) < 0.02
 
     def holds(self, condition: Condition) -> bool:
-        """Return whether the belief says so; raises ValueError for a predicate that nothing here decides."""
+        """Decide a condition by the belief. Raises ValueError for an unknown predicate."""
         self._effects.pass_time()
         match condition:
             case Condition("holding", (Object() as what,)):
-                bodies = self.platform.scene.bodies  # a thing that is yet to be found is in no hand
+                bodies = self.platform.scene.bodies  # a thing that was not found yet is in no hand
                 known = bodies.known(what) if bodies.means_unknown(what) else bodies.bind(what)
                 return known in self.platform.belief.held
             case Condition("open" | "closed" as state, (Object() as what,)):
@@ -259,15 +259,15 @@ class RobotExecutive:
         if decided is not None:
             return decided
         raise ValueError(
-            f"nothing decides {condition}; what can be asked: holding(object), open(object), closed(object), "
+            f"cannot decide {condition}; valid conditions: holding(object), open(object), closed(object), "
             "located(location, object or device), contains(thing, substance, amount), baked(thing, seconds), "
             "switched_on(device), destroyed(thing), created(thing), transformed_into(thing, thing)"
         )
 
     def before_retry(self) -> Iterable[Action]:
-        """Yield motions that open emptied hands and bring the arms, after the base if they need room, to carrying."""
+        """Yield motions that open emptied hands, make room for the arms by the base, and bring them to carrying."""
         platform = self.platform
-        for name in platform.belief.dropped:  # what was lost may stand between the fingers
+        for name in platform.belief.dropped:  # the lost thing may stand between the fingers
             yield action("OpeningAGripper", device_used=self._device(name))
         platform.sync()
         untucked = platform.arms.untucked()
@@ -285,15 +285,15 @@ class RobotExecutive:
         return Device(f"{(arm.side or '').capitalize()}Arm", arm.iri)
 
     def held(self) -> Sequence[str]:
-        """Return the names of the objects that the robot holds."""
+        """Names of the objects that the robot holds."""
         return tuple(self.platform.belief.held)
 
     def releases(self, action: Action) -> bool:
-        """Return whether the action lets go of something, by the effects that the vocabulary declares."""
+        """Check whether an action releases something, by its declared effects."""
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:
-        """Return the belief as JSON, for a run that goes on in a world that is as it was left."""
+        """The belief as JSON, for resuming a run in the world as it was left."""
         platform = self.platform
         return {
             "belief": platform.belief.snapshot(),
@@ -303,7 +303,7 @@ class RobotExecutive:
         }
 
     def restore(self, left: Mapping[str, Any]) -> None:
-        """Believe what a snapshot says; raises ValueError if it does not fit."""
+        """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
             platform.scene.world.restore_state(left["things"])
@@ -314,10 +314,5 @@ class RobotExecutive:
             raise ValueError(f"the state of the robot is damaged: {problem!r}") from None
 
     def record(self, write: Callable[[str, Mapping[str, Any]], None]) -> None:
-        """Write changes of the belief into the trace."""
+        """Write further changes of the belief to the trace."""
         self.platform.belief.tell = write
-
-
-def _base(state: Any) -> BasePose:
-    x, y, yaw = state
-    return float(x), float(y), float(yaw)

@@ -1,4 +1,4 @@
-"""A run that has ended, and is repeated for what it was not asked for: its page, a picture."""
+"""A run that has ended, and is repeated for a page or a picture that it did not write."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ _ALONE: dict[str, Any] = {
     "progress": lambda line: None,
     "announce": lambda found: None,
 }
-"""Options of a run that is repeated to look on: nobody else does, and it writes nothing else."""
+"""Options of a run that is repeated for one file: it writes nothing else, and nothing watches it."""
 
 
 class EndedRun:
-    """Repeats a run by its trace. The files that it was made from have to be as they were."""
+    """Repeats a run by its trace; its input files must not have changed."""
 
     def __init__(
         self, options: RunOptions, events: Sequence[Mapping[str, Any]], run: Callable[[RunOptions], RunResult]
     ) -> None:
-        """``events`` are the records of the trace unless it is in the file of the options; ``run`` executes a run."""
+        """``events``: records of the trace, unless ``options`` wrote it to a file; ``run`` executes a run."""
         self._options, self._events, self._run = options, events, run
 
     def records(self) -> Sequence[Mapping[str, Any]]:
-        """Return the records of the trace. Raises BadInput if its file cannot be read."""
+        """Records of the trace. Raises BadInput if its file cannot be read."""
         return [line.record for line in self._recorded().lines]
 
     def _recorded(self) -> RecordedRun:
         options = self._options
         if options.trace is not None:
             return read_trace(options.trace)[0]
-        if options.resume is not None:  # a run that is only looked on at
+        if options.resume is not None:  # a run that was repeated for a file writes no trace
             return options.resume
         return RecordedRun.of(self._events)
 
     def write(self, what: str, path: Path, *, force: bool = False, view: str | None = None) -> Path:
-        """Write a file of the run, its "report" or "picture". Raises BadInput if that cannot be done."""
+        """Write the "report" or "picture" of the run. Raises BadInput if that is not possible."""
         problems = check_outputs({what: path}, {}, formats={"picture": PNG}, force=force)
         if problems:
             raise BadInput(problems)

@@ -1,4 +1,4 @@
-"""How a run has ended, in the few lines that stand below its picture and at the end of its video."""
+"""The end of a run in a few lines, for its picture and its video."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from planlang.report.failures import Failures
 from planlang.runs.run_tree import TaskNode
 
 MOST = 12
-"""Steps that are listed; of more their number is stated."""
+"""Maximum number of steps listed; the rest is counted."""
 
 
 def ending_of(told: Told, outcome: str, message: str, seconds: float, state: Iterable[str]) -> tuple[str, ...]:
-    """Return lines: the outcome with the plan time; why it failed, else the steps that succeeded; the final state.
+    """Lines for the outcome with the plan time; the reason of the failure, or the completed steps and the final state.
 
-    The reason is the headline of the page's failure, which says what to change, else the first line of ``message``.
+    The reason is the headline of the failure on the page, with its advice, else the first line of ``message``.
     """
     first = f"{outcome} after {seconds:.2f} s"
     if outcome == "failed":
@@ -30,7 +30,7 @@ def ending_of(told: Told, outcome: str, message: str, seconds: float, state: Ite
 
 
 def _steps(nodes: Iterable[TaskNode]) -> Iterator[TaskNode]:
-    """Yield the outermost actions that succeeded, in the order in which they began."""
+    """Yield the outermost actions that succeeded, in the order of their start."""
     for node in nodes:
         if node.kind != "perform":
             yield from _steps(node.children)

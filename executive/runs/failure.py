@@ -1,4 +1,4 @@
-"""Why something did not succeed, for programs: class, message, place in the plan, advice, and causes."""
+"""Failures for programs: class, message, place in the plan, advice, and causes."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A failure that ended a plan or a search. ``str()`` gives its first sentence, with the advice."""
+    """Failure that ended a plan or a search; ``str()`` is its first sentence, with the advice."""
 
     type: str
-    """The class of the failure, ``GraspMissed`` for example."""
+    """Class of the failure, such as ``GraspMissed``."""
     message: str
     where: str | None = None
-    """The place in the plan: task path, file and line."""
+    """Place in the plan: task path, file and line."""
     advice: str | None = None
-    """A sentence that names what would have to be different, if that is known."""
+    """What to change, in a sentence, if known."""
     causes: tuple[Failure, ...] = ()
-    """The failures that it was raised from, the nearest first."""
+    """Failures that caused it, the nearest first."""
 
     @staticmethod
     def of(problem: BaseException, where: str | None = None) -> Failure:
-        """Describe an exception; causes with equal class and message are listed once."""
+        """Describe an exception; causes of equal class and message are listed once."""
         links = list(problem.chain()) if isinstance(problem, PlanFailure) else [problem]
         first, *causes = reversed({(type(link), str(link)): link for link in reversed(links)}.values())
         advice = (link.because() for link in links if isinstance(link, LocationUnresolvable))
@@ -39,17 +39,17 @@ class Failure:
 
     @property
     def types(self) -> tuple[str, ...]:
-        """The class of the failure, then those of its causes."""
+        """Class of the failure, then those of its causes."""
         return (self.type, *(one.type for one in self.causes))
 
     def __str__(self) -> str:
         message = self.message.strip().partition("\n")[0]
-        # the messages of searches for places have the advice already, before the counts of candidates
+        # messages of location searches include the advice, before the counts of candidates
         advice = f"; {self.advice}" if self.advice is not None and self.advice not in message else ""
         return f"{self.type}: {message}{advice}"
 
     def as_json(self) -> dict[str, Any]:
-        """Return class, message, where, advice (each or null) and causes, for JSON."""
+        """Class, message, where and advice (or null), and causes, for JSON."""
         own = {"class": self.type, "message": self.message, "where": self.where, "advice": self.advice}
         return {**own, "causes": [one.as_json() for one in self.causes]}
 

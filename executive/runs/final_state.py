@@ -1,4 +1,4 @@
-"""The state of things in the simulator's truth when a run has ended, and how far they leaned until then, in words."""
+"""Final state of a run in words: things in the true world, and how far they were tilted."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from sim.truth import Truth, at_rest_on, held_by
 
 
 def state_lines(truth: Truth, names: Iterable[str]) -> Iterator[str]:
-    """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), what is in it.
+    """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), its contents.
 
-    Then for each other door and drawer that the run has left open.
+    Then a line for each other door or drawer that the run left open.
     """
     scene, leaves = truth.scene, set[str]()
     for name in dict.fromkeys(names):
@@ -47,9 +47,9 @@ def _opening(value: float, joint: Articulation) -> str:
 
 
 class Tilts:
-    """Watches a true world: of what stood upright when grasped, and is to stay so, the largest tilt [rad].
+    """Watcher that measures the largest tilt [rad] of held things that have to stay upright.
 
-    ``leaning`` are the things that a step means to lean, as long as they do: they are not watched meanwhile.
+    Only of things that stood upright when grasped; not while they are in ``leaning``, as a step tilts them on purpose.
     """
 
     def __init__(self, leaning: MutableSet[str] | None = None) -> None:
@@ -57,10 +57,10 @@ class Tilts:
         self.largest: dict[str, float] = {}
         self.limits: dict[str, float] = {}
         self._held: dict[str, bool] = {}
-        """The things that are held, and whether each stood upright when it was grasped."""
+        """Held things -> whether they stood upright when grasped."""
 
     def __call__(self, world: Truth) -> None:
-        """Take note of the world after a step."""
+        """Measure after a step of the world."""
         before, self._held = self._held, {}
         for name in world.attached():
             limit = world.scene.body(name).largest_tilt
@@ -72,11 +72,11 @@ class Tilts:
                     self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
 
     def degrees(self) -> dict[str, float]:
-        """Return the largest tilt of each thing, to a tenth of a degree."""
+        """Largest tilt of each thing [degrees], to a tenth."""
         return {name: round(math.degrees(tilt), 1) for name, tilt in self.largest.items()}
 
     def lines(self) -> Iterator[str]:
-        """Yield a line for each thing, to print."""
+        """Yield a line for each thing."""
         for name, tilt in self.degrees().items():
             limit = math.degrees(self.limits[name])
             beyond = f"; {limit:g} are allowed" if tilt > limit else ""

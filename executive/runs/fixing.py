@@ -1,4 +1,4 @@
-"""Fixes of recipes, judged by rehearsals of their plans."""
+"""Fixes of recipes, validated by rehearsals of their plans."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from planlang.testing.rehearsal import rehearse
 
 
 def fixed(path: Path, *, task: str | None, folders: Sequence[Path], accepted: Sequence[str]) -> Fixed:
-    """Fix a recipe as :func:`planlang.recipe.fixes.fixing.fix_recipe` does; raises BadInput if it cannot be read.
+    """Fix a recipe by :func:`planlang.recipe.fixes.fixing.fix_recipe`. Raises BadInput if it cannot be read.
 
-    Imports are also looked for beside the recipe itself, as copies of it are rehearsed elsewhere.
+    Rehearsals use copies in another folder, so they also search the recipe's own folder for imports.
     """
-    around = (path.parent, *folders)
+    searched = (path.parent, *folders)
     return fix_recipe(
         path,
         task=task,
         folders=folders,
         accepted=frozenset(accepted),
-        rehearse=partial(rehearse, task=task, folders=around),
+        rehearse=partial(rehearse, task=task, folders=searched),
     )

@@ -1,4 +1,4 @@
-"""Plans as modules: imported from files, their calls of the language compared with what it offers now."""
+"""Import of plans as modules; their calls of the plan language are checked against its signatures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from planlang.outputs import LONGEST, header
 
 
 def import_plan(path: Path) -> ModuleType:
-    """Return the plan's file as a module; raises BadInput, with lines, if it cannot be imported or run any more."""
+    """Import a plan's file. Raises BadInput, with lines, if that fails, or calls do not fit the plan language."""
     loader = _PlanLoader(f"planlang_run_{path.stem}", str(path))
     spec = importlib.util.spec_from_loader(loader.name, loader)
     assert spec is not None
@@ -37,22 +37,22 @@ def import_plan(path: Path) -> ModuleType:
 
 
 class _PlanLoader(SourceFileLoader):
-    """Loads a plan from a file of any suffix and leaves no compiled copy beside it."""
+    """Loads a plan from a file of any suffix, without writing bytecode beside it."""
 
     def set_data(self, path: Any, data: Any, *, _mode: int = 0o666) -> None:
-        """Keep no compiled copy."""
+        """Write no bytecode."""
 
 
 def line_in(problem: BaseException, path: Path) -> int | None:
-    """Return the line of a file that an exception passed last, or that it names itself."""
+    """Line of a file that an exception passed last, or that a SyntaxError names."""
     lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == str(path)]
     return lines[-1] if lines else getattr(problem, "lineno", None)
 
 
 def _misfits(module: ModuleType, path: Path) -> Iterator[Diagnostic]:
-    """Yield an error for each call of a function of the language with arguments that it does not take."""
+    """Yield an error for each call of the plan language with arguments that do not fit the function."""
     tree = ast.parse(inspect.getsource(module))
-    others = {node.arg if isinstance(node, ast.arg) else node.id for node in ast.walk(tree) if _binds(node)}
+    rebound = {node.arg if isinstance(node, ast.arg) else node.id for node in ast.walk(tree) if _binds(node)}
     for node in ast.walk(tree):
         match node:
             case ast.Call(func=ast.Name("partial"), args=[ast.Name(id=name), *given]):
@@ -64,21 +64,21 @@ def _misfits(module: ModuleType, path: Path) -> Iterator[Diagnostic]:
         function = vars(module).get(name)
         named = [keyword.arg for keyword in node.keywords]
         is_open = None in named or any(isinstance(one, ast.Starred) for one in given)
-        if is_open or name in others or not _is_of_the_language(function):
+        if is_open or name in rebound or not _is_of_the_language(function):
             continue
         try:
             signature = inspect.signature(function)
         except ValueError:
-            continue  # exceptions without an __init__ of their own take anything
+            continue  # exceptions without an own __init__ accept any arguments
         try:
             (signature.bind if is_whole else signature.bind_partial)(*given, **dict.fromkeys(filter(None, named)))
         except TypeError as problem:
-            message = f"{name} is not called so in this version of planlang: {problem}"
+            message = f"{name} has other parameters in this version of planlang: {problem}"
             yield error("X001", message, Span(str(path), node.lineno, node.col_offset + 1), _advice(path))
 
 
 def _binds(node: ast.AST) -> TypeGuard[ast.arg | ast.Name]:
-    """Return whether a piece of source gives a name, which may then mean something else than in the language."""
+    """Check whether a node binds a name, which may then hide one of the plan language."""
     return isinstance(node, ast.arg) or (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store))
 
 
@@ -87,7 +87,7 @@ def _is_of_the_language(function: object) -> TypeGuard[Callable[..., Any]]:
 
 
 def _advice(path: Path) -> str | None:
-    """Return how a plan that an earlier version has compiled comes up to date; None for one that a person wrote."""
+    """How to update a plan that an earlier version compiled; None for a plan written by hand."""
     with path.open(encoding="utf-8", errors="replace") as file:
         origin = header(file.read(LONGEST))
     if origin is None:

@@ -1,4 +1,4 @@
-"""The things in a robot's hands when a run begins: a posture with room for them; they are there really and believed."""
+"""Things in a robot's hands at the start of a run, placed in the true world and in the belief."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sim import Body, PyBulletWorld, Scene
 
 @dataclass(frozen=True, slots=True)
 class InHand:
-    """A thing in a hand: the arm, the link that it is fixed to, the body, and its pose in the frame of the link."""
+    """Thing in a hand: the arm, the link that holds it, the body, and its pose in the frame of the link."""
 
     arm: str
     link: str
@@ -25,18 +25,18 @@ class InHand:
 
 
 def in_hands(robot: Robot, semantic_map: SemanticMap, scene: Scene) -> tuple[InHand, ...]:
-    """Return what the arms of a robot hold when a run begins, the first thing of each arm."""
-    found = []
+    """Things that the arms of a robot hold at the start of a run, one per arm."""
+    held = []
     for arm in robot.arms:
         thing = next(held_by(arm, semantic_map), None)
         body = None if thing is None else next((one for one in scene.bodies if one.iri == thing.iri), None)
         if thing is not None and body is not None:
-            found.append(InHand(arm.name, arm.tip, body, grip_of(arm, thing, semantic_map)))
-    return tuple(found)
+            held.append(InHand(arm.name, arm.tip, body, grip_of(arm, thing, semantic_map)))
+    return tuple(held)
 
 
 def take(platform: Platform, truth: PyBulletWorld, held: Sequence[InHand]) -> None:
-    """Put things into the hands of the robot, close the fingers on them, and believe it."""
+    """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
     for one in held:
         world, name = platform.scene.world, one.body.name
         arm = next(arm for arm in platform.scene.arms.all if arm.name == one.arm)

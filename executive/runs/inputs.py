@@ -1,4 +1,4 @@
-"""What runs are made from, read once for all runs of a process that have it in common."""
+"""Inputs of runs, read once for all runs of a process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class Inputs:
-    """Keeps what was read or compiled: ontologies, maps, robots and plans' sources, none of which a run changes.
+    """Cache of ontologies, maps, robots and compiled plans, none of which a run changes.
 
     A file that changes in the meantime is not read again.
     """
@@ -19,9 +19,9 @@ class Inputs:
         self._kept: dict[Hashable, Any] = {}
 
     def once(self, read: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
-        """Return what the function returns; it is called once for the same arguments, which have to be hashable."""
+        """Call a function once for the same, hashable arguments, and return its result."""
         key = (read, arguments, tuple(sorted(options.items())))
         if key not in self._kept:
             self._kept[key] = read(*arguments, **options)
-        kept: T = self._kept[key]
-        return kept
+        result: T = self._kept[key]
+        return result

@@ -1,4 +1,4 @@
-"""What a search for poses has found: the poses, why others were rejected, and how that is shown."""
+"""Result of a search for poses: the poses, the reasons for rejection, and how they are shown."""
 
 from __future__ import annotations
 
@@ -26,39 +26,39 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class FoundPose:
-    """A pose that matches a phrase, in the frame of the map: of the base, or of the centre of a thing's box."""
+    """Pose of the base, or of the centre of a thing's box, that matches a phrase; in the frame of the map."""
 
     x: float
-    """In metres, as ``y`` and ``z``."""
+    """[m], as ``y`` and ``z``."""
     y: float
     yaw: float
-    """In radians."""
+    """[rad]"""
     z: float | None = None
     """None for a base, which stands on the floor."""
     score: float | None = None
-    """How well the phrase holds, in 0..1; None if no relation has a degree."""
+    """How well the phrase holds, in 0..1; None if no relation is graded."""
     arm: str | None = None
-    """The arm with which the base was found."""
+    """Arm that reaches from there."""
     reaches: tuple[str, ...] = ()
-    """What that arm does from there, each with the grasp."""
+    """What that arm reaches from there, each with the grasp."""
     looks: tuple[tuple[float, float, float], ...] = ()
-    """Base poses (x, y, yaw) from which the robot looks first."""
+    """Base poses (x, y, yaw) from which the robot looks before."""
     hands: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
-    """How each hand reaches from there: arm, link, postures with joint values [rad, m] and the link's poses."""
+    """Postures of each hand: arm, link, joint values [rad, m] and poses of the link."""
     frame: Mapping[str, str] = field(default_factory=dict)
-    """Words of the phrase such as ``left of`` -> whose sides are meant."""
+    """Words of the phrase such as ``left of`` -> the thing whose sides they refer to."""
     detail: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    """What the search has noted beside the arm."""
+    """Further data of the search."""
 
     @property
     def row(self) -> dict[str, Any]:
         """The pose as a row of a table: x, y [m], yaw [rad], for things z [m], score, arm and what it reaches."""
         height = {} if self.z is None else {"z": self.z}
-        found = {"x": self.x, "y": self.y, **height, "yaw": self.yaw, "score": self.score}
-        return found | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
+        numbers = {"x": self.x, "y": self.y, **height, "yaw": self.yaw, "score": self.score}
+        return numbers | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``planlang locate --json`` prints of a pose."""
+        """The pose as ``planlang locate --json`` prints it."""
         if self.z is not None:
             frame = {"frame": self.frame} if self.frame else {}
             return {"x": self.x, "y": self.y, "z": self.z, "yaw": self.yaw, **frame}
@@ -66,7 +66,7 @@ class FoundPose:
         return {**pose, **self.detail, "hands": [*self.hands]}
 
     def line(self, shown: Shown) -> str:
-        """Return the pose for people, with the arm and what it does."""
+        """Format the pose for people, with the arm and what it reaches."""
         height = {} if self.z is None else {"z": self.z}
         how = f"{self.arm_in_words}: {', '.join(self.reaches)}" if self.arm else ""
         how += "".join(f", after a look from {shown(x=x, y=y, yaw=yaw)}" for x, y, yaw in self.looks)
@@ -74,39 +74,39 @@ class FoundPose:
 
     @property
     def arm_in_words(self) -> str:
-        """The arm as a phrase names it, "" without one."""
+        """The arm in the words of phrases, "" without one."""
         return self.arm or "" if not self.arm or self.arm.endswith("arm") else f"{self.arm} arm"
 
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """What a phrase means in a map, and the poses that match it, best first; shows itself in a notebook.
+    """Meaning of a phrase in a map, and the poses that match it, best first; notebooks display it.
 
     It is the sequence of its poses: ``len(found)``, ``found[0]``, ``for pose in found``.
     """
 
     phrase: str
-    """The phrase as it was understood, without arms and grasps that nothing uses."""
+    """The phrase as understood, without unused arms and grasps."""
     poses: tuple[FoundPose, ...] = ()
     failure: Failure | None = None
     """Why there is no pose; None if there is one."""
     counts: Mapping[str, int] = field(default_factory=dict)
-    """Why candidates were rejected -> how many."""
+    """Reasons for rejection -> number of candidates."""
     blocking: Mapping[str, int] = field(default_factory=dict)
-    """Bodies that were in the way -> of how many candidates."""
+    """Bodies in the way -> number of candidates that they block."""
     meant: Mapping[str, str] = field(default_factory=dict)
-    """Things of the phrase -> the bodies of the map that they mean."""
+    """Things of the phrase -> bodies of the map."""
     posture: Mapping[str, float] = field(default_factory=dict)
-    """The joint values of the robot at the start [rad, m]."""
+    """Joint values of the robot at the start [rad, m]."""
     diagnostics: tuple[Diagnostic, ...] = ()
     sides: Mapping[str, tuple[str, tuple[float, float] | None, bool]] = field(default_factory=dict, repr=False)
-    """Words such as ``left of`` -> whose sides are meant, from where (x, y) that is seen, True if by the robot."""
+    """Words such as ``left of`` -> whose sides they refer to, the viewpoint (x, y), True if it is the robot's."""
     lacks_capability: bool = False
-    """True if the robot has no part for what was asked; then nothing was searched."""
+    """True if the robot lacks the required part; then nothing was searched."""
     units: tuple[str, ...] = ()
-    """Units in which ``str()`` has numbers, other than m and rad."""
+    """Units of numbers in ``str()``, if other than m and rad."""
     sheet: Sheet | None = field(default=None, repr=False, compare=False)
-    """The drawing, if it was asked for."""
+    """The drawing, if requested."""
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -119,11 +119,11 @@ class Located:
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """The poses as rows, for ``pandas.DataFrame``; :attr:`FoundPose.row` lists what is in them."""
+        """The poses as rows, for ``pandas.DataFrame``; see :attr:`FoundPose.row`."""
         return [pose.row for pose in self.poses]
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``planlang locate --json`` prints."""
+        """The result as ``planlang locate --json`` prints it."""
         failed = {} if self.failure is None else {"failure": self.failure.as_json(), "message": self.failure.message}
         if self.lacks_capability:
             return failed
@@ -138,7 +138,7 @@ class Located:
         }
 
     def __str__(self) -> str:
-        """Return it for people: the phrase, whose sides are meant, a line for each pose, and what was rejected."""
+        """Format for people: the phrase, whose sides it refers to, a line for each pose, and rejections."""
         shown = Shown(self.units)
         if self.lacks_capability and self.failure is not None:
             return f"{self.failure.type}: {self.failure.message}"
@@ -154,12 +154,12 @@ class Located:
         return "\n".join(lines)
 
     def picture(self, path: str | PathLike[str], *, force: bool = False) -> Path:
-        """Draw the room from above with the candidates and why they were rejected, as PNG or SVG; return the path.
+        """Draw the room from above with candidates and reasons for rejection, as PNG or SVG; return the path.
 
         ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
         """
         if self.sheet is None:
-            raise BadInput([error("C041", "nothing was searched: there is nothing to draw", help=str(self))])
+            raise BadInput([error("C041", "nothing to draw: no poses were searched", help=str(self))])
         target, sheet = Path(path), self.sheet
         problems = check_outputs({"picture": target}, {}, formats={"picture": PNG_OR_SVG}, force=force)
         if problems:
@@ -168,7 +168,7 @@ class Located:
         return target
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
-        """Show the picture with a table of the poses in a notebook."""
+        """Picture and table of the poses, for notebooks."""
         bundle = {"text/plain": str(self)}
         if self.sheet is not None:
             content = io.BytesIO()
@@ -186,7 +186,7 @@ def _rounded(value: object) -> object:
 
 
 class Shown:
-    """Numbers of poses with their names, in m and rad or in the units that a user asks for; BadInput for others."""
+    """Formats numbers of poses with their names, in m and rad or in the user's units; BadInput for invalid units."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._chosen = chosen_units(names)
@@ -197,16 +197,16 @@ class Shown:
             raise BadInput([error("C019", f"--units {one}: neither a length nor an angle", help=help) for one in wrong])
 
     def __call__(self, **numbers: float) -> str:
-        """Return the numbers [m, rad] with their names."""
+        """Format numbers [m, rad] with their names."""
         return "  ".join(f"{name} {self._number(number, name)}" for name, number in numbers.items())
 
     def _number(self, number: float, name: str) -> str:
-        """Return a number as precisely as a millimetre and a milliradian are; adding zero avoids -0.000."""
+        """Format a number to a millimetre or milliradian; adding zero avoids -0.000."""
         si = known_unit("Radian" if name == "yaw" else "Meter")
         own = known_unit(self._chosen.get(si.dimension, "Radian" if name == "yaw" else "Meter"))
         places = max(0, math.ceil(3 + math.log10(own.factor)))
         return f"{round(si.to(own, number), places) + 0.0:.{places}f}"
 
     def heading(self) -> str:
-        """Return the units that a user has asked for, in brackets."""
+        """The user's units, in brackets."""
         return f" [{', '.join(self._chosen.values())}]" if self._chosen else ""

@@ -1,9 +1,9 @@
-"""Finds poses that match a phrase: it is read, its things found in the map, and poses searched for base or thing."""
+"""Search for poses that match a phrase: parse it, bind its things to the map, search poses of base or thing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
@@ -28,7 +28,7 @@ from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
-from planlang.progress import Report, unreported
+from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
 from sim import PyBulletWorld
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LocateOptions:
-    """A phrase, the robot and the maps in which poses are searched, and how many."""
+    """Options of a search for poses: the phrase, the robot, the maps, and the number of poses."""
 
     phrase: str
     robot: Path
@@ -50,21 +50,21 @@ class LocateOptions:
     urdf: Path | None = None
     start: BasePose | None = None
     of: str | None = None
-    """The thing for which poses are searched; None: the base."""
+    """The thing whose poses are searched; None: the base."""
     count: int = 3
     units: tuple[str, ...] = ()
-    """Units in which the result is written for people, other than m and rad."""
+    """Units of the result for people, if other than m and rad."""
     drawn: bool = False
-    """Draw the room with the candidates, too, which takes part of a second."""
+    """Also draw the room with the candidates, which takes a fraction of a second."""
     long_work: Report = unreported
-    """Given the progress of long work: of maps that have to be built."""
-    waiting: Callable[[Callable[[], str]], AbstractContextManager[None]] = lambda what: nullcontext()
-    """Entered while poses are searched; given what returns words for the search at any time."""
+    """Gets the progress of building reachability maps."""
+    waiting: Waiting = unwatched
+    """Entered while poses are searched."""
 
 
 @dataclass(slots=True)
 class _Question:
-    """A phrase that was read, its things, and the believed world in which it is asked."""
+    """A parsed phrase, its things, and the believed world."""
 
     location: Location
     what: Object | None
@@ -75,15 +75,15 @@ class _Question:
 
     @property
     def body(self) -> str | None:
-        """The body for which poses are searched; None: the base."""
+        """The body whose poses are searched; None: the base."""
         return None if self.what is None else self.meant[self.what]
 
 
 def locate(options: LocateOptions) -> Located:
-    """Find poses; raises BadInput for what cannot be understood or used."""
-    Shown(options.units)  # what cannot be shown is refused before the search
+    """Find poses. Raises BadInput for invalid input."""
+    Shown(options.units)  # refuses invalid units before the search
     with ExitStack() as stack:
-        found: list[Diagnostic] = []
+        diagnostics: list[Diagnostic] = []
         ontology = load(options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read_map(ontology)
         lexicon = lexicon_of(semantic_map)
@@ -92,38 +92,38 @@ def locate(options: LocateOptions) -> Located:
         robot = with_carrying(
             bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies), report=options.long_work
         )
-        found.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
+        diagnostics.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
-            asked = write_thing(location.device).removeprefix("the ")
-            return _missing(MissingCapability(f"{robot.name} has no {asked}; its arms: {arms}"), options, found)
-        world = world_at_start(scene_of(semantic_map, found), robot, options.start, stack)
-        truth = PyBulletWorld(world.scene, robot.body())  # which is as believed: nothing moves
+            device = write_thing(location.device).removeprefix("the ")
+            return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, diagnostics)
+        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack)
+        truth = PyBulletWorld(world.scene, robot.body())  # equals the belief: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, options.long_work)
-        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, found)
-        found.extend(_choices(meant, lexicon, platform))
+        meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, diagnostics)
+        diagnostics.extend(_choices(meant, lexicon, platform))
         try:
-            return _resolved(_Question(location, what, lexicon, platform, meant, found), options)
+            return _resolved(_Question(location, what, lexicon, platform, meant, diagnostics), options)
         except LocationMeaningless as problem:
-            raise BadInput([*found, *_of_no_place(problem, location, what, lexicon)]) from None
+            raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:
-            return _missing(problem, options, found)
+            return _missing(problem, options, diagnostics)
 
 
-def _missing(problem: PlanFailure, options: LocateOptions, found: Iterable[Diagnostic]) -> Located:
-    """Return the result when the robot has no part for what is asked."""
-    return Located(options.phrase, failure=Failure.of(problem), diagnostics=tuple(found), lacks_capability=True)
+def _missing(problem: PlanFailure, options: LocateOptions, diagnostics: Iterable[Diagnostic]) -> Located:
+    """Result for a robot that lacks a required part."""
+    return Located(options.phrase, failure=Failure.of(problem), diagnostics=tuple(diagnostics), lacks_capability=True)
 
 
 def _resolved(question: _Question, options: LocateOptions) -> Located:
-    """Search the poses, and draw what was looked at if that is asked for."""
+    """Search poses, and draw the candidates if requested."""
     log, failure, platform = Rejections(explained=True), None, question.platform
     poses: list[FoundPose] = []
     frame: Mapping[str, str] = {}
     try:
         used = _used(question.location, question.what, platform)
-        question.found.extend(_idle(question.location, used))
+        question.found.extend(_unused(question.location, used))
         question.location, frame = used, _frame(used, question.body, platform)
         search = _bases(question, log) if question.what is None else _things(question, frame, log)
         with options.waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
@@ -133,7 +133,7 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
     except LocationUnresolvable as problem:
         failure = problem
     phrase = write_location(question.location, question.lexicon)
-    found = Located(
+    located = Located(
         phrase,
         tuple(poses),
         None if poses or failure is None else _without_phrase(failure, question.location),
@@ -145,29 +145,29 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
         _sides(frame, question.location, platform),
         units=options.units,
     )
-    return replace(found, sheet=_drawing(found, log, question, options)) if options.drawn else found
+    return replace(located, sheet=_drawing(located, log, question, options)) if options.drawn else located
 
 
 def _without_phrase(failure: PlanFailure, location: Location) -> Failure:
-    """Return why there is no pose, without the phrase, which stands beside it."""
+    """Describe a failure without the phrase, which is printed beside it."""
     described = Failure.of(failure)
     return replace(described, message=described.message.replace(f" for {location}", "", 1))
 
 
-def _drawing(found: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
+def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
     from executive.pictures.floor_plan import Resolution, picture, scenery_of  # Pillow is slow to import
 
     refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
-    why = "" if found.failure is None else found.failure.message.partition(" (")[0]  # counts are listed
+    why = "" if located.failure is None else located.failure.message.partition(" (")[0]  # counts are listed
     resolution = Resolution(
         options.phrase,
-        [(pose.x, pose.y, pose.yaw) for pose in found.poses],
+        [(pose.x, pose.y, pose.yaw) for pose in located.poses],
         log.places,
         log.scored,
         refused,
-        found.counts,
-        found.blocking,
-        [pose.arm_in_words for pose in found.poses],
+        located.counts,
+        located.blocking,
+        [pose.arm_in_words for pose in located.poses],
         why,
     )
     scene = question.platform.scene
@@ -175,9 +175,9 @@ def _drawing(found: Located, log: Rejections, question: _Question, options: Loca
 
 
 def _meant(
-    designators: Iterable[Object], lexicon: Lexicon, platform: Platform, found: Sequence[Diagnostic]
+    designators: Iterable[Object], lexicon: Lexicon, platform: Platform, diagnostics: Sequence[Diagnostic]
 ) -> dict[Object, str]:
-    """Return the body that each designator means; raises BadInput, with what was found, when the map has none."""
+    """Map each designator to its body. Raises BadInput if the map has none."""
     meant: dict[Object, str] = {}
     problems = []
     for what in dict.fromkeys(designators):
@@ -188,24 +188,24 @@ def _meant(
             message = f"the map has no {write_thing(what, lexicon).removeprefix('the ')}"
             problems.append(error("P008", message, help=f"it has {known}"))
     if problems:
-        raise BadInput([*found, *problems])
+        raise BadInput([*diagnostics, *problems])
     return meant
 
 
 def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
-    """Yield a note for each thing that was chosen among several."""
+    """Yield a note for each thing chosen among several."""
     for what, name in meant.items():
         others = [other for other in platform.belief.of_class(what) if other != name]
         if what.iri is None and others:
-            help = f"name it to mean another: {', '.join(others)}"
-            stated = write_thing(what, lexicon)
-            yield note("P009", f"{stated} is {name}, the nearest of {len(others) + 1}", help=help)
+            help = f"to choose another, name it: {', '.join(others)}"
+            thing = write_thing(what, lexicon)
+            yield note("P009", f"{thing} is {name}, the nearest of {len(others) + 1}", help=help)
 
 
 def _of_no_place(
     problem: LocationMeaningless, location: Location, what: Object | None, lexicon: Lexicon
 ) -> Iterator[Diagnostic]:
-    """Yield why a phrase describes no location, in the words of phrases."""
+    """Explain in the words of phrases why a phrase describes no location."""
 
     def words(part: object) -> str:
         if isinstance(part, Relation):
@@ -216,38 +216,38 @@ def _of_no_place(
 
 
 def _used(location: Location, what: Object | None, platform: Platform) -> Location:
-    """Return the location without arms and grasps that nothing uses."""
+    """The location without unused arms and grasps."""
     if what is not None:
         return replace(location, device=None, grasp=None)
     return without_unused(location, platform.scene, platform.base()[:2])
 
 
-def _idle(stated: Location, used: Location) -> Iterator[Diagnostic]:
-    """Yield a warning for unused arms and grasps, those of nested locations included."""
-    idle = []
+def _unused(stated: Location, used: Location) -> Iterator[Diagnostic]:
+    """Yield a warning for unused arms and grasps, also of nested locations."""
+    unused = []
     if stated.device is not None and used.device is None:
-        idle.append(f"with {write_thing(stated.device)}")
+        unused.append(f"with {write_thing(stated.device)}")
     if stated.grasp is not None and used.grasp is None:
-        idle.append(GRASP_FORMS[stated.grasp][0])
-    if idle:
+        unused.append(GRASP_FORMS[stated.grasp][0])
+    if unused:
         help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
-        yield warning("P011", f"{' '.join(idle)!r} has no effect here; it is left out", help=help)
+        yield warning("P011", f"{' '.join(unused)!r} has no effect here, and is ignored", help=help)
     for one, other in zip(stated.relations, used.relations, strict=True):
         if isinstance(one.reference, Location) and isinstance(other.reference, Location):
-            yield from _idle(one.reference, other.reference)
+            yield from _unused(one.reference, other.reference)
 
 
 def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
-    """Return how to ask for poses that a relation has a meaning for, if it has none for what was asked for."""
+    """Advice for a relation that applies to poses of a thing but not of the base, or vice versa."""
     for relation in location.relations:
         meaning = RELATIONS[relation.name]
         if what is None and meaning.base is None:
-            hints = ["--of THING asks for poses of a thing"] if meaning.thing else []
+            hints = ["--of THING searches poses of a thing"] if meaning.thing else []
             if meaning.hand:
-                hints.append(f'the base for a hand is "in reach of a place {write_relation(relation, lexicon)}"')
+                hints.append(f'for a hand, write "in reach of a place {write_relation(relation, lexicon)}"')
             return "; ".join(hints)
         if what is not None and meaning.thing is None and meaning.base is not None:
-            return "without --of, poses of the base are searched"
+            return "leave out --of to search poses of the base"
     return None
 
 
@@ -271,7 +271,7 @@ def _bases(question: _Question, log: Rejections) -> Iterator[FoundPose]:
 
 
 def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
-    """Yield how each hand was judged to reach from a base pose: the tip's poses in order, each with joint values."""
+    """Yield the validated postures of each hand from a base pose: poses of the tip in order, with joint values."""
     torso = platform.robot.torso
     for (_, _), reached in platform.resolver.reached_from(base).items():
         for hand in reached.values():
@@ -302,7 +302,7 @@ def _things(question: _Question, frame: Mapping[str, str], log: Rejections) -> I
 
 
 def _frame(location: Location, what: str | None, platform: Platform) -> dict[str, str]:
-    """Return whose sides are meant, by the words of the phrase."""
+    """Words such as ``left of`` -> whose sides they refer to."""
     scene, (x, y, _) = platform.scene, platform.base()
     if what is None:
         return sides(base_demand(location, scene, (x, y)), scene)
@@ -312,7 +312,7 @@ def _frame(location: Location, what: str | None, platform: Platform) -> dict[str
 def _sides(
     frame: Mapping[str, str], location: Location, platform: Platform
 ) -> dict[str, tuple[str, tuple[float, float] | None, bool]]:
-    """Return whose sides are meant, with the point from which they are seen, and whether that is the robot's."""
+    """Words such as ``left of`` -> whose sides they refer to, the viewpoint, and whether it is the robot's."""
     there = viewpoint(location, platform.scene)
     x, y = there or platform.base()[:2]
     return {words: (whose, (x, y), there is None) for words, whose in frame.items()}

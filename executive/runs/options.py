@@ -36,16 +36,16 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions(RunSettings):
-    """Options of a run: its settings, the inputs that the user's words mean, and who looks on."""
+    """Options of a run: its settings, its input files, and its observers."""
 
     plan: Path | None = None
     recipe: Path | None = None
     task: str | None = None
     accepted: tuple[str, ...] = ()
-    """Codes of fixes that the recipe gets before it is compiled, though they may be guesses."""
+    """Codes of uncertain fixes to apply to the recipe before it is compiled."""
     ontologies: tuple[Path, ...] = ()
     recipes: tuple[Path, ...] = ()
-    """Files with recipes of steps that the recipe leaves to others."""
+    """Files with recipes of steps that the recipe does not refine itself."""
     robot: Path | None = None
     environment: Path | None = None
     additions: tuple[Path, ...] = ()
@@ -54,35 +54,35 @@ class RunOptions(RunSettings):
     bindings: Mapping[str, str] | None = None
     seed: int = 0
     resume: RecordedRun | None = None
-    """The trace of the run to resume."""
+    """Trace of the run to resume."""
     repeats: bool = False
-    """Repeat the run of the trace to its last record, to look on: it may have ended, and nothing new is done."""
+    """Repeat the recorded run up to its last record, in order to observe it; it may have ended."""
     notes: tuple[Diagnostic, ...] = ()
-    """Diagnostics of before."""
+    """Diagnostics from preparing the run."""
     inner_actions: bool = False
-    """Tell the progress of actions that process modules perform inside of others, too."""
+    """Also report actions that process modules perform inside others."""
     progress: Callable[[str], None] = lambda line: None
     long_work: Report = unreported
-    """Given the progress of long work: of maps that have to be built, of a video."""
+    """Gets the progress of long work: building reachability maps, encoding a video."""
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
-    """Given the diagnostics once, before the plan runs."""
+    """Gets diagnostics before the plan runs."""
     watchers: tuple[Callable[[Truth], None], ...] = ()
-    """Called with the true world before the plan runs and after every step of the world."""
+    """Called with the true world before the plan runs and after each step of the world."""
     listeners: tuple[Listener, ...] = ()
-    """Given each record of the trace as it is written."""
+    """Get each record of the trace as it is written."""
     around: Callable[[RobotExecutive], None] = lambda executive: None
-    """Given the executive before the plan runs: it may wrap its process modules, to let requests fail, for example."""
+    """Called with the executive before the plan runs; may wrap its process modules, for example to inject faults."""
 
 
 class Ended(Protocol):
-    """A run that has ended, and is repeated for what it was not asked for; see :mod:`executive.runs.ended_run`."""
+    """A run that has ended, and can be repeated to show it; see :mod:`executive.runs.ended_run`."""
 
     @property
     def page(self) -> str:
         """The page of the run."""
 
     def records(self) -> Sequence[Mapping[str, Any]]:
-        """Return the records of the trace."""
+        """Records of the trace."""
 
     def write(self, what: str, path: Path, *, force: bool = False, view: str | None = None) -> Path:
         """Write a file of the run."""
@@ -90,23 +90,23 @@ class Ended(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """Result of a run, which shows itself in a notebook. Equal inputs and seeds give equal results."""
+    """Result of a run; notebooks display its page. Equal inputs and seeds give equal results."""
 
     outcome: Outcome
     message: str
-    """What is printed for people: ``done``, or the failure with its places and causes, in several lines."""
+    """Text for people: ``done``, or the failure with its places and causes, in several lines."""
     final_state: tuple[str, ...] = ()
-    """Where the objects of the plan are in the end, in the simulator's truth: ``bottle1: held by patient1``."""
+    """Where the plan's objects are at the end, in the true world: ``bottle1: held by patient1``."""
     diagnostics: tuple[Diagnostic, ...] = ()
     duration: float = 0.0
     """Plan time [s]."""
     failure: Failure | None = None
-    """Why the run did not succeed; ``str(run.failure)`` is a sentence. None if it did, or was interrupted."""
+    """Why the run failed; ``str(run.failure)`` is a sentence. None if it succeeded or was interrupted."""
     tilts: Tilts = field(default_factory=Tilts)
-    """The angles by which what was carried leaned from upright, in the simulator's truth."""
+    """Largest tilts of carried things from upright, in the true world."""
     seed: int = 0
     ended: Ended | None = field(default=None, repr=False, compare=False)
-    """What can still be shown of the run; None if it did not begin."""
+    """Shows the run; None if it did not begin."""
 
     @property
     def succeeded(self) -> bool:
@@ -115,14 +115,14 @@ class RunResult:
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """The class of the failure, then those of its causes; empty without a failure."""
+        """Class of the failure, then those of its causes; empty without a failure."""
         return () if self.failure is None else self.failure.types
 
     @property
     def trace(self) -> Sequence[Mapping[str, Any]]:
         """The records of the trace, for ``pandas.DataFrame`` or :class:`planlang.TaskTree`; docs/reference/trace.md.
 
-        Raises BadInput if the file of the trace cannot be read any more.
+        Raises BadInput if the file of the trace cannot be read.
         """
         return () if self.ended is None else self.ended.records()
 
@@ -139,7 +139,7 @@ class RunResult:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``planlang run --json`` prints of a run."""
+        """The result as ``planlang run --json`` prints it."""
         return {
             "outcome": self.outcome.value,
             "succeeded": self.succeeded,
@@ -151,31 +151,31 @@ class RunResult:
         }
 
     def report(self, path: str | PathLike[str], *, force: bool = False) -> Path:
-        """Write the page that shows the run, plan, world and causes on one clock, and return its path.
+        """Write an HTML page of the run (plan, world and causes on one time line), and return its path.
 
-        The run is repeated for it: that takes about as long as the run did. ``force`` overwrites files that planlang
-        did not write. Raises BadInput if the file cannot be written, or the run cannot be repeated.
+        This repeats the run, and takes about as long. ``force`` overwrites files that planlang did not write. Raises
+        BadInput if the file cannot be written, or the run cannot be repeated.
         """
         return self._shown().write("report", Path(path), force=force)
 
     def picture(self, path: str | PathLike[str], *, view: str | None = None, force: bool = False) -> Path:
-        """Write a picture of the final scene, as PNG, and return its path; the run is repeated for it.
+        """Write a picture of the final scene, as PNG, and return its path; this repeats the run.
 
-        ``view`` is that of ``planlang run --view``: ``overview``, ``top``, or points of the map [m]. Raises BadInput as
+        ``view`` is as in ``planlang run --view``: ``overview``, ``top``, or points of the map [m]. Raises BadInput as
         :meth:`report` does.
         """
         return self._shown().write("picture", Path(path), force=force, view=view)
 
     def _shown(self) -> Ended:
         if self.ended is None:
-            raise BadInput([error("C041", "the run did not begin: there is nothing to show", help=self.message)])
+            raise BadInput([error("C041", "nothing to show: the run did not begin", help=self.message)])
         return self.ended
 
     def __str__(self) -> str:
         return "\n".join(line for line in (self.message, *self.final_state, *self.tilts.lines()) if line)
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
-        """Show the page of the run in a notebook; text where it cannot be repeated."""
+        """Page of the run, for notebooks; text only if it cannot be repeated."""
         bundle = {"text/plain": str(self)}
         if self.ended is not None:
             with suppress(BadInput):

@@ -1,4 +1,4 @@
-"""Parameters of a plan: what they take, and what the user binds them to by ``--set``."""
+"""Parameters of a plan: their valid values, and their bindings by ``--set``."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from planlang.spelling import guess, similar
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
 """Classes of actions on furniture and devices."""
 ON_WHAT_IS_TAKEN = ("HoldingAnObject", "PickingUpAnObject", "TakingSomething", "FetchingAnObject")
-"""Classes of actions after which a hand has what they act on."""
+"""Classes of actions after which a hand holds what they act on."""
 MOST_NAMES = 20
-"""Things of a map that one message lists."""
+"""Maximum number of things that one message lists."""
 
 Bound = Object | Location | float
-"""A value that a parameter may be bound to."""
+"""Value of a parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanParameter:
-    """A parameter of a plan: ``setting`` is what ``--set`` calls it, ``types`` are the classes of what it takes.
+    """Parameter of a plan: ``setting`` is its name in ``--set``, ``types`` the classes of its values.
 
-    ``default`` is None where the user has to bind it.
+    Without a ``default`` the user has to bind it.
     """
 
     name: str
@@ -43,40 +43,40 @@ class PlanParameter:
     types: tuple[type, ...]
     default: Object | None = None
     actions: tuple[str, ...] = ()
-    """Classes of actions of the step that acts on it, as far as the vocabulary knows them; empty if none does."""
+    """Known action classes of the step that acts on it; empty if none does."""
 
     def likely(self, semantic_map: SemanticMap, names: Sequence[str]) -> list[str]:
-        """Return on which of the things that fit the step may act: what can be grasped, unless it opens or switches.
+        """Select from ``names`` things that the step is likely to act on: graspable ones, unless it opens or switches.
 
-        Where the name of the step says on what it acts, it is that. If nothing is likely, all are, unless a hand is to
-        take it.
+        The name of a step may end in a class of things; these are selected. If nothing is likely, all are, unless a
+        hand has to take it.
         """
         if not self.actions:
             return [*names]
-        if meant := _named_by_step(self, semantic_map):
-            return [thing.name for thing in meant]
+        if things := _named_by_step(self, semantic_map):
+            return [thing.name for thing in things]
         above = {cls for one in self.actions for cls in semantic_map.ontology.ancestors(one)}
-        stays, taken = (any(expand(cls) in above for cls in those) for those in (ON_WHAT_STAYS, ON_WHAT_IS_TAKEN))
-        handled = {body.name for body in scene_of(semantic_map, []).bodies if body.graspable}
-        likely = [name for name in names if (name in handled) != stays]
+        stays, taken = (any(expand(cls) in above for cls in group) for group in (ON_WHAT_STAYS, ON_WHAT_IS_TAKEN))
+        graspable = {body.name for body in scene_of(semantic_map, []).bodies if body.graspable}
+        likely = [name for name in names if (name in graspable) != stays]
         return likely if likely or taken else [*names]
 
     @property
     def takes_places(self) -> bool:
-        """True if a location may be given."""
+        """True if a location is a valid value."""
         return Location in self.types
 
     def fits(self, semantic_map: SemanticMap, thing: MapObject) -> bool:
-        """Return True if a thing of a map is of the class of the default, or without one of the parameter's types."""
+        """Check whether a thing has the class of the default, or without a default one of the parameter's types."""
         if self.default is not None:
             cls = expand(self.default.type)
-            return semantic_map.is_a(thing, cls) or _is_alike(semantic_map, thing, self.default)
+            return semantic_map.is_a(thing, cls) or _is_similar(semantic_map, thing, self.default)
         return (Person if semantic_map.is_a(thing, "Person") else Object) in self.types
 
 
 def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
-    """Return the plan's parameters that have an object as default, or none at all."""
-    found = {}
+    """Parameters of a plan that have an object as default, or no default."""
+    parameters = {}
     hints = _hints(plan)
     for name, parameter in inspect.signature(plan.function).parameters.items():
         if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
@@ -86,23 +86,23 @@ def plan_parameters(plan: Plan[Any, Any]) -> dict[str, PlanParameter]:
         bare = getattr(annotation, "__origin__", annotation) if hasattr(annotation, "__metadata__") else annotation
         types = tuple(cls for cls in get_args(bare) or (bare,) if isinstance(cls, type))
         if isinstance(parameter.default, Object):
-            found[name] = PlanParameter(name, setting, types, parameter.default)
+            parameters[name] = PlanParameter(name, setting, types, parameter.default)
         elif parameter.default is parameter.empty:
-            found[name] = PlanParameter(name, setting, types, actions=_acting(plan, setting))
-    return found
+            parameters[name] = PlanParameter(name, setting, types, actions=_actions_on(plan, setting))
+    return parameters
 
 
-def _acting(plan: Plan[Any, Any], setting: str) -> tuple[str, ...]:
-    """Return the classes, as far as the vocabulary knows them, of the action on what a setting names."""
+def _actions_on(plan: Plan[Any, Any], setting: str) -> tuple[str, ...]:
+    """Known classes of the action on the thing that a setting names."""
     step, _, role = setting.rpartition(".")
-    stated = (one for one in inspect.unwrap(plan.function).__globals__.values() if isinstance(one, ActionClass))
+    classes = (one for one in inspect.unwrap(plan.function).__globals__.values() if isinstance(one, ActionClass))
     step = step.rpartition(".")[2]
-    cls = next((one for one in stated if local_name(one) == step), step)
+    cls = next((one for one in classes if local_name(one) == step), step)
     return nearest_unstated(cls) if role == "objectActedOn" else ()
 
 
 def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
-    """Return the types of a plan's parameters; nothing for an author's that cannot be evaluated."""
+    """Type hints of a plan's parameters; empty if one of them cannot be evaluated."""
     try:
         return get_type_hints(plan.function, include_extras=True)
     except Exception:  # an annotation is any expression, which may raise anything
@@ -110,7 +110,7 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
 
 
 def stated_bindings(plan: Plan[Any, Any], bound: Mapping[str, Bound], semantic_map: SemanticMap) -> dict[str, str]:
-    """Return the parameters of ``bound`` that differ from the plan's defaults in this map, as texts to be set."""
+    """Values for ``--set`` of the parameters that differ from the plan's defaults in this map."""
     try:
         defaults = bound_parameters(plan, {}, semantic_map, [])
     except BadInput:
@@ -120,31 +120,32 @@ def stated_bindings(plan: Plan[Any, Any], bound: Mapping[str, Bound], semantic_m
 
 
 def bound_parameters(
-    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, found: list[Diagnostic]
+    plan: Plan[Any, Any], bindings: Mapping[str, str], semantic_map: SemanticMap, diagnostics: list[Diagnostic]
 ) -> dict[str, Bound]:
-    """Return the plan's parameters: their defaults, or things of the map that the user named, by IRI or local name.
+    """Bind the plan's parameters to their defaults, or to things of the map that the user names by IRI or local name.
 
-    A thing has to be of the class of the default. Where the recipe names an individual, a thing of a class beside that
-    of the individual, below the same one, will do, too, with a warning among ``found``. A location may be told by a
-    phrase as well. Raises BadInput, telling what would be valid, for a parameter or a thing that does not exist or does
-    not fit, and for a parameter without default that is not bound; what OpeningARefrigerator acts on is the only
-    refrigerator of the map.
+    A thing must have the class of the default; for an individual of the recipe, a sibling class is valid, too, with a
+    warning in ``diagnostics``. A location may be given as a phrase. The default of what a step such as
+    OpeningARefrigerator acts on is the only refrigerator of the map. Raises BadInput, with valid values, for an unknown
+    parameter, an unknown or unsuitable thing, and a parameter that is not bound.
     """
     parameters = plan_parameters(plan)
     bound: dict[str, Bound] = {name: one.default for name, one in parameters.items() if one.default is not None}
     problems: list[Diagnostic] = []
-    wanted = dict(_named(parameters, bindings, problems))
-    for name, text in wanted.items():
+    settings = dict(_settings(parameters, bindings, problems))
+    for name, text in settings.items():
         try:
-            bound[name] = _bound(parameters[name], text, semantic_map, found)
+            bound[name] = _bound(parameters[name], text, semantic_map, diagnostics)
         except BadInput as problem:
             problems += problem.diagnostics
-    for name in (name for name in parameters if name not in bound and name not in wanted):
+    for name in (name for name in parameters if name not in bound and name not in settings):
         if len(things := _named_by_step(parameters[name], semantic_map)) == 1:
-            bound[name] = _bound(parameters[name], things[0].iri, semantic_map, found)
-            message = f"{parameters[name].setting} is {things[0].name}, the only one of the class that the step names"
-            found.append(note("X028", message, help=f"--set {parameters[name].setting}=X names another thing"))
-    missing = [one for name, one in parameters.items() if name not in bound and name not in wanted]
+            bound[name] = _bound(parameters[name], things[0].iri, semantic_map, diagnostics)
+            message = (
+                f"{parameters[name].setting} is {things[0].name}, the only one of the class in the name of the step"
+            )
+            diagnostics.append(note("X028", message, help=f"--set {parameters[name].setting}=X chooses another thing"))
+    missing = [one for name, one in parameters.items() if name not in bound and name not in settings]
     problems += [_missing(one, semantic_map) for one in missing]
     if problems:
         raise BadInput(problems)
@@ -152,14 +153,14 @@ def bound_parameters(
 
 
 def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Collection[str]) -> Iterator[Diagnostic]:
-    """Yield a diagnostic for each individual that the map lacks, where things of its class are meant instead.
+    """Yield a diagnostic for each individual that the map lacks, for which a thing of its class is used.
 
-    It is a warning where there are several: the nearest need not be the right one. Parameters that are ``made`` by the
-    plan itself are left out.
+    It is a warning if there are several: the nearest may be the wrong one. Excludes parameters that the plan itself
+    creates (``made``).
     """
-    there = {thing.iri for thing in semantic_map.objects}
+    in_map = {thing.iri for thing in semantic_map.objects}
     things = [what for name, value in bound.items() if name not in made for what in things_of(value)]
-    for what in dict.fromkeys(one for one in things if one.iri is not None and one.iri not in there):
+    for what in dict.fromkeys(one for one in things if one.iri is not None and one.iri not in in_map):
         fitting = [
             thing
             for thing in semantic_map.objects
@@ -169,41 +170,41 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
             continue
         message = f"{local_name(what.iri or '')} of the recipe ({what.iri}) is not in the map"
         if len(fitting) == 1:
-            yield note("X029", f"{message}: {fitting[0].name} is meant, its only {what.type}")
+            yield note("X029", f"{message}: using {fitting[0].name}, its only {what.type}")
             continue
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
         advice = (
-            f"--set {names[0]}={fitting[0].name} says which"
+            f"choose one: --set {names[0]}={fitting[0].name}"
             if names
-            else "the recipe may name it by its IRI in the map"
+            else "name one in the recipe by its IRI in the map"
         )
-        yield warning("X029", f"{message}: the nearest {what.type} to the robot is meant, of {known}", help=advice)
+        yield warning("X029", f"{message}: using the {what.type} nearest to the robot, of {known}", help=advice)
 
 
 def things_of(value: Bound) -> Iterator[Object]:
-    """Yield the things that a value is, or is about."""
+    """Yield the things in a value."""
     if not isinstance(value, float):
         yield from value.things() if isinstance(value, Location) else (value,)
 
 
-def _named(
+def _settings(
     parameters: Mapping[str, PlanParameter], bindings: Mapping[str, str], problems: list[Diagnostic]
 ) -> Iterator[tuple[str, str]]:
-    """Yield the names of the parameters that the user means, and what they are set to."""
-    settings = {setting: name for name, one in parameters.items() for setting in (one.setting, name)}
-    for wanted, text in bindings.items():
-        if wanted in settings:
-            yield settings[wanted], text
+    """Yield the names of the parameters that the user sets, and their values."""
+    known_settings = {setting: name for name, one in parameters.items() for setting in (one.setting, name)}
+    for setting, text in bindings.items():
+        if setting in known_settings:
+            yield known_settings[setting], text
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
-        alike = similar(wanted, settings)
+        alike = similar(setting, known_settings)
         guess = f"did you mean --set {alike[0]}={text}? " if alike else ""
-        problems.append(error("X004", f"the plan has no parameter {wanted!r}", help=f"{guess}its parameters: {known}"))
+        problems.append(error("X004", f"the plan has no parameter {setting!r}", help=f"{guess}its parameters: {known}"))
 
 
 def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> list[MapObject]:
-    """Return the things of the map of a class with whose name the name of a parameter's step ends."""
+    """Things of the map with a class whose name is the end of the name of the parameter's step."""
     step = parameter.setting.split(".")[-2:][0]
     ontology = semantic_map.ontology
     return [
@@ -216,35 +217,37 @@ def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> list[
 
 
 def _noun(cls: str) -> str:
-    """Return "Cabinet" of Cabinet-PieceOfFurniture; what Object-SupportingFurniture supports is no name of it."""
+    """Cabinet for Cabinet-PieceOfFurniture; but Object-SupportingFurniture is not called by what it supports."""
     name, _, kind = local_name(cls).partition("-")
     return name + kind if kind.startswith("Supporting") else name
 
 
 def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
-    """Return an error for a parameter that has to be set."""
-    message = f"the plan does not run without --set {parameter.setting}=X"
+    """Error for a parameter that has to be set."""
+    message = f"the plan needs --set {parameter.setting}=X"
     if float in parameter.types:
         return error("X014", message, help=f"a number, such as --set {parameter.setting}=30; times are in seconds")
     if not {Object, Person, Location}.intersection(parameter.types):
-        return error("X014", f"{message}, which takes no thing of the map", help="give it a default in the plan")
+        return error(
+            "X014", f"{message}, but its type is no thing of a map", help="give the parameter a default in the plan"
+        )
     advice = _fitting(parameter, semantic_map)
     if parameter.takes_places:
         advice += f'; or a phrase such as --set {parameter.setting}="on the table"'
     return error("X014", message, help=advice)
 
 
-def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found: list[Diagnostic]) -> Bound:
-    """Return the thing or location that a parameter is set to; raises BadInput."""
+def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, diagnostics: list[Diagnostic]) -> Bound:
+    """Resolve the value of a setting. Raises BadInput."""
     if float in parameter.types:
         return _number(parameter, text)
     thing, default = semantic_map.find(text), parameter.default
     if thing is None or (thing.pose is None and not is_content(thing)):
         if parameter.takes_places and thing is None and " " in text.strip():
-            from executive.runs.phrases import read_phrase  # the grammar of phrases takes long to import
+            from executive.runs.phrases import read_phrase  # the grammar of phrases is slow to import
 
             return read_phrase(text, semantic_map, f"--set {parameter.setting}")
-        what = "is not in the map" if thing is None else "has no place in the map"
+        what = "is not in the map" if thing is None else "has no pose in the map"
         raise BadInput([error("X005", f"{text!r} {what}", help=_fitting(parameter, semantic_map, text))])
     classes = ", ".join(shorten(cls) for cls in thing.types)
     if default is None and parameter.fits(semantic_map, thing):
@@ -252,90 +255,90 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, found
         return kind(shorten(thing.types[0]), thing.iri)
     if default is not None and semantic_map.is_a(thing, default.type):
         return replace(default, iri=thing.iri)
-    if default is not None and _is_alike(semantic_map, thing, default):
-        message = f"{text} is a {classes}, where the recipe speaks of a {default.type}"
-        found.append(warning("X006", message, help="the plan treats it as what it is"))
+    if default is not None and _is_similar(semantic_map, thing, default):
+        message = f"{text} is a {classes}, but the recipe asks for a {default.type}"
+        diagnostics.append(warning("X006", message, help=f"the plan treats it as a {shorten(thing.types[0])}"))
         return replace(default, iri=thing.iri, type=shorten(thing.types[0]))
-    message = f"{text} is a {classes}, but {parameter.setting} must be a {_wanted(parameter)}"
+    message = f"{text} is a {classes}, but {parameter.setting} must be a {_type_of(parameter)}"
     raise BadInput([error("X006", message, help=_fitting(parameter, semantic_map))])
 
 
 ALL = "all"
-"""The word that stands for all things of a map."""
+"""Stands for all things of a map."""
 
 
 def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of things, without rooms, that words mean: a thing, a class, or :data:`ALL`.
+    """Names of the things, except rooms, that words select: a thing, a class, or :data:`ALL`.
 
-    Raises BadInput for a word that means nothing in the map.
+    Raises BadInput for a word that selects nothing.
     """
     rooms = [one for one in semantic_map.objects if semantic_map.is_a(one, "RoomInAConstruction")]
     things = [one for one in semantic_map.objects if one not in rooms and one.pose is not None]
-    found: dict[str, None] = {}
+    selected: dict[str, None] = {}
     for word in words:
-        meant = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
-        if not meant:
-            names = [one.name for one in things]
+        names = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
+        if not names:
+            known = [one.name for one in things]
             types = dict.fromkeys(cls for one in things for cls in one.types)
             classes = (local_name(above) for cls in types for above in semantic_map.ontology.ancestors(cls))
-            advice = f"{guess(word, (*names, *classes))}--unknown may be all, or {_listed(names)}"
+            advice = f"{guess(word, (*known, *classes))}--unknown may be all, or {_listed(known)}"
             raise BadInput([error("X005", f"{word!r} is not in the map", help=advice)])
-        found.update(dict.fromkeys(meant))
-    return tuple(found)
+        selected.update(dict.fromkeys(names))
+    return tuple(selected)
 
 
 def _number(parameter: PlanParameter, text: str) -> float:
-    """Return the number that a parameter is set to; raises BadInput."""
+    """Parse the number that a parameter is set to. Raises BadInput."""
     try:
         number = float(text)
     except ValueError:
         number = math.nan
     if not (math.isfinite(number) and number >= 0):
-        raise BadInput([error("X006", f"{text!r} is no number from 0 on, as {parameter.setting} must be")])
+        raise BadInput([error("X006", f"{parameter.setting} must be a number of at least 0, not {text!r}")])
     return number
 
 
-def _wanted(parameter: PlanParameter) -> str:
-    """Return the class of what a parameter takes."""
+def _type_of(parameter: PlanParameter) -> str:
+    """Class of the values of a parameter, in words."""
     if parameter.default is not None:
         return parameter.default.type
     return " or ".join(cls.__name__.lower() for cls in parameter.types)
 
 
-def _is_alike(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
-    """Return True if a class directly above that of the recipe's individual is also above that of the thing."""
+def _is_similar(semantic_map: SemanticMap, thing: MapObject, default: Object) -> bool:
+    """Check whether a direct superclass of the class of the recipe's individual includes the thing."""
     if default.iri is None:
         return False
     return any(semantic_map.is_a(thing, cls) for cls in semantic_map.ontology.parents(default.type))
 
 
 def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | None = None) -> str:
-    """Return to what a parameter may be bound: the things with a place that fit; if there are none, all but joints.
+    """Advise valid values of a parameter: suitable things with a pose; if there are none, all things but joints.
 
-    ``absent``, a thing that the map lacks: also what may have been meant by it, and where there is such a thing.
+    For a thing that the map lacks (``absent``), also similar names, and bundled environments that have it.
     """
     joint = expand("Joint-Physical")
     things = (one for one in semantic_map.objects if one.pose is not None and not semantic_map.is_a(one, joint))
     placed = {thing.name: thing for thing in things}
     right = [name for name, one in placed.items() if parameter.fits(semantic_map, one)]
     fitting = parameter.likely(semantic_map, right)
-    said = f"nothing in the map is a {_wanted(parameter)}; things with a place: {_listed(list(placed))}"
+    advice = f"nothing in the map is a {_type_of(parameter)}; things with a pose: {_listed(list(placed))}"
     if fitting:
-        said = f"{parameter.setting} may be {_listed(fitting)}"
+        advice = f"{parameter.setting} may be {_listed(fitting)}"
     elif right:
-        said = "the map has nothing that a hand could take; add one that has: --environment MAP"
+        advice = "nothing in the map is graspable; add a map with such a thing: --environment MAP"
     if absent is None:
-        return said
+        return advice
     short = local_name(absent)
     alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
     if alike:
-        said = f"did you mean --set {parameter.setting}={alike[0]}? {said}"
+        advice = f"did you mean --set {parameter.setting}={alike[0]}? {advice}"
     if fitting and others:
-        said += f"; the map also has {_listed(others)}"
-    if there := environments_with((absent,)):
-        said += f"; {absent} is in a bundled environment: --environment {' or '.join(there)}"
-    return said
+        advice += f"; the map also has {_listed(others)}"
+    if environments := environments_with((absent,)):
+        advice += f"; {absent} is in a bundled environment: --environment {' or '.join(environments)}"
+    return advice
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""Phrases about a map: its nouns, and locations told in them."""
+"""Phrases about a map: its nouns, and the locations that phrases describe."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from planlang.phrases import Lexicon, read_location, write_thing
 
 
 def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
-    """Return the nouns of a map: its things by name, the classes of its ontology by their words."""
+    """Make the lexicon of a map: its things by name, the classes of its ontology by their words."""
     ontology = semantic_map.ontology
     things: dict[str, Object] = {}
     for thing in semantic_map.objects:
@@ -22,9 +22,9 @@ def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
 
 
 def read_phrase(phrase: str, semantic_map: SemanticMap, file: str) -> Location:
-    """Return the location that a phrase tells, as ``planlang locate`` reads it; raises BadInput.
+    """Parse a phrase to a location, as ``planlang locate`` does. Raises BadInput, also if the map lacks a thing of it.
 
-    ``file`` is what messages call the place where it stands. The map has to have what the phrase is about.
+    ``file`` names the source of the phrase in messages.
     """
     lexicon = lexicon_of(semantic_map)
     location = read_location(phrase, lexicon, file=file)

@@ -1,4 +1,4 @@
-"""Plans as files: compiling them, finding the plan to run, what it needs and requires."""
+"""Plans as files: compiling them, finding the plan to run, and what it needs of robot and modules."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ if TYPE_CHECKING:
 def fixed_recipe(
     recipe: Path,
     stack: ExitStack,
-    found: list[Diagnostic],
+    diagnostics: list[Diagnostic],
     task: str | None,
     folders: Sequence[Path],
     accepted: Sequence[str],
 ) -> Path:
-    """Fix a recipe in a copy, which ``stack`` removes, also by guesses of accepted codes; ``found`` gets notes."""
-    from executive.runs.fixing import fixed  # most recipes are run as they are
+    """Fix a copy of a recipe, with uncertain fixes of accepted codes. ``stack`` removes the copy."""
+    from executive.runs.fixing import fixed  # slow, and most recipes are not fixed
 
     result = fixed(recipe, task=task, folders=folders, accepted=accepted)
-    found.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
+    diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
     for one, why in result.refused:
-        found.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
+        diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
     copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-"))) / recipe.name
     copy.write_bytes(result.after.encode(result.encoding))
     return copy
 
 
 def located(diagnostic: Diagnostic, copy: Path, file: Path) -> Diagnostic:
-    """Return a diagnostic about a copy of a file as one about the file; its lines are those of the copy."""
+    """Replace the copy of a file by the file in a diagnostic; lines remain those of the copy."""
     span = diagnostic.span
     return (
         diagnostic
@@ -61,13 +61,13 @@ def located(diagnostic: Diagnostic, copy: Path, file: Path) -> Diagnostic:
 
 def compiled(recipe: Ontology, task: str | None, performed: frozenset[str]) -> CompiledPlan:
     """Compile a recipe; ``performed`` are the action classes that process modules perform. Raises BadInput."""
-    from planlang.compiler import compile_ontology  # a plan runs without the compiler
+    from planlang.compiler import compile_ontology  # plans run without the compiler
 
     return compile_ontology(recipe, task=task, performed=lambda: performed)
 
 
 def plan_file(plan: CompiledPlan, stack: ExitStack) -> Path:
-    """Write a compiled plan into a temporary folder that ``stack`` removes."""
+    """Write a compiled plan to a temporary folder, which ``stack`` removes."""
     folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
     path = folder / f"{plan.functions[-1]}.py"
     path.write_text(plan.source, encoding="utf-8")
@@ -75,9 +75,9 @@ def plan_file(plan: CompiledPlan, stack: ExitStack) -> Path:
 
 
 def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
-    """Return the plan of that name or IRI; without one the last plan in the file, which calls the others.
+    """Find a plan by name or IRI; by default the last one in the file, which calls the others.
 
-    Raises BadInput, telling which plans there are, when there is none or not the one that was asked for.
+    Raises BadInput, listing the plans, if there is none, or not that one.
     """
     plans = [value for value in vars(module).values() if isinstance(value, Plan)]
     if not plans:
@@ -98,9 +98,9 @@ MOVING = "Translation-LocationChange"
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Action classes that a piece of plan performs, and its choices: of each one alternative is enough.
+    """Action classes that a piece of plan performs, and its choices, of each of which one alternative suffices.
 
-    ``modular`` are those of the actions that process modules alone can perform, as the plan does nothing else for them.
+    ``modular`` are action classes that only process modules can perform: the plan has no other way.
     """
 
     actions: tuple[str, ...] = ()
@@ -110,7 +110,7 @@ class Needs:
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """One branch of a choice: the function that it calls, at which line it stands, and what it needs."""
+    """Branch of a choice: the function that it calls, its line, and what it needs."""
 
     name: str
     line: int
@@ -119,9 +119,9 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """Requirements of a plan that a robot lacks, and alternatives that it cannot do while another one will do.
+    """Requirements of a plan that a robot lacks, and infeasible alternatives of choices that have a feasible one.
 
-    ``unknown`` are those that it may lack: the plan runs, and says so.
+    ``unknown`` are requirements that it may lack: the plan runs, with a warning.
     """
 
     missing: tuple[Missing, ...]
@@ -129,7 +129,7 @@ class Assessment:
     unknown: tuple[Missing, ...] = ()
 
     def also(self, lacking: Iterable[Missing]) -> Assessment:
-        """Return the assessment with what the plan's recipe requires besides; each thing is listed once."""
+        """Add what the robot lacks of the recipe's requirements; each is listed once."""
         known = {(one.kind, one.name) for one in (*self.missing, *self.unknown)}
         others = [one for one in lacking if (one.kind, one.name) not in known]
         missing = tuple(one for one in others if one.state is Availability.MISSING)
@@ -137,12 +137,12 @@ class Assessment:
         return Assessment((*self.missing, *missing), self.infeasible, (*self.unknown, *unknown))
 
     def notes(self, file: Path | None) -> Iterator[Diagnostic]:
-        """Yield a note for each alternative that the robot cannot do, a warning for what it may lack.
+        """Yield a note for each infeasible alternative, and a warning for each thing that the robot may lack.
 
-        ``file`` is the plan's if it lasts.
+        ``file`` is that of the plan, unless it is temporary.
         """
         for what in self.unknown:
-            advice = "planlang match RECIPE --robot ROBOT shows what requires it; a self-model can claim it"
+            advice = "planlang match RECIPE --robot ROBOT shows why it is required; a self-model can claim it"
             yield warning("X009", f"the robot may lack {what}", None, advice)
         for alternative, why in self.infeasible:
             span = Span(str(file), alternative.line) if file is not None else None
@@ -150,23 +150,23 @@ class Assessment:
 
 
 Lacking = Callable[[Iterable[str]], tuple[Missing, ...]]
-"""Return everything that is or may be missing for action classes."""
+"""Finds all that is or may be missing for action classes."""
 
 
 def assess(needs: Needs, lacking: Lacking, unperformed: Lacking = lambda actions: ()) -> Assessment:
-    """Return whether a robot can do what is needed.
+    """Assess whether a robot can do what is needed.
 
-    ``lacking`` tells what it lacks for action classes, ``unperformed`` for which there is no process module. When no
-    alternative of a choice is feasible, what all of them lack is missing.
+    ``lacking`` finds what it lacks for action classes, ``unperformed`` the classes without a process module. If no
+    alternative of a choice is feasible, all that they lack is missing.
     """
-    found_missing = (*unperformed(needs.modular), *lacking(needs.actions))
-    missing = dict.fromkeys(one for one in found_missing if one.state is Availability.MISSING)
-    unknown = dict.fromkeys(one for one in found_missing if one.state is not Availability.MISSING)
+    lacks = (*unperformed(needs.modular), *lacking(needs.actions))
+    missing = dict.fromkeys(one for one in lacks if one.state is Availability.MISSING)
+    unknown = dict.fromkeys(one for one in lacks if one.state is not Availability.MISSING)
     infeasible: dict[tuple[Alternative, Missing], None] = {}
     for choice in needs.choices:
-        found = [(alternative, assess(alternative.needs, lacking, unperformed)) for alternative in choice]
-        feasible = [assessment for _, assessment in found if not assessment.missing]
-        for alternative, assessment in found:
+        assessed = [(alternative, assess(alternative.needs, lacking, unperformed)) for alternative in choice]
+        feasible = [assessment for _, assessment in assessed if not assessment.missing]
+        for alternative, assessment in assessed:
             unknown.update(dict.fromkeys(assessment.unknown))
             if not feasible:
                 missing.update(dict.fromkeys(assessment.missing))
@@ -178,21 +178,21 @@ def assess(needs: Needs, lacking: Lacking, unperformed: Lacking = lambda actions
 
 
 def needs_of(module: ModuleType, plan: Plan[Any, Any]) -> Needs:
-    """Return what a plan of a module needs, with all that it calls in the module."""
+    """What a plan of a module needs, including the functions that it calls in the module."""
     return _Source(module).needs(plan.name)
 
 
 Performs = Callable[[str, Branch | None], bool]
-"""Return whether a process module performs an action of a class, instead of the plan that would do so otherwise."""
+"""Decides whether a process module performs an action of a class, rather than the plan given for it."""
 
 
 def read_names(module: ModuleType, plan: Plan[Any, Any], performs: Performs) -> frozenset[str]:
-    """Return the names that a plan of a module reads, but for what only plans need that modules stand in for."""
+    """Names that a plan of a module reads, except in plans that process modules replace."""
     return _Source(module).read(plan.name, performs)
 
 
 def outputs_of(module: ModuleType) -> frozenset[str]:
-    """Return the names in a plan's module of what actions create (``outputs_created``): it is there later, not yet."""
+    """Names of what the actions of a plan's module create (``outputs_created``): it need not exist before."""
     stated = (
         keyword.value
         for node in ast.walk(ast.parse(inspect.getsource(module)))
@@ -203,13 +203,13 @@ def outputs_of(module: ModuleType) -> frozenset[str]:
 
 
 def count_of_steps(module: ModuleType) -> int:
-    """Return the number of actions that a plan's module states."""
+    """Number of actions in the source of a plan's module."""
     calls = (node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call))
     return sum(isinstance(call.func, ast.Name) and call.func.id == "action" for call in calls)
 
 
 def stated_waiting(module: ModuleType) -> float:
-    """Return the sum of the durations that actions in a plan's module state as numbers [s]."""
+    """Sum of the durations of actions that the source of a plan's module gives as numbers [s]."""
     stated = (
         keyword.value.value
         for node in ast.walk(ast.parse(inspect.getsource(module)))
@@ -224,7 +224,7 @@ Scope = Mapping[str, ast.AST]
 
 
 class _Source:
-    """The source of a plan's module. What performs itself, directly or not, is looked into once."""
+    """Source of a plan's module. Recursive definitions are analysed once."""
 
     def __init__(self, module: ModuleType) -> None:
         tree = ast.parse(inspect.getsource(module))
@@ -240,13 +240,13 @@ class _Source:
         self._read: dict[str, frozenset[str]] = {}
 
     def needs(self, name: str) -> Needs:
-        """Return what a plan function of the module needs; everything in the module if it is defined elsewhere."""
+        """What a plan function needs; all functions of the module together if it is defined elsewhere."""
         nodes = [self._top[name]] if name in self._top else self._top.values()
         return _together(self._definition(node, self._top) for node in nodes)
 
     def _definition(self, node: ast.AST, scope: Scope) -> Needs:
         if id(node) not in self._known:
-            self._known[id(node)] = Needs()
+            self._known[id(node)] = Needs()  # the result inside of a recursion
             pieces: Iterable[ast.AST] = [node]
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
                 pieces = ast.iter_child_nodes(node)
@@ -256,7 +256,7 @@ class _Source:
         return self._known[id(node)]
 
     def _within(self, node: ast.AST, scope: Scope) -> Needs:
-        """Return what a piece of source needs; local functions and values where they are named."""
+        """What a piece of source needs; local functions and values count where they are used."""
         needs: list[Needs]
         match node:
             case ast.FunctionDef() | ast.AsyncFunctionDef() if scope.get(node.name) is node:
@@ -286,7 +286,7 @@ class _Source:
         return _together([*needs, *(self._within(child, scope) for child in ast.iter_child_nodes(node))])
 
     def _performed(self, described: ast.expr, call: ast.Call, scope: Scope) -> Needs:
-        """Return what a call needs that performs the action that is described, otherwise maybe runs a branch."""
+        """What a call of ``perform`` needs: a process module, unless ``otherwise`` gives a plan for the action."""
         others = [*call.args, *(keyword.value for keyword in call.keywords)]
         others.remove(described)
         own = self._within(described, scope)
@@ -302,12 +302,12 @@ class _Source:
         )
 
     def read(self, name: str, performs: Performs) -> frozenset[str]:
-        """Return the names that a plan function reads, itself or for others that it calls and that read them."""
+        """Names that a plan function reads, itself or as arguments of functions that read them."""
         if name not in self._read:
             whole = [self._top[name]] if name in self._top else self._top.values()
             self._read[name] = frozenset(
                 one.id for node in whole for one in ast.walk(node) if isinstance(one, ast.Name)
-            )  # which is what holds inside a plan that calls itself
+            )  # the result inside of a recursion
             self._read[name] = frozenset(one for node in whole for one in self._names(node, performs))
         return self._read[name]
 
@@ -315,20 +315,20 @@ class _Source:
         """Yield the names that a piece of source reads; see :meth:`read`."""
         if isinstance(node, ast.Name):
             yield node.id
-        left_out: set[str | None] = set()
+        unread: set[str | None] = set()
         if isinstance(node, ast.Call):
             called = [one.id for one in (*node.args[:1], node.func) if isinstance(one, ast.Name)]
             known = next((self._top[one] for one in called if one in self._top), None)
             if isinstance(known, ast.AsyncFunctionDef):
-                left_out |= {one.arg for one in known.args.kwonlyargs} - self.read(known.name, performs)
+                unread |= {one.arg for one in known.args.kwonlyargs} - self.read(known.name, performs)
             if self._is_performed(node, performs):
-                left_out |= {"otherwise", "recoveries"}
+                unread |= {"otherwise", "recoveries"}
         for child in ast.iter_child_nodes(node):
-            if not isinstance(child, ast.keyword) or child.arg not in left_out:
+            if not isinstance(child, ast.keyword) or child.arg not in unread:
                 yield from self._names(child, performs)
 
     def _is_performed(self, call: ast.Call, performs: Performs) -> bool:
-        """Return True for a call that performs an action which a module performs instead of a plan."""
+        """Check whether a call performs an action by a process module rather than by its plan."""
         for described in call.args[:2]:
             match described:
                 case ast.Call(func=function, args=[first, *_]) if self._name(function) in ("action", "Action"):
@@ -338,7 +338,7 @@ class _Source:
         return False
 
     def _plan(self, branch: ast.expr) -> Branch | None:
-        """Return the plan of the module that a branch calls; None if it calls something else."""
+        """The plan of this module that a branch calls; None if it calls something else."""
         match branch:
             case ast.Call(args=[ast.Name(id=name), *_]) | ast.Name(id=name):
                 plan = self._values.get(name)
@@ -346,7 +346,7 @@ class _Source:
         return None
 
     def _name(self, node: ast.AST) -> str | None:
-        """Return planlang's name of what an expression names, ``action`` after ``import action as act``."""
+        """Name in planlang of what an expression names: ``action`` after ``import action as act``."""
         match node:
             case ast.Name(id=name):
                 return self._original.get(name, name)
@@ -354,21 +354,21 @@ class _Source:
                 return name
         return None
 
-    def _class(self, named: ast.expr, keywords: Iterable[ast.keyword]) -> str | None:
-        """Return the class of an action that is described, with those above it if they are stated there."""
-        own = self._text(named)
-        stated = next((keyword.value for keyword in keywords if keyword.arg == "below"), None)
-        above = [self._text(one) for one in (stated.elts if isinstance(stated, ast.Tuple | ast.List) else (stated,))]
+    def _class(self, node: ast.expr, keywords: Iterable[ast.keyword]) -> str | None:
+        """Class of a described action, with its superclasses if the source gives them."""
+        own = self._text(node)
+        below = next((keyword.value for keyword in keywords if keyword.arg == "below"), None)
+        above = [self._text(one) for one in (below.elts if isinstance(below, ast.Tuple | ast.List) else (below,))]
         known = [one for one in above if one is not None]
         return action_class(own, below=known) if own and known else own
 
     def _text(self, node: ast.expr | None) -> str | None:
-        """Return the text that an expression stands for: a literal, a constant of the module, or a sum of these."""
+        """Value of a string expression: a literal, a constant of the module, or a sum of these."""
         match node:
             case ast.Constant(value=str(text)):
                 return text
             case ast.Name(id=name) if isinstance(self._values.get(name), str):
-                constant: str = self._values[name]  # which may be a class of actions that the plan states
+                constant: str = self._values[name]  # may be an ActionClass
                 return constant
             case ast.BinOp(left=left, op=ast.Add(), right=right):
                 parts = self._text(left), self._text(right)
@@ -384,21 +384,21 @@ def _title(branch: ast.expr) -> str:
 
 
 def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
-    """Return the functions, classes and values by the names that they have in a module or a function."""
-    found: dict[str, ast.AST] = {}
+    """Functions, classes and values that a body defines, by name."""
+    definitions: dict[str, ast.AST] = {}
     for node in body:
         match node:
             case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                found[name] = node
+                definitions[name] = node
             case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                found[name] = value
+                definitions[name] = value
             case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
-                found[name] = value
-    return found
+                definitions[name] = value
+    return definitions
 
 
 def _together(needs: Iterable[Needs]) -> Needs:
-    """Return all needs, each action class and each choice once."""
+    """Union of needs, with each action class and each choice once."""
     actions: dict[str, None] = {}
     modular: dict[str, None] = {}
     choices: dict[tuple[Alternative, ...], None] = {}
@@ -410,11 +410,11 @@ def _together(needs: Iterable[Needs]) -> Needs:
 
 
 def without_module(ontology: Ontology, performed: frozenset[str] | None, actions: Iterable[str]) -> tuple[Missing, ...]:
-    """Return the action classes that no process module performs.
+    """Find the action classes that no process module performs.
 
-    ``performed`` are the classes that modules name; None if that is not known: then none is returned.
+    ``performed`` are the classes that modules perform; None if unknown: then nothing is missing.
     """
-    reason = "no process module is registered for it or a class above it"
+    reason = "no process module is registered for it or a superclass"
 
     def vocabulary(cls: str) -> tuple[str, ...]:
         return tuple(map(shorten, ontology.ancestors(expand(cls))))
@@ -427,22 +427,22 @@ def without_module(ontology: Ontology, performed: frozenset[str] | None, actions
 
 
 Requirements = Callable[[Robot], tuple[Missing, ...]]
-"""Requirements of a recipe: given a robot, what it lacks or may lack."""
+"""Finds the requirements of a recipe that a robot lacks or may lack."""
 
 
 def required(ontology: Ontology, recipes: RecipeSet) -> Requirements:
-    """Return the requirements of recipes; ``ontology`` is the one that they were read from."""
+    """Make the requirements of recipes, which were read from ``ontology``."""
     return lambda robot: match(ontology, recipes, possessions_of(robot)).lacking()
 
 
 def required_of_plan(
-    file: Path, plan: Plan[Any, Any], found: list[Diagnostic], *, folders: Sequence[Path] = ()
+    file: Path, plan: Plan[Any, Any], diagnostics: list[Diagnostic], *, folders: Sequence[Path] = ()
 ) -> Requirements | None:
-    """Return the requirements of the recipe of a compiled plan; None if a person wrote the plan.
+    """Read the requirements of a compiled plan from its recipe; None for a plan written by hand.
 
-    A plan shows only what its steps do; the classes of the task and its steps may require more, which is read from the
-    recipe that the header names, also if the plan was edited. If the recipe is gone or has changed, a warning is
-    appended to ``found``, and the result is None.
+    A plan shows only what its steps do; the classes of the task and of its steps may require more. The recipe is named
+    in the header, also of an edited plan. If it is missing or has changed, the result is None, with a warning in
+    ``diagnostics``.
     """
     with file.open(encoding="utf-8", errors="replace") as source:
         origin = header(source.read(LONGEST))
@@ -453,17 +453,17 @@ def required_of_plan(
     recipe = origin.find_recipe(file, folders)
     if recipe is None:
         advice = "name its folder with --ontologies DIR"
-        found.append(warning("C011", f"{unknown}, which is not beside the plan", span, advice))
+        diagnostics.append(warning("C011", f"{unknown}, which was not found", span, advice))
         return None
     try:
         ontology = load(recipe, folders=folders)
     except BadInput as problem:
         advice = f"planlang check {recipe} shows more"
-        found.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
+        diagnostics.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
         return None
     if not ontology.documents[0].sha256.startswith(origin.sha256):
         advice = f"planlang compile {recipe} -o {file} compiles the plan again"
-        found.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
+        diagnostics.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
         return None
     reading = read_recipe(Actions(ontology), plan.iri or origin.task)
     return None if reading.recipes is None else required(ontology, reading.recipes)

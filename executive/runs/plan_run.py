@@ -1,4 +1,4 @@
-"""One run of a plan: its parts are put together, it is executed or resumed in worlds, or replayed from a trace."""
+"""One run of a plan: assembled, then executed or resumed in a world, or replayed from a trace."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.remedies import able_robots, absent_things, command_of
-from executive.runs.settings import stated
+from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
@@ -79,12 +79,12 @@ if TYPE_CHECKING:
     from planlang.report import Context
 
 BUDGET, PER_STEP = 600.0, 60.0
-"""Plan time beside waiting after which a run is given up, and more for each step that the plan states [s]."""
+"""Plan time, beside waiting, after which a run is aborted: a constant, and more for each step of the plan [s]."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
-    """The subject of a plan: the map, its bodies, the parameters, what actions make, and the actions that it needs."""
+class _Subject:
+    """Subject of a plan: the map, its bodies, the parameters, what actions create, and what the plan needs."""
 
     map: SemanticMap
     scene: Scene
@@ -94,15 +94,15 @@ class _Asked:
 
 
 class Run:
-    """A plan that is ready to be executed or replayed. Create it in a ``with`` statement: it holds files and worlds."""
+    """Plan that is ready to execute or replay. Use it in a ``with`` statement: it holds files and worlds."""
 
     def __init__(self, options: RunOptions, inputs: Inputs | None = None) -> None:
-        """Compile and import the plan and the process modules; ``inputs`` keeps what runs read. Raises BadInput."""
+        """Compile and import the plan and the process modules; ``inputs`` caches input files. Raises BadInput."""
         self.options = options
-        # a recipe that is fixed first is another file in each run
+        # a fixed recipe is a new temporary file in each run
         self._inputs = Inputs() if inputs is None or options.accepted else inputs
         self.found: list[Diagnostic] = list(options.notes)
-        with ExitStack() as stack:  # closed at once if something is refused
+        with ExitStack() as stack:  # closed here if something raises
             self._requirements: Requirements | None = None
             self._compiled: CompiledPlan | None = None
             self.registry = bundled_registry()
@@ -136,12 +136,12 @@ class Run:
     # Replaying
 
     def replay(self, recorded: RecordedRun) -> Replay:
-        """Replay the run of a trace, without robot or world; raises BadInput for a trace that cannot be replayed."""
+        """Replay a recorded run, without robot or world. Raises BadInput for a trace that cannot be replayed."""
         modules = recorded.header.get("modules")
         absent = [name for name in modules if name not in self.registry.identity] if isinstance(modules, dict) else []
         if absent:
             advice = " ".join(f"--modules {name}" for name in absent)
-            message = "the trace was written with process modules that are not here"
+            message = "the trace was written with further process modules"
             raise BadInput([error("X022", message, Span(recorded.name), f"add {advice}")])
         if sha256(self.path) != recorded.header.get("plan_sha256"):
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
@@ -154,44 +154,44 @@ class Run:
     # Executing
 
     def execute(self) -> RunResult:
-        """Run the plan, or resume it; failures of the plan end in the result, bad input raises BadInput.
+        """Run the plan, or resume it. Failures of the plan are in the result; invalid input raises BadInput.
 
-        The trace is written line by line; picture and recording are written at the end, also after a failure.
+        The trace is written line by line, picture and recording at the end, also after a failure.
         """
         options, found = self.options, self.found
-        asked = self._asked()
-        # Cheap questions first: what the program lacks is said before the robot is bound, which can take a minute.
-        program = self._assessed(asked)
-        # what steps leave open is set, and the program's process modules perform what the vocabulary has nothing for
+        subject = self._subject()
+        # Cheap checks first: process modules, before the robot is bound, which can take a minute.
+        program = self._assessment(subject)
+        # R062: parameters are bound now; R021: registered process modules perform what the vocabulary has no module for
         settled = ("R062",) if program.missing else ("R021", "R062")
         found[:] = [one for one in found if one.code not in settled]
         if self._lacks(program):
             options.announce(found)
-            return self._refused(program.missing)
-        robot, given = self._equipped(found)
-        assessment = self._assessed(asked, robot)
+            return self._refuse(program.missing)
+        robot, given = self._bind_robot(found)
+        assessment = self._assessment(subject, robot)
         earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left, looks_on=options.repeats)
-        held = in_hands(robot, asked.map, asked.scene)
+        held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
             robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held], options.long_work)
-        blind = self._blind(robot, assessment)
-        found += (*robot.diagnostics, *assessment.notes(options.plan), *blind)
-        self._shown = partial(self._context, asked, tuple(found), blind, bool(assessment.missing))
+        advice = self._advise_trust(robot, assessment)
+        found += (*robot.diagnostics, *assessment.notes(options.plan), *advice)
+        self._context = partial(self._page_context, subject, tuple(found), advice, bool(assessment.missing))
         found += notes
         if self._lacks(assessment):
-            found += able_robots(options, lambda one: not self._assessed(asked, one).missing)
+            found += able_robots(options, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         if self._lacks(assessment):
-            return self._refused(assessment.missing)
-        platform, truth = self._assembled(asked, robot, given, held)
+            return self._refuse(assessment.missing)
+        platform, truth = self._assemble(subject, robot, given, held)
         executive = RobotExecutive(platform, self._modules)
-        if not isinstance(earlier, Past):  # steps that are taken over may have destroyed what a parameter means
-            self._check_things(asked, executive)
+        if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
+            self._check_things(subject, executive)
         options.around(executive)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
-        header = self._header(asked, platform, assessment, given)
-        body = self._body(asked.bound)
+        header = self._header(subject, platform, assessment, given)
+        body = self._body(subject.bound)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
@@ -199,10 +199,10 @@ class Run:
             found += notes
         if isinstance(earlier, Past):
             self._restore(executive, earlier)
-        return self._executed(body, asked.bound, executive, truth, header, earlier)
+        return self._execute(body, subject.bound, executive, truth, header, earlier)
 
-    def _asked(self) -> _Asked:
-        """Return what the plan is about; raises BadInput for a map or a parameter that cannot be used."""
+    def _subject(self) -> _Subject:
+        """Read the map and bind the parameters. Raises BadInput for an invalid map or parameter."""
         options, found = self.options, self.found
         assert options.environment is not None
         if options.plan is not None:
@@ -218,88 +218,87 @@ class Run:
             bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
         made = outputs_of(self.source)
         found += not_in_map(bound, semantic_map, made)
-        return _Asked(semantic_map, scene, bound, made, needs_of(self.source, self.plan))
+        return _Subject(semantic_map, scene, bound, made, needs_of(self.source, self.plan))
 
-    def _assessed(self, asked: _Asked, robot: Robot | None = None) -> Assessment:
-        """Return what the program lacks for the plan, and the robot, if one is given."""
-        # a run is resumed with the modules of its trace, which are compared later
+    def _assessment(self, subject: _Subject, robot: Robot | None = None) -> Assessment:
+        """Assess what the process modules lack for the plan, and the robot if given."""
+        # a resumed run has the modules of its trace, which are compared later
         performed = self.registry.actions if self.options.resume is None else None
-        unperformed = partial(without_module, asked.map.ontology, performed)
+        unperformed = partial(without_module, subject.map.ontology, performed)
         if robot is None:
-            return assess(asked.needs, lambda actions: (), unperformed)
-        assessment = assess(asked.needs, partial(missing_capabilities, asked.map.ontology, robot=robot), unperformed)
+            return assess(subject.needs, lambda actions: (), unperformed)
+        assessment = assess(
+            subject.needs, partial(missing_capabilities, subject.map.ontology, robot=robot), unperformed
+        )
         return assessment if self._requirements is None else assessment.also(self._requirements(robot))
 
     def _lacks(self, assessment: Assessment) -> bool:
         return bool(assessment.missing) and not self.options.force
 
-    def _equipped(self, found: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
-        """Return the robot and the models and programs that it has beside its file's, None if nobody says which.
-
-        Appends warnings about those that are left out.
-        """
+    def _bind_robot(self, diagnostics: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
+        """Bind the robot, with the models and programs of ``--models`` if any. Appends warnings."""
         options = self.options
         assert options.robot is not None
         robot = self._inputs.once(bind_robot, options.robot, urdf=options.urdf, folders=options.ontologies)
         robot = trusting_map(robot) if options.trust_map else robot
         if options.models is None:
             return robot, None
-        given = read_given_parts(options.models, options.ontologies, found)
+        given = read_given_parts(options.models, options.ontologies, diagnostics)
         return with_given_parts(robot, given), given
 
-    def _blind(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
-        """Return the advice for a robot that lacks what the plan needs and has no camera."""
+    def _advise_trust(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
+        """Advise --trust-map for a robot without a camera that lacks something for the plan."""
         if not assessment.missing or robot.camera is not None or self.options.trust_map:
             return []
         options = self.options
         trusting = command_of(
             replace(options, trust_map=True), options.start, options.bindings or {}, forced=options.force, folders=True
         )
-        advice = f"with --trust-map things count as seen where the map has them: {trusting}"
+        advice = f"--trust-map takes the poses in the map as seen: {trusting}"
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
-    def _assembled(
-        self, asked: _Asked, robot: Robot, given: tuple[GivenPart, ...] | None, held: Sequence[InHand]
+    def _assemble(
+        self, subject: _Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Sequence[InHand]
     ) -> tuple[Platform, PyBulletWorld]:
-        """Return the robot among what it believes, and the world as it is, which closes with the run."""
+        """Make the platform of the robot, with its belief, and the true world, which closes with the run."""
         options = self.options
-        believed = world_at_start(asked.scene, robot, options.start, self._stack, held)
+        believed = world_at_start(subject.scene, robot, options.start, self._stack, held)
         real = real_scene(believed.scene, options.seed, believed)
         real = replace(real, start=believed.scene.start) if robot.base.fixed else real
         truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
         self._stack.callback(truth.close)
         platform = platform_of(
             robot,
-            asked.map,
+            subject.map,
             truth,
             believed,
             options.seed,
             options.long_work,
             trusts_map=options.trust_map,
-            unknown=unknown_things(asked.map, options.unknown or ()),
+            unknown=unknown_things(subject.map, options.unknown or ()),
             models=None if given is None else [cls for one in given for cls in one.recognises],
         )
         platform.upload = options.upload
         return platform, truth
 
     def _header(
-        self, asked: _Asked, platform: Platform, assessment: Assessment, given: tuple[GivenPart, ...] | None
+        self, subject: _Subject, platform: Platform, assessment: Assessment, given: tuple[GivenPart, ...] | None
     ) -> dict[str, Any]:
-        """Return what a trace has in common with another that equals it, beside seed and schedule."""
+        """Header of the trace, beside seed and schedule: all that equal traces have in common."""
         options, robot = self.options, platform.robot
         assert options.robot is not None
         header: dict[str, Any] = {
             "plan_sha256": sha256(self.path),
-            "parameters": {name: dump(what) for name, what in asked.bound.items()},
+            "parameters": {name: dump(what) for name, what in subject.bound.items()},
             "start": [float(number) for number in platform.scene.world.scene.start],
             "robot": robot.name,
             "robot_sha256": sha256(options.robot),
             "urdf_sha256": sha256(robot.urdf),
-            "map": asked.map.iri,
-            "map_sha256": [document.sha256 for document in asked.map.ontology.documents],
+            "map": subject.map.iri,
+            "map_sha256": [document.sha256 for document in subject.map.ontology.documents],
             "versions": _versions(),
         }
-        settings = stated(
+        settings = header_entries(
             options,
             models=None if given is None else [one.iri for one in given],
             modules=self.registry.identity or None,
@@ -307,34 +306,34 @@ class Run:
         infeasible = [alternative.name for alternative, _ in assessment.infeasible]
         return header | settings | ({"infeasible": infeasible} if infeasible else {})
 
-    def _check_things(self, asked: _Asked, executive: RobotExecutive) -> None:
-        """Raise BadInput for parameters that mean nothing here or later, or one of several things that are alike.
+    def _check_things(self, subject: _Subject, executive: RobotExecutive) -> None:
+        """Raise BadInput for parameters without a thing, now or later, and for ambiguous ones.
 
-        What only recipes need that modules stand in for need not be there.
+        Parameters that only replaced recipes read need no thing.
         """
-        actions, failures = asked.needs.actions, dict[str, PlanFailure]()
-        for name, value in asked.bound.items():
+        actions, failures = subject.needs.actions, dict[str, PlanFailure]()
+        for name, value in subject.bound.items():
             for what in things_of(value):
                 try:
                     executive.platform.scene.bodies.bind(what)
                 except ObjectUnresolvable as failure:
                     appears = executive.may_create(what, actions) or executive.may_find(what, actions)
-                    if name not in asked.made and not appears and name in self._read(executive):
+                    if name not in subject.made and not appears and name in self._read_parameters(executive):
                         failures.setdefault(name, failure)
                 except AmbiguousPerception as failure:
                     failures.setdefault(name, failure)
         if failures:
             parameters = plan_parameters(self.plan)
-            raise BadInput([*absent_things(failures, asked.bound, parameters, asked.map, self.options)])
+            raise BadInput([*absent_things(failures, subject.bound, parameters, subject.map, self.options)])
 
-    def _read(self, executive: RobotExecutive) -> frozenset[str]:
-        """Return the parameters that the plan reads with the modules of this run."""
+    def _read_parameters(self, executive: RobotExecutive) -> frozenset[str]:
+        """Parameters that the plan reads, given the process modules of this run."""
         return read_names(
             self.source, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
         )
 
-    def _refused(self, missing: Sequence[Missing]) -> RunResult:
-        """Return the result of a run that does not begin, for what robot or program lack."""
+    def _refuse(self, missing: Sequence[Missing]) -> RunResult:
+        """Result of a run that does not begin, as robot or process modules lack something."""
         kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
         message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
         advice = next((f"{one.message}; {one.help}" for one in self.found if one.code == "X013"), None)
@@ -343,7 +342,7 @@ class Run:
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
     def _body(self, bound: Mapping[str, Bound]) -> Callable[[], Awaitable[Any]]:
-        """Return the plan with its parameters and budget; executed and replayed alike."""
+        """The plan with its parameters and budget, for execution and replay."""
 
         async def body() -> Any:
             return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
@@ -353,19 +352,19 @@ class Run:
         return body
 
     def _allowance(self, bound: Mapping[str, Bound]) -> float:
-        """Return the plan time after which the run is given up [s]: what the plan waits for is its own matter."""
-        stated = sum(value for value in bound.values() if isinstance(value, float))
-        return BUDGET + PER_STEP * count_of_steps(self.source) + stated_waiting(self.source) + stated
+        """Plan time after which the run is aborted [s]; stated waiting times extend it."""
+        waiting = sum(value for value in bound.values() if isinstance(value, float))
+        return BUDGET + PER_STEP * count_of_steps(self.source) + stated_waiting(self.source) + waiting
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
-        """Restore the belief, for the user states that the world is as the trace left it."""
+        """Restore the belief of a run whose world is as the trace left it."""
         try:
             restore(executive, past)
         except ValueError as problem:
             span = Span(past.recorded.name, past.last.line if past.last is not None else 1)
             raise BadInput([error("X020", f"the recorded state does not fit: {problem}", span)]) from None
 
-    def _executed(
+    def _execute(
         self,
         body: Callable[[], Awaitable[Any]],
         bound: Mapping[str, Bound],
@@ -376,7 +375,7 @@ class Run:
     ) -> RunResult:
         options = self.options
         written = Written(options, executive.platform, executive.tilts, truth)
-        written.ask(self.plan.name, bound, header, self.found, partial(self._shown, header))
+        written.ask(self.plan.name, bound, header, self.found, partial(self._context, header))
 
         def trace_after(earlier: Earlier | None) -> Trace:
             written.begin()
@@ -384,7 +383,7 @@ class Run:
 
         trace = RepeatedTrace(earlier, trace_after) if isinstance(earlier, Repetition) else trace_after(earlier)
         trace.listeners = tuple(written.listeners)
-        outcome, message, failure = Outcome.FAILED, "broken off", None
+        outcome, message, failure = Outcome.FAILED, "aborted", None
         failed: PlanFailure | None = None
         try:
             run(
@@ -411,7 +410,7 @@ class Run:
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}"
             failure = Failure.of(problem)
         except Exception as problem:
-            where = self._users_line(problem)
+            where = self._user_line(problem)
             if where is None:
                 raise
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}\n  {where}"
@@ -433,25 +432,25 @@ class Run:
         )
 
     def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:
-        """Return the world steps after which the run is ended: one that is repeated goes no further than its trace."""
+        """Maximum number of world steps; a repeated run ends with its trace."""
         options = self.options
         if options.repeats and options.resume is not None:
             return options.resume.last + 1
         return int(2 * self._allowance(bound) * rate)
 
-    def _context(
+    def _page_context(
         self,
-        asked: _Asked,
+        subject: _Subject,
         notes: Sequence[Diagnostic],
-        blind: Sequence[Diagnostic],
+        advice: Sequence[Diagnostic],
         forced: bool,
         header: Mapping[str, Any],
     ) -> Context:
-        """Return what a page shows beside trace and world; notes are those that a repeated run has, too."""
-        from executive.runs.reporting import context_of  # most runs write no page
+        """Context of a page; ``notes`` are those that a repeated run has, too."""
+        from executive.runs.reporting import context_of  # slow, and most runs write no page
 
         options = self.options
-        bindings = stated_bindings(self.plan, asked.bound, asked.map)
+        bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
         task = options.task if options.recipe is None else local_name(self.plan.iri or "") if several else None
         command = command_of(replace(options, task=task), header["start"], bindings, forced=forced)
@@ -460,12 +459,12 @@ class Run:
             facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
             notes=[one for one in notes if one not in options.notes],
             remedies=dict.fromkeys(
-                ("Camera",) if blind else (), "; ".join(f"{one.message}; {one.help}" for one in blind)
+                ("Camera",) if advice else (), "; ".join(f"{one.message}; {one.help}" for one in advice)
             ),
         )
 
-    def _users_line(self, problem: Exception) -> str | None:
-        """Return the line of the plan, or of a user's process module, that raised; None if planlang did, below it."""
+    def _user_line(self, problem: Exception) -> str | None:
+        """Line of the plan, or of a user's process module, that raised; None if planlang itself did."""
         files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
         plan = Path(str(inspect.getsourcefile(self.plan.function)))
         for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules or ())]:
@@ -477,13 +476,13 @@ class Run:
 
 
 def run_plan_file(options: RunOptions, inputs: Inputs | None = None) -> RunResult:
-    """Put a run together and execute it; raises BadInput for what cannot be used."""
-    with Run(options, inputs) as whole:
-        return whole.execute()
+    """Assemble and execute a run. Raises BadInput for invalid input."""
+    with Run(options, inputs) as run_:
+        return run_.execute()
 
 
 def _is_own(file: Path) -> bool:
-    """Return whether a file is part of the executive or the simulator."""
+    """Check whether a file is part of the executive or the simulator."""
     own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent
     return any(file.is_relative_to(folder) for folder in own)
 

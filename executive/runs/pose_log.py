@@ -1,7 +1,4 @@
-"""A log of where bodies and the robot's links are while a run goes on, for ``planlang export``.
-
-It is written as the run goes on.
-"""
+"""Log of the poses of bodies and of the robot's links during a run, for ``planlang export``."""
 
 from __future__ import annotations
 
@@ -15,9 +12,9 @@ from planlang.outputs import write_text
 
 
 class PoseLog:
-    """A watcher of a :class:`PoseTrack`; ``header`` is that of the run's trace.
+    """Watcher of a :class:`PoseTrack` that writes a log; ``header`` is that of the run's trace.
 
-    It is a hidden file until :meth:`begin`: a run that repeats another one destroys nothing if it does something else.
+    The file is hidden until :meth:`begin`, so that an older log survives if a repeated run turns out to differ.
     """
 
     def __init__(self, rate: int, path: Path, header: Mapping[str, object]) -> None:
@@ -29,16 +26,16 @@ class PoseLog:
         self._file = self._coming.open("ab", buffering=0)
 
     def begin(self) -> None:
-        """Take the place of an older log."""
+        """Replace the older log."""
         if self._coming is not self._path:
             self._coming.replace(self._path)
             self._coming = self._path
 
-    def __call__(self, step: int, found: Sequence[Placed]) -> None:
-        """Write what has moved; raises BadInput if that cannot be written."""
+    def __call__(self, step: int, poses: Sequence[Placed]) -> None:
+        """Write the poses of what has moved. Raises BadInput if that fails."""
         moved = [
             Transform(step, _name(one.frame), _name(one.path), one.pose.position, one.pose.orientation, "log")
-            for one in found
+            for one in poses
             if one.pose is not None
         ]
         self._write("".join(transform_lines(moved, self._rate, None, self._count)))
@@ -51,12 +48,12 @@ class PoseLog:
             raise BadInput([error("C004", f"{self._path} cannot be written: {problem.strerror}")]) from None
 
     def close(self) -> None:
-        """End the log; one that has not begun is no log."""
+        """Close the log; delete one that has not begun."""
         self._file.close()
         if self._coming is not self._path:
             self._coming.unlink()
 
 
 def _name(path: tuple[str, ...]) -> str:
-    """The frame of a path: limbs of people are named after their bodies."""
+    """Frame of a path: limbs of people are named after their bodies."""
     return "/".join(path[1:]) or MAP

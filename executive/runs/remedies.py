@@ -1,4 +1,4 @@
-"""Command lines that would do, for what keeps a run from beginning: another thing, another environment, an option."""
+"""Command lines as advice for a run that cannot begin: another thing, another environment, another robot."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def command_of(
     forced: bool = False,
     folders: bool = False,
 ) -> str:
-    """Return the command line of a run.
+    """Write the command line of a run.
 
-    ``bindings`` are those of the plan's parameters that are not its own, ``forced`` runs lack something. Without
-    ``folders`` a file that does not come with planlang is named by its last part, so that the line may be passed on.
+    ``bindings`` are the parameters that differ from the plan's defaults; a ``forced`` run lacks something. Without
+    ``folders``, files that are not bundled are given by name only, so that the line can be passed on.
     """
     words = ["planlang", "run"]
     words += [_named(path, Bundled.RECIPE, folders) for path in (options.plan or options.recipe,) if path is not None]
@@ -43,7 +43,7 @@ def command_of(
         *(("--environment", Bundled.ENVIRONMENT, path) for path in options.additions),
     ):
         words += [] if path is None else [option, _named(path, kind, folders)]
-    if folders:  # what a page does not name
+    if folders:  # a page leaves these out
         words += ["--urdf", str(options.urdf)] if options.urdf is not None else []
         words += [word for path in options.ontologies for word in ("--ontologies", str(path))]
         words += [word for code in options.accepted for word in ("--accept", code)]
@@ -75,11 +75,11 @@ def absent_things(
     semantic_map: SemanticMap,
     options: RunOptions,
 ) -> Iterator[Diagnostic]:
-    """Yield an error for each parameter that means nothing in the map, or several things, with what would do.
+    """Yield an error for each parameter that means no thing of the map, or several, with a command line as advice.
 
-    ``failures`` has why, by the parameter; ``bound`` all parameters. What would do is in this order: a thing of the map
-    that the parameter may be set to, a bundled environment that has all that the plan is about, or an addition to the
-    map. Where the map is a bundled one, too, another comes first.
+    ``failures`` explains each such parameter; ``bound`` has all parameters. The advice is, in this order, a thing of
+    the map, a bundled environment with all things of the plan, or an addition to the map. If the map is bundled itself,
+    another environment comes first.
     """
     fitting = {
         name: _fitting(parameters[name], failure, bound[name], semantic_map)
@@ -88,12 +88,12 @@ def absent_things(
     }
     things = [what for value in bound.values() for what in things_of(value)]
     elsewhere = _elsewhere(options, environments_for(lambda one: all(_is_there(one, what) for what in things)))
-    sets = {parameters[name].setting: to[0] for name, to in fitting.items() if to}
+    sets = {parameters[name].setting: names[0] for name, names in fitting.items() if names}
     here = _command(options, {**(options.bindings or {}), **sets})
     is_bundled = options.environment is not None and options.environment.parent == Bundled.ENVIRONMENT.folder
     for name, failure in failures.items():
-        to = fitting.get(name, [])
-        advice = here + _others(to) if to else elsewhere
+        things_that_fit = fitting.get(name, [])
+        advice = here + _others(things_that_fit) if things_that_fit else elsewhere
         if is_bundled and elsewhere and not isinstance(failure, AmbiguousPerception):
             advice = elsewhere
         if not advice:
@@ -104,7 +104,7 @@ def absent_things(
 
 
 def able_robots(options: RunOptions, can: Callable[[Robot], bool]) -> Iterator[Diagnostic]:
-    """Yield a note with the command for another robot of those that are bundled, if there are some that can."""
+    """Yield a note with the command for a bundled robot that can run the plan, if there is one."""
     able = []
     for name in Bundled.ROBOT.names():
         file = Bundled.ROBOT.find(name)
@@ -128,7 +128,7 @@ def _others(names: Sequence[str]) -> str:
 
 
 def _elsewhere(options: RunOptions, environments: Sequence[str]) -> str:
-    """Return the command that runs a plan in the first of some bundled environments; an empty text if there is none."""
+    """Command for the first of some bundled environments; "" if there is none."""
     if not environments:
         return ""
     there = Bundled.ENVIRONMENT.find(environments[0])
@@ -137,7 +137,7 @@ def _elsewhere(options: RunOptions, environments: Sequence[str]) -> str:
 
 
 def _fitting(parameter: PlanParameter, failure: PlanFailure, value: Bound, semantic_map: SemanticMap) -> list[str]:
-    """Return the things with a place that a parameter may be set to, those that have most in common with it first."""
+    """Things with a pose that a parameter may be set to, most similar first."""
     if isinstance(failure, AmbiguousPerception):
         return [*failure.candidates]
     ontology = semantic_map.ontology
@@ -152,7 +152,7 @@ def _fitting(parameter: PlanParameter, failure: PlanFailure, value: Bound, seman
 
 
 def _is_there(semantic_map: SemanticMap, what: Object) -> bool:
-    """Return whether a map has the individual with a place, or a thing of its class."""
+    """Check whether a map has the individual, or a thing of its class, with a pose."""
 
     def is_meant(thing: MapObject) -> bool:
         return thing.iri == what.iri or any(is_kind(semantic_map.ontology, cls, what.type) for cls in thing.types)

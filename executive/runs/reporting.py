@@ -1,4 +1,4 @@
-"""What the page of a run shows beside its trace and its world: plan and recipe, their lines, words and graph."""
+"""Context of a run for its page: plan and recipe, their lines, labels and graph."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def context_of(
     *,
     of: Mapping[str, Any] | None = None,
 ) -> Context:
-    """Return the context of a run by a plan, by what was compiled for it, or by a recipe that is compiled now.
+    """Make the context of a run from a plan, from what was compiled for it, or from a recipe to compile.
 
-    For a plan that was compiled before, the recipe that its header names is read. What is not there any more, or
-    cannot be read, is left out; so is the text of a plan that is not that of the trace with the header ``of``.
+    For a compiled plan, the recipe that its header names is read. Missing and unreadable files are left out, and so is
+    the text of a plan that differs from that of the trace with the header ``of``.
     """
     text = None if plan is None else _text(plan)
     if plan is not None and text is not None and made is None and (origin := header(text[:LONGEST])) is not None:

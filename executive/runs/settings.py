@@ -1,7 +1,7 @@
-"""Settings of a run: each is declared here once.
+"""Settings of a run, each declared once.
 
-From a declaration follow the option of the command line, the field of :class:`~executive.runs.options.RunOptions`, what
-the header of a trace says of it, and whether a run that is resumed has to have the same.
+A declaration defines the option of the command line, the field of :class:`~executive.runs.options.RunOptions`, the key
+in the header of a trace, and whether a resumed run must have the same value.
 """
 
 from __future__ import annotations
@@ -19,72 +19,74 @@ from planlang.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class InHeader:
-    """How the header of a trace states a setting, which a run that resumes it must have in common."""
+    """Key of a setting in the header of a trace; a run that resumes the trace must have the same value."""
 
     key: str
     called: str
-    """What a message calls it where it differs."""
+    """Name of the setting in messages about a difference."""
     taken: bool = True
-    """Whether the run that resumes it takes it from there unless it states another one."""
+    """True if a resumed run takes the value from the header by default."""
 
 
-Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot's file names none.")]
+Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URDF, if the robot file names none.")]
 Modules = Annotated[
     list[Path] | None,
-    typer.Option(metavar="FILE.py", help="Also use the process modules of this file, which is executed; repeatable."),
+    typer.Option(metavar="FILE.py", help="Also load the process modules of this Python file; repeatable."),
     InHeader("modules", "the list of --modules files", taken=False),
 ]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SituationSettings:
-    """Settings that say with what a robot runs a plan, and what it knows."""
+    """What a robot knows and has at its disposal when it runs a plan."""
 
     urdf: Urdf = None
     models: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="FOLDER",
-            help="The recognition models (and programs and maps) that the robot has: other classes are not recognised; "
-            "repeatable.",
+            help="Folder of the recognition models (and programs and maps) that the robot has; it recognises no other "
+            "classes. Repeatable.",
         ),
         InHeader("given", "--models", taken=False),
     ] = None
     trust_map: Annotated[
         bool,
-        typer.Option("--trust-map", help="Things count as seen where the map has them; needs no camera."),
+        typer.Option("--trust-map", help="Take the map's poses as seen; needs no camera."),
         InHeader("trusts_map", "--trust-map"),
     ] = False
     unknown: Annotated[
         list[str] | None,
         typer.Option(
             metavar="THING",
-            help="The robot does not know where this thing of the map is, or things of this class; all: anything but "
+            help="The robot does not know where this thing, or things of this class, are; all: everything except "
             "rooms. Repeatable.",
         ),
         InHeader("unknown", "--unknown"),
     ] = None
     schedule: Annotated[
         int | None,
-        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, the same for the same number."),
+        typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, which K determines."),
     ] = None
     modules: Modules = None
     force: Annotated[
         bool,
         typer.Option(
             "--force",
-            help="Run although robot or program lack something; overwrite files that planlang did not write.",
+            help="Run even if robot or program lacks something; overwrite files that planlang did not write.",
         ),
     ] = False
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings(SituationSettings):
-    """Settings of one run: its world, and the files that it writes."""
+    """Settings of one run: its world and its output files."""
 
     seed: Annotated[
         int | None,
-        typer.Option(min=0, metavar="N", help="Displace things in the simulated world by this seed; 0: none."),
+        typer.Option(
+            min=0, metavar="N", help="Seed for displacing things in the simulated world; 0: displace nothing."
+        ),
     ] = None
     gui: Annotated[bool, typer.Option("--gui", help="Show the world in a window.")] = False
     trace: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the trace of the run, as JSON Lines.")] = (
@@ -100,7 +102,7 @@ class RunSettings(SituationSettings):
         str | None,
         typer.Option(
             metavar="X,Y,Z[:X,Y,Z]",
-            help="Picture and video from this point of the map [m], towards another one; or overview, or top.",
+            help="Viewpoint of picture and video [m], and the point to look at; or overview, or top.",
         ),
     ] = None
     record: Annotated[
@@ -108,38 +110,41 @@ class RunSettings(SituationSettings):
     ] = None
     report: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Write a page that shows the run: plan, world and causes on one clock, HTML."
-        ),
+        typer.Option(metavar="FILE", help="Write an HTML page of the run: plan, world and causes on one time line."),
     ] = None
     watch: Annotated[
         bool,
         typer.Option(
-            "--watch", help="Show the run in a browser on this computer while it goes on, and hold or step it."
+            "--watch", help="Show the run in a browser on this computer while it runs; pause or step it there."
         ),
     ] = False
     watch_tree: Annotated[
-        bool, typer.Option("--watch-tree", help="Show the steps of the plan in the terminal while it runs, as a tree.")
+        bool, typer.Option("--watch-tree", help="Show the steps of the plan as a tree in the terminal while it runs.")
     ] = False
     poses: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Log where things and links are, as JSON Lines, for export.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Log the poses of things and links, as JSON Lines, for planlang export."),
     ] = None
     upload: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.")
     ] = None
     update_map: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the map with what the robot knows at the end, in Manchester syntax."),
+        typer.Option(
+            metavar="FILE", help="Write the map, updated with what the robot knows at the end, in Manchester syntax."
+        ),
     ] = None
     world_as_left: Annotated[
         bool,
-        typer.Option("--world-as-left", help="With --resume: the world is as the trace left it; do not restore it."),
+        typer.Option(
+            "--world-as-left", help="With --resume: the world is still as the trace left it; do not restore it."
+        ),
     ] = False
 
 
 @cache
 def in_header() -> Mapping[str, InHeader]:
-    """Return the settings that the header of a trace states, by their names."""
+    """Settings that the header of a trace states, by name."""
     hints = get_type_hints(RunSettings, include_extras=True)
     return {
         name: one
@@ -149,21 +154,21 @@ def in_header() -> Mapping[str, InHeader]:
     }
 
 
-def stated(settings: RunSettings, **instead: Any) -> dict[str, Any]:
-    """Return what a header states of settings, and ``instead`` of some of them; nothing of those that are not set.
+def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:
+    """Make the entries of a header: settings that are set, with the values of ``instead`` for some of them.
 
-    What is there instead of one may be empty: a robot may have no recognition model.
+    A value of ``instead`` may be empty, and is stated then: a robot may have no recognition model.
     """
-    found = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
+    values = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
     return {
         one.key: list(value) if isinstance(value, tuple) else value
         for name, one in in_header().items()
-        if (value := found[name]) is not None
+        if (value := values[name]) is not None
     }
 
 
-def taken(header: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings that a resumed run takes from the header of its trace."""
+def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings that a resumed run takes from the header of its trace."""
     values = {name: header.get(one.key) for name, one in in_header().items() if one.taken}
     return {
         name: list(map(str, value)) if isinstance(value, list) else value
@@ -172,8 +177,8 @@ def taken(header: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def shared(settings: object) -> dict[str, Any]:
-    """Return the settings that the arguments of a command state, by their names; None for repeatable ones without."""
+def settings_of(settings: object) -> dict[str, Any]:
+    """Settings among the arguments of a command, by name; None for a repeatable one without values."""
     values = {one.name: getattr(settings, one.name) for one in _fields()}
     return {name: None if isinstance(value, list | tuple) and not value else value for name, value in values.items()}
 

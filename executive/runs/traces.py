@@ -1,4 +1,4 @@
-"""Traces of runs: written for listeners, shown to people, and read back to resume or replay a run."""
+"""Traces of runs: shown to people, and read back to resume or replay a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.runs.parameters import Bound
-from executive.runs.settings import in_header, taken
+from executive.runs.settings import in_header, settings_from_header
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
@@ -27,12 +27,12 @@ from planlang.runs.trace import Listener
 
 
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
-    """Return a listener that calls ``say`` with the world step and a line, for the records that people should see.
+    """Make a listener that calls ``say`` with the world step and a line, for records of interest to people.
 
-    With ``inner`` those of actions that process modules perform inside of others, too.
+    With ``inner`` also for actions that process modules perform inside others.
     """
 
-    def tell(record: Mapping[str, Any], node: Node | None) -> None:
+    def listen(record: Mapping[str, Any], node: Node | None) -> None:
         is_span = record["event"] in SPANS and record["kind"] == "perform"
         if is_span and not inner and node is not None and is_inner(node):
             return
@@ -40,11 +40,11 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
         if line is not None:
             say(record["step"], line)
 
-    return tell
+    return listen
 
 
 def steps_of(hear: Callable[[Mapping[str, Any]], None]) -> Listener:
-    """Return a listener that passes on records, those of actions inside of others left out."""
+    """Make a listener that passes on records, except of actions inside others."""
 
     def listen(record: Mapping[str, Any], node: Node | None) -> None:
         is_span = record["event"] in SPANS and record["kind"] == "perform"
@@ -55,7 +55,7 @@ def steps_of(hear: Callable[[Mapping[str, Any]], None]) -> Listener:
 
 
 def line_of(record: Mapping[str, Any]) -> str | None:
-    """Return the line about a record of the trace; None for what people need not see."""
+    """Line about a record, for people; None if it does not interest them."""
     match record:
         case {"event": "started", "kind": "perform", "action": action}:
             return str(action)
@@ -66,7 +66,7 @@ def line_of(record: Mapping[str, Any]) -> str | None:
         case {"event": "recovery", "decision": decision} if decision != "none":
             return f"recovery: {decision}"
         case {"event": "answer", "asked": asked, "lost": lost} if str(asked).startswith(OUTSIDE):
-            return f"cannot be resumed from here on: what came from outside does not survive JSON: {lost}"
+            return f"cannot be resumed from here on: a result from outside cannot be stored as JSON: {lost}"
         case {"event": "resumed"}:
             return "resumed"
         case {"event": "belief", "change": "switched", "name": name, "state": state}:
@@ -79,14 +79,14 @@ def line_of(record: Mapping[str, Any]) -> str | None:
 
 
 CLOSED = 0.03
-"""A door or drawer counts as closed below this value of its joint [rad, m]."""
+"""Joint value [rad, m] below which a door or drawer counts as closed."""
 CHANGES = {
     "leads": "held by its handle",
     "let go": "released",
     "not_seen": "not seen from here",
     "not there": "not where it was believed to be",
 }
-"""What changes of the belief are called, where that is not the word of the trace."""
+"""Words for changes of the belief, if they differ from those in the trace."""
 
 
 AGREE = {
@@ -104,7 +104,7 @@ AGREE = {
     "map": "the map",
     "map_sha256": "the map (the sha256 of its files)",
 }
-"""What a trace and the run that resumes it must have in common, beside settings, and what a message calls it."""
+"""Keys that must agree in a trace and the run that resumes it, beside settings -> their names in messages."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +120,11 @@ class TraceHeader:
     seed: int = 0
     schedule: int | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """Settings that a run that resumes it takes over, by their names."""
+    """Settings for the resumed run, by name."""
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
-        """Read a header; raises BadInput for a damaged one."""
+        """Read a header. Raises BadInput for a damaged one."""
         header = recorded.header
         match header:
             case {"plan": str(plan), "seed": int(seed), "schedule": (int() | None) as schedule, "start": [x, y, yaw]}:
@@ -144,22 +144,22 @@ class TraceHeader:
             start,
             seed,
             schedule,
-            taken(header),
+            settings_from_header(header),
         )
 
     def plan(self, trace: str) -> str:
-        """Return the bundled recipe; raises BadInput for any other plan, which the user has to name."""
+        """The bundled recipe. Raises BadInput for any other plan, whose file the user has to name."""
         if self.recipe is None:
             advice = f"planlang run FILE --resume {trace}, or planlang replay {trace} FILE"
-            message = f"the trace is of the plan {self.name}, which is not bundled: name its file"
+            message = f"the plan {self.name} of the trace is not bundled: name its file"
             raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe
 
 
 def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Return the records in a file and its header; raises BadInput, with the line, if it is no trace or damaged."""
+    """Read a trace and its header. Raises BadInput, with the line, for a damaged file or one that is no trace."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe would block
             raise BadInput([error("C001", f"{path} is not a file: a trace is read more than once")])
         recorded = RecordedRun.read(path)
     except DamagedTrace as damage:
@@ -175,14 +175,14 @@ def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
 
 
 def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[str, Bound]:
-    """Return the parameters that the plan was run with; raises BadInput when they are not this plan's."""
+    """Parameters of the recorded run. Raises BadInput if they are not this plan's."""
     try:
-        found = load(recorded.header["parameters"])
-        if found.keys() != set(names) or not all(
-            isinstance(what, (Object, Location, float)) for what in found.values()
+        parameters = load(recorded.header["parameters"])
+        if parameters.keys() != set(names) or not all(
+            isinstance(what, (Object, Location, float)) for what in parameters.values()
         ):
             raise ValueError(f"the plan has the parameters {', '.join(names) or 'none'}")
-        return dict(found)
+        return dict(parameters)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as problem:
         message = f"the parameters of the plan cannot be read: {problem}"
         raise BadInput([error("X020", message, Span(recorded.name))]) from None
@@ -191,66 +191,69 @@ def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[s
 def earlier_of(
     recorded: RecordedRun | None, *, world_as_left: bool, looks_on: bool = False
 ) -> tuple[Past | Repetition | None, list[Diagnostic]]:
-    """Return the run that is resumed and notes on it: in a simulator it is repeated, else its steps are taken over.
+    """Prepare a run to resume, with notes: a simulated run is repeated, else its completed steps are skipped.
 
-    A run that is repeated to look on may have ended. Raises BadInput when nothing is left to do, or not in this way.
+    A run that is repeated for observation may have ended. Raises BadInput if there is nothing to resume, or the run
+    cannot be resumed in this way.
     """
     if recorded is None:
         return None, []
-    span, found = Span(recorded.name), list[Diagnostic]()
+    span, notes = Span(recorded.name), list[Diagnostic]()
     if recorded.outcome == "succeeded" and not looks_on:
         raise BadInput([error("X021", "this run has ended: there is nothing to resume", span)])
     if recorded.torn:
         message = "the last line is incomplete; it is ignored"
-        found.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
+        notes.append(note("X026", message, Span(recorded.name, len(recorded.lines) + 1)))
     try:
         if not world_as_left:
             repetition = _repeatable(Repetition(recorded), span, looks_on=looks_on)
             for line in repetition.in_flight:
-                message = f"{line.record.get('function', line.path)} had begun outside, and not ended: it is done again"
-                found.append(note("X030", message, Span(recorded.name, line.number)))
-            return repetition, found
+                message = (
+                    f"{line.record.get('function', line.path)} was interrupted outside of the run, and is repeated"
+                )
+                notes.append(note("X030", message, Span(recorded.name, line.number)))
+            return repetition, notes
         past = Past(recorded)
     except DamagedTrace as damage:
         raise BadInput([damaged(recorded.name, damage)]) from None
     if past.lost is not None:
         message = f"the run resumes before a completed step, {past.lost}"
-        found.append(warning("X024", message, span))
-    return past, found
+        notes.append(warning("X024", message, span))
+    return past, notes
 
 
 def _repeatable(repetition: Repetition, span: Span, *, looks_on: bool) -> Repetition:
-    """Return a run that can be repeated; raises BadInput for one that has failed, or that cannot be repeated."""
+    """Check that a run can be repeated. Raises BadInput if it cannot, or has failed."""
     recorded = repetition.recorded
     if recorded.outcome == "failed" and not looks_on:
         message = "this run has failed, and would fail again: there is nothing to resume"
-        raise BadInput([error("X021", message, span, "planlang run PLAN --seed 1 runs it otherwise")])
+        raise BadInput([error("X021", message, span, "planlang run PLAN --seed 1 runs it in another world")])
     if (line := repetition.skipped) is not None:
-        message = "the run went on here without its earlier steps, and cannot be repeated from its start"
-        advice = "--world-as-left states that world and robot are as the trace left them"
+        message = "the run was continued here without its earlier steps, and cannot be repeated from its start"
+        advice = "add --world-as-left if world and robot are still as the trace left them"
         raise BadInput([error("X023", message, Span(recorded.name, line.number), advice)])
     if (line := repetition.lost) is not None:
-        message = f"a result from outside does not survive JSON, and must not be asked for again: {line.record['lost']}"
-        advice = "let calls in threads and modules that work once return what JSON can hold (docs/guides/resuming.md)"
+        message = f"a result from outside was not stored, and its call must not be repeated: {line.record['lost']}"
+        advice = "let calls in threads and modules that work once return JSON values (docs/guides/resuming.md)"
         raise BadInput([error("X024", message, Span(recorded.name, line.number), advice)])
     return repetition
 
 
 def different(recorded: RecordedRun, difference: Different, header: Mapping[str, Any]) -> Diagnostic:
-    """Return the error that a run does not repeat what is recorded of it, with the versions of both if they differ."""
+    """Error for a run that differs from its recording, with the versions of both if they differ."""
     other = _other_versions(recorded, header)
     advice = f"with other versions a run may differ: {other}" if other else None
     return error("X027", str(difference), Span(recorded.name, difference.line or 1), advice)
 
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
-    """Raise BadInput, listing the differences, when a trace is of another run; return warnings about versions."""
+    """Raise BadInput with the differences if a trace is of another run; return warnings about versions."""
     settings = {one.key: one.called for one in in_header().values()}
     now = {key: header[key] for key in AGREE if key in header} | {key: header.get(key) for key in settings}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
-        called = (AGREE | settings)[key]
-        problems.append(error("X022", f"{called} differs: {_short(before)} in the trace, {_short(after)} now", span))
+        name = (AGREE | settings)[key]
+        problems.append(error("X022", f"{name} differs: {_short(before)} in the trace, {_short(after)} now", span))
     if problems:
         raise BadInput(problems)
     other = _other_versions(recorded, header)
@@ -265,12 +268,12 @@ def _other_versions(recorded: RecordedRun, header: Mapping[str, Any]) -> str:
 
 
 def sha256(path: Path) -> str:
-    """Return the digest of a file."""
+    """SHA-256 of a file, in hexadecimal."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def damaged(name: str, damage: DamagedTrace) -> Diagnostic:
-    """Return the error that a file is no trace, or damaged."""
+    """Error for a file that is not a trace, or damaged."""
     return error("X020", f"not a trace, or damaged: {damage}", Span(name, damage.line))
 
 

@@ -1,4 +1,4 @@
-"""Files that a run writes beside its trace, and those that look on for that while it goes on."""
+"""Output files of a run beside its trace, and the listeners and watchers that collect their contents."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ if TYPE_CHECKING:
 
 
 class Written:
-    """Files that the options of a run ask for; ``listeners`` hear its events, ``watchers`` see the true world."""
+    """Output files of a run; ``listeners`` get its records, ``watchers`` see the true world."""
 
     def __init__(self, options: RunOptions, platform: Platform, tilts: Tilts, truth: Truth) -> None:
-        """Tell the progress and measure tilts; nothing is written yet."""
+        """Report progress and measure tilts; :meth:`ask` adds the files."""
         self._options, self._platform, self._truth = options, platform, truth
         self._belief = platform.belief
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
         self._shown = ExitStack()
-        """What shows the run to people while it goes on."""
+        """Live displays of the run."""
         self._noted: list[Watcher] = []
         self._track = PoseTrack(self._noted)
-        """Notes poses, for all files that need them."""
+        """Collects poses for all files that need them."""
         self._is_new = False
-        """True once what happens was not written before."""
+        """False while a repeated run catches up with its trace."""
         self._failure: PlanFailure | None = None
         self._ended = "", ""
         self._told: Told | None = None
-        """What pictures and videos say about the run."""
+        """Records for the captions of pictures and videos."""
         self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [
             lines_of(self._progress, inner=options.inner_actions),
@@ -65,12 +65,12 @@ class Written:
         title: str,
         bound: Mapping[str, Bound],
         header: Mapping[str, object],
-        found: list[Diagnostic],
+        diagnostics: list[Diagnostic],
         context: Callable[[], Context],
     ) -> None:
-        """Ask for each file of the options; what their making finds is appended to ``found``.
+        """Prepare each output file of the options; problems of writing them are appended to ``diagnostics``.
 
-        ``context`` gives what a page shows beside trace and world.
+        ``context`` makes the context of a page.
         """
         options, truth = self._options, self._truth
         if options.picture is not None or options.video is not None:
@@ -116,19 +116,19 @@ class Written:
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate
 
-            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, found)
+            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, diagnostics)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
         if self._noted:
-            self.watchers.insert(0, self._track)  # the others see what it has noted
+            self.watchers.insert(0, self._track)  # the others read its poses
 
     def _watch(self) -> Watching:
-        """Look on for a page."""
+        """Collect the contents of a page."""
         from executive.report.watching import Told, Watching  # most runs write no page
 
         options = self._options
         watching = Watching(self._platform, self._truth)
-        if options.repeats and options.resume is not None:  # all that is told is in the trace
+        if options.repeats and options.resume is not None:  # the trace has all records
             watching.told = Told.of(line.record for line in options.resume.lines)
         else:
             if options.resume is not None:  # a run that is repeated writes no header
@@ -147,13 +147,13 @@ class Written:
         self._shown.enter_context(live)
 
     def begin(self) -> None:
-        """Hear that what comes was not written before, by the run that this one repeats."""
+        """Start writing: the run has caught up with the trace that it repeats."""
         self._is_new = True
         if self._poses is not None:
             self._poses.begin()
 
     def _save_picture(self, bound: Mapping[str, Bound], title: str, path: Path) -> None:
-        """Write a picture of the plan's bodies, and of those that its failure names: what was in the way."""
+        """Write a picture of the plan's bodies, and of those that its failure names, such as obstacles."""
         from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
 
         named = () if self._failure is None else names_in(self._failure)
@@ -173,9 +173,9 @@ class Written:
         return ending_of(self._told, *self._ended, seconds, state_lines(self._truth, names))
 
     def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
-        """Write the files, each whole or not at all; the log of poses is written already. The run has ended.
+        """Write the files after the run, each atomically; the log of poses is written already.
 
-        ``outcome`` and ``message`` are those of its result, ``failure`` is how the plan ended, if it failed.
+        ``outcome`` and ``message`` are those of the result, ``failure`` is that of the plan, if it failed.
         """
         self._failure, self._ended = failure, (outcome, message)
         if self._noted:
@@ -188,7 +188,7 @@ class Written:
 
 
 def names_in(failure: PlanFailure) -> Iterator[str]:
-    """Yield the texts in the fields of a failure and its causes, names of bodies among them."""
+    """Yield the strings in a failure and its causes, names of bodies among them."""
     for link in failure.chain():
         values = link.details().values() if isinstance(link, PlanFailure) else ()
         for value in values:
@@ -196,7 +196,7 @@ def names_in(failure: PlanFailure) -> Iterator[str]:
 
 
 class WatchedWorld:
-    """A world that others look at before the first step and after every one."""
+    """World whose watchers are called before the first step and after each one."""
 
     def __init__(self, world: PyBulletWorld, watchers: Sequence[Callable[[Truth], None]]) -> None:
         self.world, self.watchers, self.rate = world, watchers, world.rate
@@ -212,7 +212,7 @@ class WatchedWorld:
 
 
 def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: Truth) -> Iterator[str]:
-    """Yield the bodies that the plan's parameters mean, as far as there are any."""
+    """Yield the bodies of the plan's parameters that exist."""
     for what in (one for value in bound.values() for one in things_of(value)):
         try:
             name = belief.bind(what, truth.configuration().base)

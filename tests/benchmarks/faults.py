@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.cli.run import options_of
+from executive.commands.run import options_of
 from executive.processes.calls import Limits
 from executive.runs.assembly import RobotExecutive
 from executive.runs.options import Outcome

@@ -15,8 +15,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from executive.cli.command_lines import parsed
-from executive.cli.run import options_of
+from executive.commands.command_lines import parsed
+from executive.commands.run import options_of
 from executive.report.watching import Watching
 from executive.runs.plan_run import run_plan_file
 

@@ -24,8 +24,8 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from executive.cli.arguments import SweepArguments
-from executive.cli.sweep import Progress, swept
+from executive.commands.arguments import SweepArguments
+from executive.commands.sweep import swept
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from executive.sweeps.records import Done
 
@@ -35,17 +35,6 @@ CHILDREN_KILLED = 5
 SHARDS = 4
 LONGEST_END = 10.0
 """Seconds of wall clock in which the processes of a killed sweep have to be gone."""
-
-
-class Costs(Progress):
-    """Adds up the CPU time of worlds."""
-
-    seconds = 0.0
-
-    def told(self, done: Done) -> None:
-        """Count a world."""
-        self.seconds += done.seconds
-        super().told(done)
 
 
 @dataclass
@@ -69,9 +58,14 @@ def mean(measured: Sequence[Measured]) -> Measured:
 def sweep(out: Path, worlds: int, processes: int, shard: str) -> Measured:
     """Do a sweep in a file."""
     arguments = SweepArguments(recipe=RECIPE, worlds=worlds, out=out, processes=processes, shard=shard, json=True)
-    costs, began, cpu = Costs(worlds), time.monotonic(), time.process_time()
-    number = len(swept(arguments, costs))
-    return Measured(costs.seconds / number, (time.process_time() - cpu) / number, (time.monotonic() - began) / number)
+    done: list[Done] = []
+    began, cpu = time.monotonic(), time.process_time()
+    number = len(swept(arguments, finished=done.append))
+    return Measured(
+        sum(one.seconds for one in done) / number,
+        (time.process_time() - cpu) / number,
+        (time.monotonic() - began) / number,
+    )
 
 
 def single(seeds: Sequence[int]) -> float:

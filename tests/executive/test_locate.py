@@ -262,10 +262,10 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
     [
         ("on the patient", "the bottle", "patient1 has no level top", None),
         ("above the bed", None, "means nothing for a base; relations that apply: in reach of, visible", None),
-        ("above the bed", None, "", 'the base for a hand is "in reach of a place above the bed"'),
-        ("in cabinet1", None, "'in cabinet1' means nothing for a base", "--of THING asks for poses of a thing"),
-        ("on a bed", None, "'on the bed' means nothing", '--of THING asks for poses of a thing; the base for a hand'),
-        ("seeing the bed", "bottle1", "apply: in reach of, on, in, in front of", "without --of, poses of the base"),
+        ("above the bed", None, "", '"in reach of a place above the bed"'),
+        ("in cabinet1", None, "'in cabinet1' means nothing for a base", "--of THING"),
+        ("on a bed", None, "'on the bed' means nothing", '--of THING searches poses of a thing; for a hand'),
+        ("seeing the bed", "bottle1", "apply: in reach of, on, in, in front of", "leave out --of"),
         ("far from the bed", "bottle1", "where bottle1 rests: it needs on, in or in reach of a", None),
         ("in reach of a place near the bottle", None, "needs one of in reach of, above, on, in, in the", None),
         ("near a place on the bed", None, "near takes a thing or a person", None),
@@ -326,7 +326,7 @@ def test_an_arm_or_a_grasp_that_nothing_uses_is_left_out_with_a_warning(
     answer = located(phrase, "--count", "1", *(() if of is None else ("--of", of)))
     (found,) = answer["diagnostics"]
     assert (found["severity"], found["code"]) == ("warning", "P011")
-    assert found["message"] == f"{idle!r} has no effect here; it is left out"
+    assert found["message"].startswith(f"{idle!r} has no effect here")
     assert answer["location"] == used
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli.inputs import PlanFile, RecipeFile, read
+from executive.commands.inputs import PlanFile, RecipeFile, read
 from planlang.diagnostics import BadInput
 
 

@@ -39,7 +39,7 @@ def test_converted_values_are_in_the_unit_asked_for_and_others_as_they_are(tmp_p
     ("units", "message"),
     [
         (["Parsnip"], "Parsnip is an unknown unit"),
-        (["Kilogram"], "no number of"),
+        (["Kilogram"], "no number"),
         (["Inch", "Foot"], "are both measured in m"),
     ],
 )

@@ -1,4 +1,7 @@
-"""docs/reference/commands.md lists every command as its ``--help`` does; run this file to write the page anew."""
+"""docs/reference/commands.md lists every command as its ``--help`` does; run this file to write the page anew.
+
+Run it with ``PYTHONPATH=tests/support``.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +74,7 @@ def page() -> str:
 
 
 def test_the_page_lists_every_command_as_the_program_does() -> None:
-    assert PAGE.read_text(encoding="utf-8") == page(), f"python {__file__} writes it anew"
+    assert PAGE.read_text(encoding="utf-8") == page(), f"PYTHONPATH=tests/support python {__file__} writes it anew"
 
 
 @pytest.mark.parametrize("name", COMMANDS)

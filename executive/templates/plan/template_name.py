@@ -1,4 +1,4 @@
-"""template name: a plan written by hand. It names no robot and no room.
+"""template name: a plan written by hand, for any robot and any room.
 
 ``planlang run template_name.py --robot amigo --environment hospital_room`` runs it,
 ``python -m pytest test_template_name.py`` tests it in virtual time, without a robot.

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli.arguments import RunArguments
+from executive.commands.arguments import RunArguments
 from executive.runs.options import RunOptions
-from executive.runs.settings import RunSettings, in_header, shared, stated, taken
+from executive.runs.settings import RunSettings, header_entries, in_header, settings_from_header, settings_of
 
 SET = RunSettings(trust_map=True, unknown=["cup1", "all"], models=[Path("models")], modules=[Path("mine.py")])
 
@@ -20,23 +20,23 @@ def test_every_setting_is_an_option_of_the_command_and_of_the_library() -> None:
 
 
 def test_the_header_states_what_is_set_and_nothing_else() -> None:
-    assert stated(RunSettings()) == {}
-    found = stated(SET, models=[], modules={"mine.py": "sha256"})
+    assert header_entries(RunSettings()) == {}
+    found = header_entries(SET, models=[], modules={"mine.py": "sha256"})
     assert found == {"given": [], "modules": {"mine.py": "sha256"}, "trusts_map": True, "unknown": ["cup1", "all"]}
 
 
 def test_a_resumed_run_takes_over_what_can_be_read_from_a_header_alone() -> None:
-    assert taken(stated(SET)) == {"trust_map": True, "unknown": ["cup1", "all"]}
+    assert settings_from_header(header_entries(SET)) == {"trust_map": True, "unknown": ["cup1", "all"]}
 
 
 @pytest.mark.parametrize("header", [{"unknown": "cup1"}, {"unknown": None}, {"trusts_map": 1}, {"trusts_map": "yes"}])
 def test_a_damaged_setting_is_not_taken_over(header: dict[str, object]) -> None:
-    assert taken(header) == {}
+    assert settings_from_header(header) == {}
 
 
 def test_a_repeatable_option_that_nobody_states_is_none() -> None:
     """No folder of models means that all classes are recognised, an empty list of folders that none is."""
-    assert shared(RunArguments(models=[], unknown=[]))["models"] is None
+    assert settings_of(RunArguments(models=[], unknown=[]))["models"] is None
 
 
 def test_no_two_settings_stand_under_one_key_of_the_header() -> None:

@@ -13,10 +13,10 @@ from typer.testing import CliRunner, Result
 
 import planlang
 from executive.cli import app as cli
-from executive.cli.arguments import SweepArguments
-from executive.cli.command_lines import parsed, words_of
 from executive.cli.sweep import Counts
-from executive.cli.swept_world import ended
+from executive.commands.arguments import SweepArguments
+from executive.commands.command_lines import parsed, words_of
+from executive.commands.swept_world import ended
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
 from planlang.diagnostics import BadInput
@@ -99,10 +99,10 @@ def test_an_interrupted_sweep_shows_what_was_done_and_how_to_go_on(
         told(Done({"world": 2, "outcome": "done"}, 1.0))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("executive.cli.sweep.run", interrupted)
+    monkeypatch.setattr("executive.commands.sweep.run", interrupted)
     result = invoke("sweep", "serve_a_drink", "--worlds", "9", "--shard", "2/2", "--out", tmp_path / "rows")
     assert result.exit_code == 130
-    assert f"interrupted after 1 of 4 worlds, which {tmp_path / 'rows'} has: the same command" in result.stderr
+    assert f"interrupted after 1 of 4 worlds, which {tmp_path / 'rows'} has: repeat" in result.stderr
     assert result.stdout.startswith("1 of 4 worlds\nreached                   1")
 
 
@@ -135,7 +135,7 @@ def test_progress_tells_the_rate_and_the_share_that_is_done(monkeypatch: pytest.
     counts = Counts(103, lines.append, lambda *report: lines.append(report))
     counts.resumed([{"world": 1, "outcome": "done"}])
     for outcome in ("done", "crashed"):
-        counts.told(Done({"outcome": outcome}, 0.6))
+        counts.count(Done({"outcome": outcome}, 0.6))
     assert lines == [
         "1 of 103 worlds were done before",
         ("1 of 103 worlds", 1 / 103),

@@ -18,8 +18,8 @@ from tempfile import TemporaryDirectory
 import typer
 
 from executive.cli.app import app
-from executive.cli.arguments import RunArguments
-from executive.cli.run import options_of
+from executive.commands.arguments import RunArguments
+from executive.commands.run import options_of
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import Run
 from planlang.geometry import Pose

@@ -1,4 +1,4 @@
-"""The action classes that process modules perform, as far as a recipe is checked for steps that nothing performs."""
+"""Action classes that process modules perform, for checking recipes for steps that nothing performs."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from executive.cli.inputs import check_files, check_trusted, refuse
+from executive.commands.inputs import check_files, check_trusted, refuse
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.recipe.actions import Performed
 from planlang.registry import ModuleRegistry
 
 
-def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], *, trust: bool) -> Performed:
-    """Return a function that returns the classes that the user's files and installed packages perform.
+def performed_by_modules(files: Sequence[Path] | None, diagnostics: list[Diagnostic], *, trust: bool) -> Performed:
+    """Make a function that lists the classes performed by the user's files and by installed packages.
 
-    Files are imported at once, which executes them; packages only when they are asked for. What is wrong with a package
-    goes to ``found``. Raises BadInput for a file that cannot be used, or was pulled and is not trusted.
+    Files are imported, and so executed, at once; packages at the first call, with problems appended to ``diagnostics``.
+    Raises BadInput for a file that cannot be used, or was pulled from a server and is not trusted.
     """
     problems: list[Diagnostic] = []
     check_files(problems, modules=files)
@@ -31,7 +31,7 @@ def performed_by_modules(files: Sequence[Path] | None, found: list[Diagnostic], 
         try:
             registry.add_installed()
         except BadInput as problem:
-            found.extend(problem.diagnostics)
+            diagnostics.extend(problem.diagnostics)
         return registry.actions
 
     return performed

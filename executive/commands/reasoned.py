@@ -1,4 +1,4 @@
-"""``planlang check --reason``: what a reasoner for description logic finds in a recipe, a map or another ontology."""
+"""``planlang check --reason``: contradictions that a description-logic reasoner finds in an ontology."""
 
 from __future__ import annotations
 
@@ -6,39 +6,39 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from executive.cli.arguments import CheckArguments
-from executive.cli.console import Answer, ExitCode
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import CheckArguments
 from planlang.diagnostics import BadInput, Severity, has_errors
 from planlang.ontology import load
 from planlang.ontology.reasoning import Reasoner, missing, reason
+from planlang.progress import Waiting
 
 NO_TASK = "R001"
-"""The code of a file that states no recipe."""
+"""Code of a file without a recipe."""
 
 
-def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer]) -> Answer:
-    """Return the answer of a check, with what the reasoner finds in the file and its imports; raises BadInput.
+def reasoned(path: Path, arguments: CheckArguments, check: Callable[[], Answer], waiting: Waiting) -> Answer:
+    """Add contradictions in the file and its imports to the answer of a check. Raises BadInput.
 
-    A file that is neither a recipe nor a map is an ontology; what is wrong with a recipe does not keep it from the
-    reasoner.
+    A file that is neither a recipe nor a map is an ontology. The reasoner also runs if the check finds errors.
     """
     answer = _checked(path, check)
     ontology = load(path, folders=arguments.folders)
     reasoner = Reasoner(arguments.reasoner.value)
     code = answer.exit_code
     try:
-        with arguments.waiting(lambda: f"{reasoner.title} looks for contradictions", arguments.reason_seconds):
-            found = reason(ontology, reasoner, arguments.reason_seconds)
+        with waiting(lambda: f"{reasoner.title} searches for contradictions", arguments.reason_seconds):
+            findings = reason(ontology, reasoner, arguments.reason_seconds)
     except BadInput as problem:
         code = ExitCode.MISSING_CAPABILITY if missing() else ExitCode.BAD_INPUT
         return replace(answer, exit_code=code, diagnostics=(*answer.diagnostics, *problem.diagnostics))
-    wrong = sum(one.severity is Severity.ERROR for one in found.diagnostics)
-    what = f"{found.classes} classes and {found.individuals} individuals"
+    wrong = sum(one.severity is Severity.ERROR for one in findings.diagnostics)
+    what = f"{findings.classes} classes and {findings.individuals} individuals"
     verdict = f"{wrong} contradictions in" if wrong > 1 else "a contradiction in" if wrong else "no contradiction in"
     text = "\n".join(filter(None, (answer.text, f"{reasoner.title}: {verdict} {what}")))
     data = {**answer.data, "reasoner": arguments.reasoner.value, "contradictions": wrong}
-    code = ExitCode.BAD_INPUT if has_errors(found.diagnostics) else code
-    return Answer(code, (*answer.diagnostics, *found.diagnostics), text, data)
+    code = ExitCode.BAD_INPUT if has_errors(findings.diagnostics) else code
+    return Answer(code, (*answer.diagnostics, *findings.diagnostics), text, data)
 
 
 def _checked(path: Path, check: Callable[[], Answer]) -> Answer:

@@ -1,4 +1,4 @@
-"""The files that arguments name: robots, maps, recipes and plans; a plan is parsed, never executed."""
+"""Input files of commands: robots, maps, recipes and plans; a plan is parsed, never executed."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planlang.three_way import has_conflicts
 def chosen(
     kind: Bundled, given: str | None, default: str | None, problems: list[Diagnostic], *, needs: str = "this plan"
 ) -> Path | None:
-    """Return the file of a robot or environment that the user named, or the default's; appends what is wrong."""
+    """Find the file of a robot or environment by its name, or the default; appends errors to ``problems``."""
     if given is None and default is None:
         option = f"--{kind.value}"
         advice = f"add {option} FILE, or a bundled one: {', '.join(kind.names())}"
@@ -35,18 +35,18 @@ def chosen(
 
 
 def environments(given: Sequence[str | None] | None, problems: list[Diagnostic]) -> tuple[Path, ...]:
-    """Return the files of the environments that the user named; appends what is wrong."""
-    found = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
-    return tuple(path for path in found if path is not None)
+    """Find the files of environments; appends errors to ``problems``."""
+    paths = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
+    return tuple(path for path in paths if path is not None)
 
 
 def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
-    """Append an error for each named file that is not there or is no regular file."""
+    """Append an error for each file that does not exist or is not a regular file."""
     for name, given in files.items():
         for path in [given] if isinstance(given, Path) else given or ():
             try:
                 is_file = path.is_file()
-            except (OSError, ValueError):  # a null character, or a name too long
+            except (OSError, ValueError):  # a null character, or too long a name
                 is_file = False
             if not is_file:
                 what = "URDF file" if name == "urdf" else f"--{name} file"
@@ -56,19 +56,17 @@ def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | Non
 def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust: bool) -> None:
     """Append an error for each program that was pulled from a server, unless the user trusts it.
 
-    One that was pulled is known by its place, and under any other name by its content.
+    A pulled program is recognised by its path, and a copy by its content.
     """
     programs = tuple(programs)
     if trust or not programs:
         return
-    from planlang.knowledge.pulled import origin_of  # most commands run no program
+    from planlang.knowledge.pulled import origin_of  # slow, and most commands run no program
 
     for path in programs:
         if path.is_file() and (origin := origin_of(path)) is not None:
-            advice = "it can do all that you can: read it, then add --trust"
-            problems.append(
-                error("K038", f"a program that was pulled from a server: {origin}", Span(str(path)), advice)
-            )
+            advice = "it can do whatever you can: read it, then add --trust"
+            problems.append(error("K038", f"this program was pulled from a server: {origin}", Span(str(path)), advice))
 
 
 def refuse(problems: Sequence[Diagnostic]) -> None:
@@ -78,30 +76,30 @@ def refuse(problems: Sequence[Diagnostic]) -> None:
 
 
 def accepted(codes: Sequence[str] | None) -> tuple[str, ...]:
-    """Return the codes of ``--accept``; raises BadInput for one without an uncertain fix."""
+    """Check the codes of ``--accept``. Raises BadInput for a code without an uncertain fix."""
     refuse(unacceptable(codes or ()))
     return tuple(codes or ())
 
 
 def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
-    """Return an error for each code without an uncertain fix."""
+    """Errors for codes without an uncertain fix."""
     if not codes:
         return []
-    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT  # most recipes are taken as they are
+    from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT  # slow, and most recipes are not fixed
 
-    listed, found = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}", []
+    listed, errors = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}", []
     for code in (one for one in codes if one not in ACCEPTABLE):
         advice = listed
         if code in SAFE:
             advice = f"fixes of {code} are safe: --fix applies them; {listed}"
         elif code in WITHOUT:
             advice = f"{code} has no fix: {WITHOUT[code]}; {listed}"
-        found.append(error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=advice))
-    return found
+        errors.append(error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=advice))
+    return errors
 
 
 def planar(text: str | None) -> tuple[float, float, float] | None:
-    """Return the pose in "x,y,yaw"; raises a usage error."""
+    """Parse the pose "x,y,yaw" [m, m, rad]. Raises a usage error."""
     if text is None:
         return None
     try:
@@ -109,13 +107,13 @@ def planar(text: str | None) -> tuple[float, float, float] | None:
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not x,y,yaw; write for example --start 1.5,-0.2,3.14") from None
     if not all(map(math.isfinite, (x, y, yaw))):
-        raise typer.BadParameter(f"{text!r} has a number that is not finite")
+        raise typer.BadParameter(f"{text!r}: numbers must be finite")
     return x, y, yaw
 
 
 @dataclass(frozen=True, slots=True)
 class PlanFile:
-    """A plan's source, parsed but never executed. ``header`` is None when a person wrote the plan."""
+    """Source of a plan; ``header`` is None for a plan written by hand."""
 
     path: Path
     source: str
@@ -124,7 +122,7 @@ class PlanFile:
 
 @dataclass(frozen=True, slots=True)
 class RecipeFile:
-    """A file that holds a recipe, as far as its first characters show."""
+    """File with a recipe, judged by its first characters only."""
 
     path: Path
 
@@ -135,15 +133,12 @@ class RecipeFile:
 
 
 def programs(file: PlanFile | RecipeFile, modules: Sequence[Path] | None) -> tuple[Path, ...]:
-    """Return the files that are executed: a plan, which a recipe is not, and process modules."""
+    """Files that will be executed: a plan, and process modules."""
     return (*([file.path] if isinstance(file, PlanFile) else []), *(modules or ()))
 
 
 def read(name: str) -> PlanFile | RecipeFile:
-    """Return the plan or recipe that the user named.
-
-    Raises BadInput when there is no such file, it cannot be read, or it is neither.
-    """
+    """Read a plan or a recipe. Raises BadInput if the file cannot be read, or is neither."""
     path = Bundled.RECIPE.find(name)
     try:
         with open_regular(path) as file:
@@ -157,12 +152,12 @@ def read(name: str) -> PlanFile | RecipeFile:
 
 
 def read_recipe_file(name: str) -> RecipeFile:
-    """Return the recipe that the user named; raises BadInput for a plan."""
-    found = read(name)
-    if isinstance(found, PlanFile):
+    """Find a recipe by its name. Raises BadInput for a plan."""
+    file = read(name)
+    if isinstance(file, PlanFile):
         advice = f"planlang check {name} checks a plan, planlang run {name} runs it"
-        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(found.path)), advice)])
-    return found
+        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(file.path)), advice)])
+    return file
 
 
 _OWL_START = re.compile(
@@ -174,7 +169,7 @@ _PYTHON_START = re.compile(
 
 
 def starts_like_owl(text: str) -> bool:
-    """Return True for RDF/XML, Manchester syntax, Turtle, and all but Python: their reader reports what is wrong."""
+    """Check for a syntax of OWL, or anything but Python: the reader of ontologies then reports what is wrong."""
     for line in text.splitlines():
         line = line.strip()
         if line and not line.startswith("#"):
@@ -194,11 +189,11 @@ def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
         column = getattr(problem, "offset", None) or 1
         reason = getattr(problem, "msg", None) or str(problem)
         advice = "a plan is Python source; a recipe starts with an XML declaration, Prefix: or Ontology:"
-        found = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
-        raise BadInput([found]) from None
+        diagnostic = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
+        raise BadInput([diagnostic]) from None
     if not _imports_planlang(module.body):
         advice = "a plan imports its constructs: from planlang import plan, perform, ..."
-        message = "Python source, but no plan: it does not import planlang"
+        message = "Python source, but not a plan: it does not import planlang"
         raise BadInput([error("C003", message, Span(str(path)), advice)])
     return PlanFile(path, text, header(text))
 

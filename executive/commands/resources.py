@@ -1,4 +1,4 @@
-"""What a command needs of the machine: memory, and folders that take files."""
+"""Resources of the machine that commands need: memory, and writable folders."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ except ImportError:  # not on Windows
     resource = None  # type: ignore[assignment]
 
 LEAST = 320_000_000
-"""Bytes of address space with which the bundled recipe runs; below, libraries in C end the process without a word."""
+"""Address space with which the bundled recipe runs [bytes]; with less, C libraries abort without a message."""
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
-"""Errors of a file system that takes no more."""
+"""Errors of a full or read-only file system."""
 _NO_THREAD = "can't start new thread"
-"""Python's words for want of memory, or of processes, when a thread is started."""
+"""Python's message if memory or the limit of processes does not suffice for a thread."""
 
 
 def check_memory() -> None:
@@ -30,27 +30,27 @@ def check_memory() -> None:
 
 
 def out_of_resources(problem: Exception) -> Diagnostic | None:
-    """Return what the machine lacks if that is the cause of an error, else None."""
+    """Diagnose an error caused by a lack of memory or of a temporary folder; None for other errors."""
     if isinstance(problem, MemoryError) or (isinstance(problem, RuntimeError) and str(problem) == _NO_THREAD):
         limit, reason = _limit(), f": {problem}" if str(problem) else ""
         limited = "" if limit is None else f"; the address space is limited to {limit // 1_000_000} MB (ulimit -v)"
         advice = "raise the limit, or end other programs; large maps and robots need more than 350 MB"
-        return error("C020", f"there is not enough memory{reason}{limited}", help=advice)
+        return error("C020", f"not enough memory{reason}{limited}", help=advice)
     if isinstance(problem, FileNotFoundError) and not _temporary_folder():
-        advice = "free space on the disk, or set TMPDIR to a folder in which you may write"
-        return error("C021", f"no folder takes temporary files: {problem.strerror}", help=advice)
+        advice = "free space on the disk, or set TMPDIR to a writable folder"
+        return error("C021", f"no folder for temporary files: {problem.strerror}", help=advice)
     return None
 
 
 def no_room(problem: Exception) -> Diagnostic | None:
-    """Return the diagnostic of a write error if the file system takes no more, else None."""
+    """Diagnose a write error on a full or read-only file system; None for other errors."""
     if not isinstance(problem, OSError) or problem.errno not in _FULL:
         return None
     message = "; ".join((f"no room to write: {problem}", *getattr(problem, "__notes__", ())))
     temporary = _temporary_folder()
     if temporary is not None and str(problem.filename or "").startswith(os.path.join(temporary, "")):
-        return error("C004", message, help="free space on the disk, or set TMPDIR to a folder on another one")
-    return error("C004", message, help="free space on the disk, or name another place")
+        return error("C004", message, help="free space on the disk, or set TMPDIR to a folder on another disk")
+    return error("C004", message, help="free space on the disk, or write to another disk")
 
 
 def _temporary_folder() -> str | None:
@@ -61,7 +61,7 @@ def _temporary_folder() -> str | None:
 
 
 def _limit() -> int | None:
-    """Return how large the address space may become [bytes]; None without a limit."""
+    """Limit of the address space [bytes]; None without one."""
     if resource is None:
         return None
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)

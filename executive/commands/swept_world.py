@@ -1,4 +1,4 @@
-"""The job of ``planlang sweep``: one world, as ``planlang run`` runs it."""
+"""The job of a sweep: one world, as ``planlang run`` runs it."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.cli.command_lines import parsed
-from executive.cli.run import options_of
+from executive.commands.command_lines import parsed
+from executive.commands.run import options_of
 from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 
 INPUTS = Inputs()
-"""What the worlds that this process does are made from: it is the same for all worlds of a sweep."""
+"""Inputs of all worlds in this process, read once: they are the same for the whole sweep."""
 LONGEST_MESSAGE = 2000
-"""Characters of a message that are kept."""
+"""Maximum length of a message in a row [characters]."""
 
 
 def ended(world: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the row of a world: how the run ends that its command line (``repeat``) starts. Raises BadInput."""
+    """Run a world by its command line (``repeat``), and return its row. Raises BadInput."""
     words = shlex.split(world["repeat"])[2:]
-    options = options_of(parsed([*words, "--json"]))
+    options = options_of(parsed(words))
     result = run_plan_file(options, INPUTS)
     if result.outcome is Outcome.FAILED and (page := world.get("report")) is not None:
         Path(page).parent.mkdir(parents=True, exist_ok=True)

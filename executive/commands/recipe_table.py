@@ -1,4 +1,4 @@
-"""A folder of recipes as a table: of each task in each file whether it compiles, and what stands against it."""
+"""A folder of recipes as a table: whether each task in each file compiles, with its warnings or its first error."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from executive.cli.console import Answer, ExitCode
-from executive.cli.map_check import what_it_holds
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.map_check import contents_in_words
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, error
@@ -21,14 +21,14 @@ from planlang.recipe.reading import top_tasks
 from planlang.records import dataclass
 
 SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
-"""Suffixes of the files that are looked at."""
+"""Suffixes of recipe files."""
 MOST_FILES = 2_000
-"""Files of a folder: more belong to no collection of recipes."""
+"""Maximum number of files: a larger folder is not a collection of recipes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A task of a file: ``steps`` in its recipes, how many of them nothing performs, codes of what is reported.
+    """A task of a file: number of ``steps``, of those that nothing performs, and codes of warnings.
 
     ``refused`` is the first error, None if the task compiles; ``task`` is None for a file without one.
     """
@@ -40,18 +40,18 @@ class Row:
     warnings: str = ""
     refused: str | None = None
     map: str | None = None
-    """The things that the file holds, if it is a map and no recipe."""
+    """Contents of the file in words, if it is a map."""
 
 
 def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> Answer:
-    """Compile every task of every file, with its progress; raises BadInput for a folder without ontologies."""
+    """Compile every task of every file, reporting progress. Raises BadInput for a folder without ontologies."""
     files = list(_files(folder))
     if not files:
         advice = f"recipes have one of the suffixes {', '.join(SUFFIXES)}"
         raise BadInput([error("C001", f"no recipes in the folder {folder}", help=advice)])
     if len(files) > MOST_FILES:
         raise BadInput(
-            [error("C001", f"more than {MOST_FILES} files in the folder {folder}", help="name one below it")]
+            [error("C001", f"more than {MOST_FILES} files in the folder {folder}", help="check one of its subfolders")]
         )
     rows: list[Row] = []
     for number, file in enumerate(files):
@@ -70,7 +70,7 @@ def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> Answe
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Yield the files below a folder, by name; links to folders are not followed."""
+    """Yield the recipe files below a folder, by name; links to folders are not followed."""
     for here, below, names in os.walk(folder):
         below.sort()
         yield from (Path(here, name) for name in sorted(names) if name.endswith(SUFFIXES))
@@ -88,8 +88,8 @@ def _rows(file: Path, folder: Path, folders: Sequence[Path]) -> Iterator[Row]:
         try:
             plan = compile_ontology(ontology, task=task)
         except BadInput as problem:
-            held = what_it_holds(ontology) if task is None else None
-            yield Row(name, short, refused=_reason(problem.diagnostics) if held is None else None, map=held)
+            contents = contents_in_words(ontology) if task is None else None
+            yield Row(name, short, refused=_reason(problem.diagnostics) if contents is None else None, map=contents)
             continue
         steps = sum(len(recipe.steps) for recipe in plan.recipes.recipes.values())
         codes = Counter(one.code for one in plan.diagnostics if one.severity is Severity.WARNING)

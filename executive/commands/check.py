@@ -1,0 +1,267 @@
+"""Checks of recipes and maps, fixes of recipes, and whether a plan is up to date. No plan is executed."""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import typer
+
+from executive.commands.answers import Answer, ExitCode
+from executive.commands.arguments import CheckArguments
+from executive.commands.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
+from executive.commands.performed import performed_by_modules
+from planlang.compiler import compile_recipe
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
+from planlang.files import SUFFIXES
+from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
+from planlang.plan_versions import compiled_before
+from planlang.progress import Report, Waiting, unreported, unwatched
+from planlang.recipe.fixes import Fix
+from planlang.recipe.fixes.fixing import Fixed
+from planlang.records import dataclass
+from planlang.roles import meant_role
+
+
+def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Waiting = unwatched) -> Answer:
+    """Check a recipe, a plan, a map or a folder of recipes, or fix a recipe. Raises BadInput.
+
+    ``report`` gets the progress through a folder; ``waiting`` is entered while a reasoner runs.
+    """
+    if not arguments.fix and (arguments.accept or arguments.output):
+        raise typer.BadParameter("--accept and --output need --fix")
+    if arguments.reason and (arguments.fix or os.path.isdir(arguments.file)):
+        raise typer.BadParameter("--reason is for one file, without --fix")
+    if arguments.fix:
+        return _fix(read_recipe_file(arguments.file), arguments)
+    if os.path.isdir(arguments.file):  # False also for a text that cannot be a path
+        from executive.commands.recipe_table import check_folder
+
+        return check_folder(Path(arguments.file), arguments.folders, report)
+    file = read(arguments.file)
+    if isinstance(file, RecipeFile):
+        if not arguments.reason:
+            return _recipe_or_map(file, arguments)
+        from executive.commands.reasoned import reasoned  # on request
+
+        return reasoned(file.path, arguments, lambda: _recipe_or_map(file, arguments), waiting)
+    fresh = freshness(file, folders=arguments.folders)
+    diagnostics = (*fresh.diagnostics, *misspelt_roles(file))
+    code = ExitCode.BAD_INPUT if has_errors(diagnostics) else ExitCode.DONE
+    text = "\n".join(filter(None, (f"{file.path}: {fresh.state}", fresh.edits, fresh.difference)))
+    data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
+    return Answer(code, diagnostics, text, data)
+
+
+def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
+    """Check a recipe or a map. Raises BadInput."""
+    problems: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, problems, trust=arguments.trust)
+    try:
+        plan = compile_recipe(recipe.path, task=arguments.task, folders=arguments.folders, performed=performed)
+    except BadInput as problem:
+        if arguments.task is not None or not _lacks_task(problem):
+            raise
+        from executive.commands.map_check import check_map  # most files are recipes
+
+        return check_map(recipe.path, arguments.folders, problem)
+    text = f"{recipe.path}: {plan.task} compiles"
+    diagnostics = (*plan.diagnostics, *problems)
+    code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE
+    return Answer(code, diagnostics, text, {"kind": "recipe", "task": plan.task})
+
+
+def _lacks_task(problem: BadInput) -> bool:
+    return any(one.code == "R001" and one.severity is Severity.ERROR for one in problem.diagnostics)
+
+
+# Fixes of recipes
+
+
+def fixed_path(recipe: RecipeFile) -> Path:
+    """Path ``NAME.fixed.EXT`` beside the recipe; for a bundled recipe, in the current folder."""
+    path = recipe.path
+    suffixes = sorted(SUFFIXES, key=len, reverse=True)
+    suffix = next((one for one in suffixes if path.name.endswith(one)), path.suffix)
+    name = f"{path.name.removesuffix(suffix)}.fixed{suffix}"
+    return Path(name) if recipe.is_bundled else path.with_name(name)
+
+
+def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
+    """Write a fixed copy of a recipe, show the difference, and check the copy; raises BadInput.
+
+    Without ``--output``, an existing file with another text is never overwritten.
+    """
+    output, accepted = arguments.output, arguments.accept or ()
+    target = output or fixed_path(recipe)
+    problems = unacceptable(accepted)
+    name = "the fixed copy" if output is None else "--output"
+    is_own = output is None or arguments.force
+    problems += check_outputs({name: target}, {"the recipe": recipe.path}, force=is_own)
+    if problems:
+        raise BadInput(problems)
+    task, folders = arguments.task, arguments.folders
+    from executive.runs.fixing import fixed as fixed_recipe  # slow, and most recipes are only checked
+
+    fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
+    module_problems: list[Diagnostic] = []
+    performed = performed_by_modules(arguments.modules, module_problems, trust=arguments.trust)
+    checked = recipe.path
+    if fixed.done:
+        _write(target, fixed, is_named=output is not None)
+        checked = target
+    try:
+        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders), performed=performed)
+        remaining, verdict = plan.diagnostics, f"{plan.task} compiles"
+    except BadInput as problem:
+        remaining, verdict = problem.diagnostics, "errors remain"
+    difference = _fix_difference(recipe.path, target, fixed)
+    data = {
+        "kind": "recipe",
+        "fixed": str(target) if fixed.done else None,
+        "fixes": [{"code": one.code, "message": one.message} for one in fixed.done],
+        "diff": difference,
+    }
+    lines = [difference] if fixed.done else []
+    lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
+    lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
+    code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
+    return Answer(code, (*remaining, *module_problems, *_not_applied(fixed, checked)), "".join(lines), data)
+
+
+def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
+    content = fixed.after.encode(fixed.encoding)
+    if target.exists() and not is_named and target.read_bytes() != content:
+        advice = f"remove it, or overwrite it with -o {target} --force"
+        raise BadInput([error("C005", f"{target} exists with other contents", help=advice)])
+    replace(target, lambda temporary: temporary.write_bytes(content))
+
+
+def _not_applied(fixed: Fixed, checked: Path) -> list[Diagnostic]:
+    """Notes on fixes that were not applied, and warnings for those that would make the recipe worse."""
+
+    def where(one: Fix) -> Span | None:
+        return one.span._replace(file=str(checked)) if one.span else None
+
+    diagnostics = [
+        note("C016", f"uncertain, not applied: {_line(one)}", where(one), f"--accept {one.code} applies it")
+        for one in fixed.unaccepted
+    ]
+    diagnostics += [
+        note("C016", f"not applied: {_line(one)}; {why}", where(one), "make the change by hand")
+        for one, why in fixed.impossible
+    ]
+    diagnostics += [
+        warning("C022", f"refused: {_line(one)}; {why}", where(one), why.advice) for one, why in fixed.refused
+    ]
+    return diagnostics
+
+
+def _line(one: Fix) -> str:
+    return f"{one.code} {one.message}"
+
+
+def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
+    old, new = (text.splitlines(keepends=True) for text in (fixed.before, fixed.after))
+    lines = difflib.unified_diff(old, new, str(before), str(after))
+    return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
+
+
+@dataclass(frozen=True, slots=True)
+class Freshness:
+    """The state of a plan in words, diagnostics, and two unified diffs, each empty if nothing differs.
+
+    ``edits``: from the compiled plan to the plan. ``difference``: from the compiled plan to what the recipe compiles to
+    now. If the compiled plan is unknown, ``difference`` starts from the plan itself, and ``edits`` is empty.
+    """
+
+    state: str
+    diagnostics: tuple[Diagnostic, ...] = ()
+    difference: str = ""
+    edits: str = ""
+
+
+def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
+    """Compare a plan with what its recipe compiles to now, by the options of the compiled plan.
+
+    The recipe is searched beside the plan, in ``folders``, then among the bundled ones. A changed recipe is an error;
+    a changed compiler or import a warning; an edited plan a note.
+    """
+    origin = plan.header
+    if origin is None:
+        return Freshness("a plan written by hand")
+    span = Span(str(plan.path))
+    recipe = origin.find_recipe(plan.path, folders)
+    if recipe is None:
+        advice = "name its folder with --ontologies DIR"
+        message = f"the recipe {origin.recipe} was not found: whether it has changed is unknown"
+        return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
+    is_same = origin.matches(recipe.read_bytes())
+    diagnostics: list[Diagnostic] = []
+    if not is_same:
+        how = "--merge keeps the edits" if origin.is_edited(plan.source) else "compiles the plan again"
+        advice = f"planlang compile {recipe} -o {plan.path} {how}"
+        message = f"the recipe has changed since this plan was compiled from it: {recipe}"
+        diagnostics.append(error("C009", message, span, advice))
+    fresh, problems = _compiled(recipe, origin, folders)
+    if fresh is None:
+        state = "compiled from a recipe that no longer compiles" if is_same else "out of date"
+        return Freshness(state, problems if is_same else tuple(diagnostics))
+    if fresh == plan.source:
+        return Freshness(f"what {recipe.name} compiles to")
+    is_edited = origin.is_edited(plan.source)
+    if is_same and not is_edited:
+        message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
+        diagnostics.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
+    if is_edited and origin.digest is not None:
+        diagnostics.append(note("C010", "the plan was edited since it was compiled", span))
+    elif is_same and is_edited:
+        message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
+        diagnostics.append(note("C010", message, span))
+    state = "out of date" if not is_same or not is_edited else "an edited plan"
+    now, before = f"what {recipe.name} compiles to now", compiled_before(plan.path, plan.source, fresh)
+    if before is None or not is_edited:
+        return Freshness(state, tuple(diagnostics), _difference(plan.source, fresh, str(plan.path), now))
+    name = f"{plan.path} as compiled"
+    edits = _difference(before, plan.source, name, f"{plan.path} as edited")
+    return Freshness(state, tuple(diagnostics), _difference(before, fresh, name, now), edits)
+
+
+def _compiled(recipe: Path, origin: PlanHeader, folders: Sequence[Path]) -> tuple[str | None, tuple[Diagnostic, ...]]:
+    try:
+        compiled = compile_recipe(
+            recipe,
+            task=origin.task,
+            folders=folders,
+            scopes=NO_SCOPES not in origin.options,
+            data_flow=NO_DATA_FLOW not in origin.options,
+        )
+    except BadInput as problem:
+        return None, problem.diagnostics
+    return compiled.source, ()
+
+
+def _versions(origin: PlanHeader, fresh: str) -> str:
+    now = header(fresh)
+    new = now.version if now is not None else "unknown"
+    return f"version {new}" if new == origin.version else f"from {origin.version} to {new}"
+
+
+def _difference(old: str, new: str, old_name: str, new_name: str) -> str:
+    return "\n".join(difflib.unified_diff(old.splitlines(), new.splitlines(), old_name, new_name, lineterm=""))
+
+
+def misspelt_roles(plan: PlanFile) -> Iterator[Diagnostic]:
+    """Find misspelt roles of actions: unusual ones that resemble exactly one usual role."""
+    for node in ast.walk(ast.parse(plan.source)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", None) or getattr(node.func, "id", None)
+        for keyword in node.keywords if name == "action" else ():
+            meant = meant_role(keyword.arg) if keyword.arg is not None else None
+            if meant is not None:
+                span = Span(str(plan.path), keyword.lineno, keyword.col_offset + 1)
+                yield error("C024", f"actions have no role {keyword.arg}", span, f"did you mean {meant}?")
