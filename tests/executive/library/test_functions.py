@@ -125,7 +125,7 @@ def test_a_compiled_plan_is_saved_drawn_shown_and_run(tmp_path: Path) -> None:
     assert plan.task == "Rest"
     (unset,) = plan.diagnostics
     assert str(unset.span) == "recipe.omn:9:8"
-    assert (unset.help or "").endswith('give it when the plan is run: set={"Nap.duration": X}')
+    assert (unset.help or "").endswith('set={"Nap.duration": X}')
     assert plan.save(tmp_path / "rest.py").read_text(encoding="utf-8") == plan.source == str(plan)
     assert plan.graph._repr_svg_().startswith("<svg")
     assert plan.graph.save(tmp_path / "rest.mmd").read_text(encoding="utf-8").startswith("flowchart")
