@@ -203,7 +203,10 @@ def rewrite(names: list[str]) -> None:
         with TemporaryDirectory() as folder:
             found = ran(name, Path(folder))
         sys.stdout.write("\n".join([f"{name}: {dict(found.kinds)}", *found.wrong, ""]))
-        (CHECKOUT / name).write_text(renewed(PAGES[name], found), encoding="utf-8")
+        try:
+            (CHECKOUT / name).write_text(renewed(PAGES[name], found), encoding="utf-8")
+        except LookupError as problem:
+            sys.stdout.write(f"{name}: {problem}\n")
 
 
 if __name__ == "__main__":
