@@ -68,6 +68,7 @@ class _FirstInit:
         return inspect.signature(self._compile())
 
     def _compile(self) -> Any:
+        """Replace this placeholder in the class by the real constructor."""
         init = self._made.__init__ = _compiled_init(self._made, self._frozen)
         return init
 

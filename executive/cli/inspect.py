@@ -109,6 +109,7 @@ def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
 
 
 def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
+    """Describe an arm: hand and gripper, joints with limits, and the number of reachable poses by grasp."""
     yield f"{_named(arm)}, from {arm.base_link} to {arm.tip}"
     approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
     opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"

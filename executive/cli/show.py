@@ -164,6 +164,7 @@ def _robot(path: Path, arguments: ShowArguments) -> Shown:
 
 
 def _plan(path: Path, arguments: ShowArguments) -> Shown:
+    """Show a plan file: whether it is up to date, and its functions with what they perform and raise."""
     plan = read(str(path))
     assert isinstance(plan, PlanFile)
     answer = check(CheckArguments(file=str(path), ontologies=arguments.ontologies))

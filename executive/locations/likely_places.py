@@ -214,7 +214,7 @@ class Searches:
         return f"the outside of {name}" if closes else name
 
     def typical_things(self, place: str | None) -> tuple[str, ...]:
-        """Classes (IRIs) of things that are usual in a place of a class; in any room without one."""
+        """Classes (IRIs) of things usually found in a class of places or, if no class is given, in any room."""
         return self._usual.things_at(expand(place or "RoomInAConstruction"))
 
     def _size(self, what: Object) -> Size | None:

@@ -260,6 +260,7 @@ class _Reader:
         return [iri for iri in dict.fromkeys(iris) if self._is_joint(iri, "HingedJoint", "PrismaticJoint")]
 
     def _is_joint(self, iri: str, *classes: str) -> bool:
+        """Check whether an individual of the map is a joint of one of the classes."""
         return self.map.ontology.any_is_a((iri,), classes)
 
     # Furniture and parts
@@ -337,6 +338,7 @@ class _Reader:
     def _joint(
         self, leaf: _Leaf, kind: JointKind, point: tuple[float, float, float], axis: Array, lower: float, upper: float
     ) -> Articulation:
+        """Make the joint of a leaf from its axis and limits [rad or m], with all bodies referred to by name."""
         x, y, z = (axis / np.linalg.norm(axis)).tolist()
         parts = tuple(self.bodies[part.iri].name for part in leaf.parts)
         holder = None if leaf.holder is leaf.body else leaf.holder.name

@@ -180,6 +180,7 @@ def _places(common: Sequence[tuple[Pose, Pose]], transform: Pose) -> set[tuple[i
 
 
 def _is_near(a: Pose, b: Pose) -> bool:
+    """Check whether two poses agree, within the tolerances of position and orientation."""
     return a.distance(b) <= NEAR and a.turn(b) <= TURNED
 
 

@@ -218,7 +218,7 @@ def _checked(line: Line) -> Line:
 
 
 def _content(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of a record without its frame, which is smaller for records outside of nodes."""
+    """Content of a record, to compare two runs: without its number and event and, in a task, without the task."""
     if "node" in record:
         return details(record)
     return {key: value for key, value in record.items() if key not in ("step", "event")}
