@@ -371,9 +371,11 @@ def _support(body: Body, bodies: Sequence[Body], half: Mapping[str, float]) -> s
     for other in bodies:
         if other is body or other.shape in (BodyShape.ROOM, BodyShape.MARKER, BodyShape.PERSON):
             continue
-        top = other.pose.position[2] + half[other.name]
-        within = abs(other.pose.position[2] - body.pose.position[2]) < top / 2 > bottom
-        if (within or abs(top - bottom) <= _SUPPORTED) and inside(_outline(other, other.pose), body.pose.position):
+        centre, height = other.pose.position[2], half[other.name]
+        within = abs(centre - body.pose.position[2]) < height and bottom < centre
+        if (within or abs(centre + height - bottom) <= _SUPPORTED) and inside(
+            _outline(other, other.pose), body.pose.position
+        ):
             return other.name
     return None
 

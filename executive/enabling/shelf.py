@@ -79,7 +79,7 @@ class LocalShelf:
     ) -> Sequence[Found]:
         """Find the matching entries, sorted by identifier; none if the store does not know a class."""
         catalogue = self._catalogue
-        with suppress(BadInput, CannotAnswer):  # an unknown class
+        with suppress(BadInput, CannotAnswer):  # an unknown class, for which the need of a task suggests similar names
             query = None if expression is None else catalogue.question(expression)
             uids = catalogue.find(query, kind, label, place)
             return [Found(self._store.entry(uid), links=catalogue.links(uid)) for uid in uids]

@@ -36,11 +36,12 @@ class LiveRun:
     """
 
     def __init__(self, watching: Watching, context: Context, rate: int, announce: Callable[[str], object]) -> None:
-        """Open the server; ``announce`` is called with a text that has its URL."""
+        """Open the server; ``announce`` is called with its URL now and when a browser holds the run."""
         self._watching, self._context = watching, context
         self.gate = Gate(
             rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT), on_change=self._publish
         )
+        self._announce = announce
         self._changed = threading.Condition()
         self._news: dict[str, Any] = {}
         self._count = 0
@@ -137,6 +138,8 @@ class LiveRun:
             case "pace":
                 return f"the speed has to be a number above 0 and up to {FASTEST:g}, or null"
             case "pause" | "resume" | "step" | "stop" as name:
+                if name == "pause" and not self.gate.is_held:
+                    self._announce(f"the run is held: go on at {self._server.address}; Ctrl-C ends it")
                 self.gate.command(Command(name))
             case _:
                 return "unknown command; use pause, resume, step, stop or pace"

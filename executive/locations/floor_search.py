@@ -112,7 +112,7 @@ class FloorSearch:
             part = bases[first : first + AT_ONCE]
             unseen = np.zeros(len(part), bool)
             for name in self.validator.to_see(self.demand):
-                if view is None or not first:  # the first places are validated exactly at once
+                if view is None:
                     break
                 block, solids = bodies.block(name), self.scene.collisions.solids()
                 others = solids.only(np.array([body != name for body in solids.bodies], bool))

@@ -408,5 +408,9 @@ def _of_class(candidates: GraspCandidates, reach: Reach, rejections: Rejections)
     if reach.grasp is None:
         return candidates
     kept = candidates.grasps == CLASSES.index(GraspClass(reach.grasp))
-    rejections.add(f"not by a {reach.grasp} grasp", int((~kept).sum()))
+    reason = f"not by a {reach.grasp} grasp"
+    rejections.add(reason, int((~kept).sum()))
+    possible = " or ".join(CLASSES[one].value for one in np.unique(candidates.grasps).tolist())
+    if possible and not kept.any():
+        rejections.figures[reason] = f"only a {possible} grasp is possible here: ask for that, or leave the grasp open"
     return candidates.chosen(kept)

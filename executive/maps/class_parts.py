@@ -81,7 +81,7 @@ class _Reader:
                 continue
             frames[cls] = pose
             if part is not None and part.pose is not None:
-                continue
+                continue  # it gets its own parts as an object of the map, at its pose there
             if part is None:
                 part = self._new(root, cls, pose)
                 whole = whole._replace(parts=(*whole.parts, part.iri))

@@ -11,15 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.maps.measures import Size, read_transform
-from executive.maps.semantic_map import PosesOfThings
+from executive.maps.measures import Size, length, read_transform
+from executive.maps.semantic_map import COMPONENTS, PosesOfThings
 from planlang.designators import local_name
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.motion_constraints import Feature, FeatureKind, Vector
-from planlang.ontology import Literal, Ontology, expand
+from planlang.ontology import Ontology, expand
 from planlang.records import dataclass
-from planlang.units import stated_number, unit_of_property
 from sim.bodies import BLADE
 
 PARTS = ("properPhysicalParts", "physicalParts", "properParts-Physical")
@@ -120,9 +119,9 @@ class ObjectModels:
         position = np.zeros(3) if iri == thing.iri else self.matrix(iri, thing.iri)[:3, 3]
         for name, kind in (("longitudinalDirection", FeatureKind.LINE), ("normalDirection", FeatureKind.PLANE)):
             for vector in self._ontology.linked(iri, name)[0]:
-                direction = np.array([self._number(vector, f"vector{axis}") for axis in "XYZ"])
-                if np.linalg.norm(direction) > 0.0:
-                    return Located(iri, position, direction, kind)
+                components = [self._number(vector, name) for name in COMPONENTS]
+                if None not in components and any(components):
+                    return Located(iri, position, np.array(components, float), kind)
         return Located(iri, position)
 
     def matrix(self, part: str, whole: str, depth: int = 0) -> Array:
@@ -136,15 +135,13 @@ class ObjectModels:
             return matrix
         return product(self.matrix(parent, whole, depth + 1), matrix)
 
-    def _number(self, iri: str, name: str) -> float:
-        """Read a number of an individual; 0 if it states none, or an invalid one."""
-        for triple in self._ontology.said(iri, name):
-            try:
-                value = triple.object
-                return stated_number(value, unit_of_property(name)) if isinstance(value, Literal) else 0.0
-            except ValueError:
-                return 0.0
-        return 0.0
+    def _number(self, iri: str, name: str) -> float | None:
+        """Read a number of an individual; 0 if it states none, None if it is invalid, as reported with the map."""
+        triple = next(self._ontology.said(iri, name), None)
+        return 0.0 if triple is None else length(triple, [])
+
+    def _area(self, of: Located) -> float:
+        return self._number(of.iri or "", "areaOfObject") or 0.0
 
     # Derived features
 
@@ -154,7 +151,7 @@ class ObjectModels:
             return of
         axes = self._features(of, thing, FeatureKind.LINE)
         if axes:
-            return max(axes, key=lambda one: self._number(one.iri or "", "areaOfObject"))
+            return max(axes, key=self._area)
         return Located(None, np.zeros(3), np.array([0.0, 0.0, 1.0]), FeatureKind.LINE)
 
     def _centre(self, of: Located, thing: Thing) -> Located:
@@ -165,7 +162,7 @@ class ObjectModels:
         planes = self._features(of, thing, FeatureKind.PLANE)
         up = [one for one in planes if one.direction is not None and _cosine(one.direction, thing.up) > UPWARDS]
         if up:
-            return max(up, key=lambda one: self._number(one.iri or "", "areaOfObject"))
+            return max(up, key=self._area)
         return self._upper_side(of, thing)
 
     def _upper_side(self, of: Located, thing: Thing) -> Located:

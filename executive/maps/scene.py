@@ -281,9 +281,10 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnost
         if not body.movable or thing is None or body.pose == STOWED:
             continue
         is_inside = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
-        if not is_inside.any() and standing.support(body.name) is None:  # boxes are inside themselves: never warned of
+        around = [boxes[index] for index in np.flatnonzero(is_inside).tolist() if boxes[index] is not body]
+        if not around and standing.support(body.name) is None:
             notes.append(_unsupported(body, scene, thing.span))
-        for shelf in (boxes[index] for index in np.flatnonzero(is_inside).tolist()):
+        for shelf in around:
             stated = semantic_map.find(shelf.iri)
             notes += _over_board(body, shelf, () if stated is None else stated.boards, thing.span)
 

@@ -123,6 +123,8 @@ def read_map(ontology: Ontology) -> SemanticMap:
     objects = _with_places_reversed(objects, ontology, notes)
     if any(ontology.triples(None, OWL.onProperty, expand("orientation"))):
         objects = _with_parts_of_classes(objects, ontology, notes)
+    for triple in ontology.using(*COMPONENTS, "areaOfObject"):
+        length(triple, notes)  # numbers of features are used later, when a motion is grounded, and reported here
     notes += _other_frames(ontology, poses)
     semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), tuple(notes))
     if not any(thing.pose for thing in objects) and not semantic_map.has_files:
@@ -183,6 +185,8 @@ OPENINGS = ("Doorway", "Portal")
 
 IN_HAND = "srdl2-comp:predecessorInKinematicChain"
 """Property from an object to the robot link that holds it when a run begins."""
+COMPONENTS = ("vectorX", "vectorY", "vectorZ")
+"""Properties from a direction of a feature to its components."""
 FEATURES = frozenset({"Cone", "FlatPhysicalSurface", "Sphere"})
 """Classes of parts that are features of an object model rather than objects."""
 _MARKS = (

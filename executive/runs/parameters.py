@@ -200,7 +200,11 @@ def _settings(
         known = ", ".join(one.setting for one in parameters.values()) or "none"
         alike = similar(setting, known_settings)
         guess = f"did you mean --set {alike[0]}={text}? " if alike else ""
-        problems.append(error("X004", f"the plan has no parameter {setting!r}", help=f"{guess}its parameters: {known}"))
+        bound = (
+            "; what the recipe states of a step is bound, and changed there or in the plan" if "." in setting else ""
+        )
+        help = f"{guess}its parameters: {known}{bound}"
+        problems.append(error("X004", f"the plan has no parameter {setting!r}", help=help))
 
 
 def _named_by_step(parameter: PlanParameter, semantic_map: SemanticMap) -> list[MapObject]:

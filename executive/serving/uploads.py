@@ -185,7 +185,8 @@ def _maps(ontology: Ontology) -> list[str]:
     main = ontology.alone()
     maps = [one for name in MAPS for one in ontology.individuals(expand(name)) if ontology.main(one)]
     maps += [str(t.object) for t in main.using("describedInMap") if isinstance(t.object, str)]
-    maps += [t.subject for t in main.using("linkToMapFile") if isinstance(t.subject, str)]
+    linked = (triple.subject for triple in main.using("linkToMapFile") if isinstance(triple.subject, str))
+    maps += [one for one in linked if ontology.is_a(one, expand("Map"))]
     return list(dict.fromkeys(maps))
 
 

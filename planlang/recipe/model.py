@@ -419,7 +419,10 @@ class Recipe(_Action):
     phases: tuple[str, ...] = ()
     """Processes (IRIs) to which steps are related in time, but which nothing performs."""
     within: str | None = None
-    """Recipe (IRI) with the choice that this recipe is one alternative of; then its only step is that alternative."""
+    """Recipe (IRI) with the choice that this recipe is one alternative of; then its only step is that alternative.
+
+    For choices within choices it is the outermost recipe, the only one of them that the file states.
+    """
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Cache of results derived from the other fields; see :mod:`planlang.recipe.order`."""
 

@@ -128,6 +128,12 @@ def test_a_place_may_be_told_by_a_phrase(put: Plan[..., object], room: SemanticM
             "X004",
             "did you mean --set Put.toLocation=bed1? its parameters: cup,",
         ),
+        (
+            "Fetch.objectActedOn",
+            "bed1",
+            "X004",
+            "its parameters: cup, Put.toLocation, Tell.recipient, thing; what the recipe states of a step is bound",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused_with_what_would(

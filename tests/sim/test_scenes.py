@@ -10,7 +10,7 @@ import pytest
 from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene, perturb
 from sim.falling import upright
-from sim.scene import Handle
+from sim.scene import Cavity, Handle
 from sim.truth import at_rest_on, held_by
 from tests.sim.conftest import AMIGO, ROOM, AskableWorld, MakeWorld
 
@@ -94,6 +94,26 @@ def test_what_stands_on_moved_furniture_goes_with_it() -> None:
     before = scene.body("bedside").pose.inverse() @ scene.body("cup").pose
     after = moved.body("bedside").pose.inverse() @ moved.body("cup").pose
     assert after.position == pytest.approx(before.position, abs=1e-9)
+
+
+def test_what_stands_on_a_moved_table_below_a_wall_shelf_goes_with_the_table() -> None:
+    shelf = Body("shelf", Pose((0.0, 0.0, 1.6)), (1.0, 1.0, 0.3))
+    table = Body("table", Pose((0.0, 0.0, 0.25)), (0.8, 0.8, 0.5), movable=True)
+    lamp = Body("lamp", Pose((-0.2, -0.1, 0.9)), (0.3, 0.3, 0.8))
+    scene = Scene((shelf, table, lamp), (-2.0, -2.0, 2.0, 2.0), start=(1.5, 1.5, 0.0))
+    moved = perturb(scene, 3)
+    assert moved.body("table").pose != table.pose
+    on_table = table.pose.inverse() @ lamp.pose, moved.body("table").pose.inverse() @ moved.body("lamp").pose
+    assert on_table[0].position == pytest.approx(on_table[1].position, abs=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.35, 1.5])
+def test_what_stands_in_furniture_moves_within_it_on_the_floor_and_on_the_wall(height: float) -> None:
+    floor = Cavity((0.0, 0.0, -0.2), (0.56, 0.56, 0.26))
+    cabinet = Body("cabinet", Pose((0.0, 0.0, height)), (0.6, 0.6, 0.7), cavities=(floor,))
+    cup = Body("cup", Pose((0.0, 0.0, height - 0.28)), (0.08, 0.08, 0.1), "cylinder", movable=True)
+    scene = Scene((cabinet, cup), (-2.0, -2.0, 2.0, 2.0), start=(1.5, 1.5, 0.0))
+    assert sum(perturb(scene, seed).body("cup").pose != cup.pose for seed in SEEDS) >= 20
 
 
 def test_object_with_no_room_to_move_stays() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import field
@@ -35,8 +36,6 @@ from planlang.records import dataclass
 
 ABOUT = 2.0
 """Distance of the points to look at in unknown surroundings [m]."""
-AROUND = 7
-"""Headings of these points, 51 degrees apart: images of 50 degrees leave almost no gap."""
 HEIGHTS = (1.0, 0.3)
 """Heights of these points [m]."""
 NEAR_IT = 0.1
@@ -316,7 +315,9 @@ def _gazes(platform: Platform, what: Object) -> Iterator[Array]:
     if search is not None and last is not None:
         yield from searches.views.gazes(base, searches.points(search, last, base))
         return
+    camera = platform.robot.camera
+    around = 1 if camera is None else math.ceil(2 * np.pi / camera.fov)  # without a gap between images
     for height in HEIGHTS:
-        for turn in sorted(np.linspace(-np.pi, np.pi, AROUND, endpoint=False).tolist(), key=abs):
+        for turn in sorted(np.linspace(-np.pi, np.pi, around, endpoint=False).tolist(), key=abs):
             x, y, yaw = base
             yield np.array([x + ABOUT * np.cos(yaw + turn), y + ABOUT * np.sin(yaw + turn), height])

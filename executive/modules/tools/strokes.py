@@ -204,6 +204,7 @@ class Strokes(StrokeWork):
         times, duration = self._laps(action, seconds)
         for _ in range(times):
             await self.gone(motion, slowed(lap, duration / seconds))
+        self._straightened()
         phase.before, phase.taken = constraints, self.taken()
         return ()
 

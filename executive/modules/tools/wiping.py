@@ -80,6 +80,7 @@ class Wiping(StrokeWork):
             done = [lane, *await self._from_here(stroke, motion, lane, pending)]
             pending = [one for one in pending if not any(one is other for other in done)]
             wiped, in_a_row = [*wiped, *done], 0
+        self._straightened()
         share = room.share(wiped, self._room(plane, motion))  # not counting room that objects seen since then occupy
         if share < ENOUGH:
             raise self._too_little(plane, motion, share, pending, problems)

@@ -33,6 +33,11 @@ class Run:
         assert found is not None
         self.address = found[0]
 
+    def says(self) -> str:
+        """Read the next line on stderr."""
+        assert self.process.stderr is not None
+        return self.process.stderr.readline()
+
     def end(self) -> int:
         """Wait until it has ended; return its exit code."""
         self.process.communicate(timeout=120)
@@ -84,6 +89,7 @@ def test_a_run_is_held_goes_on_by_one_action_and_ends_in_the_page(
         page = watched.page
         page.click("#live-pause")
         becomes(page, "held")
+        assert run.says() == f"the run is held: go on at {run.address}; Ctrl-C ends it\n"
         before = page.inner_text("#now")
         steps = len(run.trace.read_bytes())
         page.wait_for_timeout(300)

@@ -144,6 +144,19 @@ def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_
     assert caught.value.figures == f"none of the {number} candidates is behind bed: another place or relation is needed"
 
 
+def test_a_grasp_that_no_pose_of_the_hand_has_is_named_with_those_that_some_have(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BED, BOTTLE)
+    arm = stage.platform.robot.arms[0]
+    stage.truth.set_pose("bottle", stage.truth.link_pose(arm.tip))
+    stage.truth.attach(arm.tip, "bottle")
+    stage.belief.grasped("bottle", arm.name, arm.tip, Pose((0.0, 0.0, 0.0)))
+    stage.platform.sync()
+    there = a_location(above=an_object(CABINET.type, PLACE + CABINET.name), grasp="top")
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(stage.resolver.bases(a_location(in_reach_of=there)))
+    assert caught.value.figures == "only a side grasp is possible here: ask for that, or leave the grasp open"
+
+
 @pytest.mark.parametrize(
     ("pose", "why"),
     [

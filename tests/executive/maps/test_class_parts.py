@@ -67,10 +67,13 @@ def test_a_part_of_the_map_is_not_duplicated_and_gets_a_pose_if_it_has_none(
 ) -> None:
     door = thing("door1", "Door", (0.02, 0.8, 0.8)).replace("Types: ", "Types: LockerDoor, ")
     frames = [MODEL.format(door_frame="Locker"), locker("one", "properPhysicalParts door1"), door]
-    placed = map_of(*frames, seen("one", (1, 0, 0.4)), seen("door1", (1.2, 0, 0.4))).find("door1")
-    assert placed
-    assert placed.pose
-    assert placed.pose.position == (1.2, 0, 0.4)
+    placed = map_of(*frames, seen("one", (1, 0, 0.4)), seen("door1", (1.2, 0, 0.4)))
+    poses = {one.name: one.pose.position for one in placed.objects if one.pose}
+    assert poses == {
+        "one": (1, 0, 0.4),
+        "door1": (1.2, 0, 0.4),
+        "door1_LockerHandle": pytest.approx((1.22, 0.3, 0.4)),
+    }
     without = map_of(*frames, seen("one", (1, 0, 0.4)))
     assert [thing.name for thing in without.objects] == ["one", "door1", "one_LockerHandle"]
     door1 = without.find("door1")

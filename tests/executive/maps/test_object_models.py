@@ -1,5 +1,6 @@
 """Features of objects, from published models and from boxes."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from planlang.ontology import Ontology, load
 
 CAD = "http://knowrob.org/kb/knowrob-cad.owl#"
 SPATULAS = "http://knowrob.org/kb/spatula-features.owl#"
+Write = Callable[..., str]
+Read = Callable[..., SemanticMap]
 LEVEL = np.array([0.0, 0.0, 1.0])
 
 
@@ -120,3 +123,22 @@ def test_objects_in_hands_have_no_place_in_the_scene(kitchen: SemanticMap) -> No
     scene = scene_of(kitchen)
     assert scene.body("Spatula_LvaYsvy6").pose == STOWED
     assert max(map(abs, scene.bounds)) < 3.0
+
+
+def test_a_direction_with_an_invalid_number_is_reported_and_left_out(map_of: Read, thing: Write, seen: Write) -> None:
+    parts = """
+Individual: axis1
+    Types: knowrob:Cone
+    Facts: knowrob:longitudinalDirection up1, knowrob:areaOfObject "large"
+Individual: up1
+    Types: knowrob:Vector
+    Facts: knowrob:vectorX 0.5, knowrob:vectorY "0;5", knowrob:vectorZ 1.0
+"""
+    tool = thing("tool1", "Tool", (0.1, 0.1, 0.2), "properPhysicalParts axis1"), seen("tool1", (0, 0, 0.1))
+    semantic_map = map_of(*tool, parts)
+    told = [(one.code, one.message) for one in semantic_map.diagnostics if one.code != "M004"]
+    assert ("M002", "vectorY of up1 is left out: not a number: '0;5'") in told
+    assert ("M002", "areaOfObject of axis1 is left out: not a number: 'large'") in told
+    tool1 = semantic_map.find("tool1")
+    assert tool1
+    assert placed(semantic_map.ontology, tool1.iri, "Cone") == ("POINT", (0.0, 0.0, 0.0), ())

@@ -188,12 +188,13 @@ def test_a_pose_without_rotation_is_not_rotated(map_of: Read, thing: Write) -> N
     assert [d.code for d in semantic_map.diagnostics] == ["M004"]
 
 
+@pytest.mark.parametrize("size", [(0.1, 0.1, 0.1), (0.1, 0.05, 0.1)])
 def test_an_object_sunk_into_a_table_is_reported_with_the_height_at_which_it_stands(
-    map_of: Read, thing: Write, seen: Write
+    size: tuple[float, ...], map_of: Read, thing: Write, seen: Write
 ) -> None:
     found: list[Diagnostic] = []
     table = thing("table1", "Table-PieceOfFurniture", (1, 1, 0.7)), seen("table1", (0, 0, 0.35))
-    cup = thing("cup1", "Cup", (0.1, 0.1, 0.1)), seen("cup1", (0, 0, 0.7))
+    cup = thing("cup1", "Cup", size), seen("cup1", (0, 0, 0.7))
     scene_of(map_of(*table, *cup), found)
     (told,) = found
     assert told.code == "M015"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
+from itertools import islice
 
 import numpy as np
 import pytest
 
 from executive.belief.obstacles import NAMES
 from executive.modules.drive import ROOMY
-from executive.motion import clearance_at
+from executive.motion import Gaze, clearance_at
+from executive.robots import Robot
+from executive.robots.arms import ArmModel
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
 from planlang.designators import Action, Location, Object, a_location, action, an_object
 from planlang.failures import (
@@ -23,8 +27,9 @@ from planlang.failures import (
     ObjectNowhereToBeFound,
 )
 from planlang.geometry import Pose
+from planlang.ontology import Ontology
 from sim import Body
-from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
+from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, furnisher, hold_bottle, stand
 
 POST = Body("post", Pose((1.5, 0.0, 0.5)), (0.4, 0.4, 1.0), type="Chair-PieceOfFurniture", movable=True)
 AWAY = replace(POST, pose=Pose((-3.0, 3.0, 0.5)))
@@ -263,3 +268,16 @@ def test_the_head_turns_to_what_it_looks_at(make_stage: MakeStage) -> None:
     stage = make_stage(*WARD, start=(1.0, 1.2, 0.0))
     stage.run(lambda: perform(action("LookingAtSomething", object_acted_on=THE_BOTTLE)))
     assert stage.truth.configuration().joints["neck_pan_joint"] < -0.8, "the bottle is to the right"
+
+
+def test_a_bottle_ahead_is_seen_however_narrow_the_images_are(
+    amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
+) -> None:
+    assert amigo.camera
+    narrow = replace(amigo, camera=replace(amigo.camera, fov=0.3, width=160, height=160))
+    (make,) = islice(furnisher(narrow, vocabulary, limbs), 1)
+    for bearing in (0.0, 0.1, 0.2, 0.3, 0.4):
+        place = elsewhere(2.0 * math.cos(bearing), 2.0 * math.sin(bearing), 1.0)
+        stage = make(elsewhere(0.0, -2.0), truth=[place])
+        checking = action("CheckingWhetherConditionObtains", object_acted_on=THE_BOTTLE)
+        assert stage.run(partial(perform, checking)), bearing

@@ -77,6 +77,15 @@ def test_a_map_that_one_robot_has_improved_is_served_to_the_next(client: TestCli
     assert bottle.pose.position == pytest.approx((-2.7, -0.5, 0.9))
 
 
+def test_a_thing_that_links_to_the_file_of_a_map_is_no_map(tmp_path: Path) -> None:
+    room = Bundled.ENVIRONMENT.find("hospital_room").read_text(encoding="utf-8")
+    plan = '\nIndividual: plan1\n    Types: knowrob:Poster\n    Facts: knowrob:linkToMapFile "ward.yaml"\n'
+    store = SqliteStore(tmp_path / "kb.sqlite")
+    entry = put(store, Kind.ENVIRONMENT, "ward", room + plan)
+    store.close()
+    assert entry.about.endswith("#hospital_room")
+
+
 GRID = b"image: /home/somebody/ward.pgm\nresolution: 0.5\norigin: [-1, -1, 0]\n"
 PICTURE = b"P5 4 4 255\n" + bytes([254] * 5 + [0, 0] + [254] * 9)
 
