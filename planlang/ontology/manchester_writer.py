@@ -1,4 +1,4 @@
-"""Manchester syntax: the frames of a graph, sorted, whatever the order of its triples, or in the order of a file."""
+"""Writes graphs in Manchester syntax, as frames sorted independently of the triples' order, or in file order."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from planlang.records import dataclass
 def manchester(
     triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
 ) -> tuple[str, list[Triple]]:
-    """Return the text of a graph, and the triples that Manchester syntax cannot express.
+    """Write a graph; also return the triples that Manchester syntax cannot express.
 
-    The same graph gives the same text. What is nowhere declared is given a frame, which declares it. With ``by_file``
-    frames and their items keep the order of their positions, and prefixes are kept that nothing uses.
+    The same graph gives the same text. Undeclared entities get a frame, which declares them. With ``by_file`` frames
+    and their items keep the order of their positions, and unused prefixes are kept.
     """
     graph = Graph(triples, by_file=by_file)
     return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
@@ -98,7 +98,7 @@ class _Writer:
         return "\n".join(lines) + "\n"
 
     def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
-        """Yield the text of triples, which then count as written; nothing if the syntax cannot express them."""
+        """Yield the text of triples and mark them as written; nothing if the syntax cannot express them."""
         before = len(self._graph.written)
         try:
             text = write()
@@ -111,7 +111,7 @@ class _Writer:
     # annotations
 
     def _annotation(self, triple: Triple, kind: str = ANNOTATION) -> list[str]:
-        """Yield ``property value``, once for each annotation that it has in turn, or once without."""
+        """Write ``property value``, once for each nested annotation of it, or once without."""
         words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
         return [note + words for note in self._notes(triple, kind)] or [words]
 
@@ -119,25 +119,25 @@ class _Writer:
         return "\0".join(self._annotation(triple))
 
     def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
-        """Yield ``Annotations: ...`` for each node that annotates a triple."""
-        found = []
+        """Write ``Annotations: ...`` for each node that annotates a triple."""
+        written = []
         for node in self._graph.annotations(triple):
-            said, frame = self._graph.notes(node)
-            if said and self._graph.has(node, RDF.type, kind):
-                found.append(self._noted(said))
-                self._graph.write(*said, *frame)
-        return found
+            annotations, links = self._graph.notes(node)
+            if annotations and self._graph.has(node, RDF.type, kind):
+                written.append(self._noted(annotations))
+                self._graph.write(*annotations, *links)
+        return written
 
     def _noted(self, notes: list[Triple]) -> str:
-        """Return ``Annotations: ...`` and a blank; nothing if there are none."""
+        """Write ``Annotations: ...`` and a space; empty without annotations."""
         texts = [text for note in notes for text in self._annotation(note)]
         return f"Annotations: {', '.join(texts)} " if texts else ""
 
     def _annotated(self, triple: Triple, item: str) -> list[str]:
-        """Return an item once for each annotation that it has, or once without."""
+        """Repeat an item for each node that annotates it; once without any."""
         return [note + item for note in self._notes(triple)] or [item]
 
-    # things that have names
+    # named entities
 
     def _frame(self, word: str, subject: str | BNode) -> Frame:
         key = (word, subject)
@@ -177,7 +177,7 @@ class _Writer:
         return "\0".join(self._annotated(triple, self._words.term(triple.subject)))
 
     def _words_of(self, subject: str | BNode, said: list[Triple]) -> tuple[str, ...]:
-        """Return the words for the frames of a subject: from its declarations, else from the statements about it."""
+        """Choose the kinds of frames of a subject: from its declarations, else from the statements about it."""
         if isinstance(subject, BNode):
             return ("Individual",)
         declared = {FRAMES[t.object] for t in said if t.predicate == RDF.type and t.object in FRAMES}
@@ -203,7 +203,7 @@ class _Writer:
         return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL.Thing, OWL.Nothing)
 
     def _statement(self, triple: Triple, words: tuple[str, ...]) -> None:
-        """Put what a triple states into a section of one of the subject's frames."""
+        """Write a triple into a section of one of the subject's frames."""
         predicate = triple.predicate
         if predicate == RDF.type:
             if triple.object in CHARACTERISTICS:
@@ -252,7 +252,7 @@ class _Writer:
         return self._annotated(triple, text)
 
     def _plain(self, triple: Triple) -> str:
-        """Return the name or expression that is a triple's object."""
+        """Write the name or expression that is a triple's object."""
         if isinstance(triple.object, BNode) and triple.predicate in (OWL.sameAs, OWL.differentFrom):
             return self._words.term(triple.object)
         if isinstance(triple.object, Literal):
@@ -263,7 +263,7 @@ class _Writer:
         return text
 
     def _direct(self, triple: Triple) -> list[str]:
-        """``owl:intersectionOf`` and the like, said of a class itself as in OWL 1."""
+        """Write ``owl:intersectionOf`` and the like that are stated of a named class, as in OWL 1."""
         expression, used = self._expressions.about(triple.subject, triple)
         text = self._words.text(expression)
         self._graph.write(*used)
@@ -291,12 +291,12 @@ class _Writer:
         fact = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
         return self._annotated(triple, fact)
 
-    # things that have none
+    # blank nodes
 
     def _axiom(self, node: BNode) -> str | None:
-        """Return an axiom about several things, or about two of which the first is an expression.
+        """Write an axiom about several entities, or about two whose first is an expression; None if it is neither.
 
-        A negative fact goes to the frame of its individual instead.
+        A negative fact is written into the frame of its individual instead.
         """
         graph = self._graph
         if graph.has(node, RDF.type, OWL.NegativePropertyAssertion):
@@ -329,7 +329,7 @@ class _Writer:
         return between.join(map(self._words.term, items))
 
     def _pair(self, subject: str | BNode, triple: Triple) -> str:
-        """Two things that are alike or different; the first is a name or an expression."""
+        """Write an axiom that relates two entities; the first is a name or an expression."""
         if isinstance(subject, str):
             first = self._words.name(subject)
         elif triple.predicate in (OWL.sameAs, OWL.differentFrom):
@@ -350,7 +350,7 @@ class _Writer:
             prop = graph.one(node, OWL.assertionProperty)
             targets = [t for name in ("targetIndividual", "targetValue") for t in graph.about(node, OWL + name)]
             if prop is None or not isinstance(prop.object, str) or len(targets) != 1:
-                raise CannotSay("a negative fact that is not whole")
+                raise CannotSay("an incomplete negative fact")
             core = (RDF.type, OWL.sourceIndividual, prop.predicate, targets[0].predicate)
             notes = [t for t in said if t.predicate not in core]
             graph.write(*said)
@@ -372,12 +372,12 @@ class _Writer:
 def _import(triple: Triple) -> str:
     address = triple.object
     if not isinstance(address, str) or set(address) & set(' <>"{}|^`\\\n\r\t'):
-        raise CannotSay("an address with characters that none has")
+        raise CannotSay("an import whose address is no valid IRI")
     return f"    Import: <{address}>"
 
 
 WIDTH = 120
-"""Characters of a line that holds more than one item."""
+"""Greatest length of a line with several items."""
 
 FRAMES = {
     OWL.AnnotationProperty: "AnnotationProperty",
@@ -387,7 +387,7 @@ FRAMES = {
     OWL.Class: "Class",
     OWL.NamedIndividual: "Individual",
 }
-"""Kind of thing -> the word that begins its frame, in the order of the file."""
+"""Kind of entity -> keyword of its frame, in the order of the written file."""
 
 PROPERTIES = ("ObjectProperty", "DataProperty", "AnnotationProperty")
 SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -403,14 +403,14 @@ SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     OWL.sameAs: ("SameAs", ("Individual",)),
     OWL.differentFrom: ("DifferentFrom", ("Individual",)),
 }
-"""Property -> the section that states it, and the frames that have it; the value is an expression or a name."""
+"""Property -> its section, and the frames that can have it; the value is an expression or a name."""
 
 LISTS: dict[str, tuple[str, str, str]] = {
     OWL.disjointUnionOf: ("DisjointUnionOf", "Class", ", "),
     OWL.hasKey: ("HasKey", "Class", " "),
     OWL.propertyChainAxiom: ("SubPropertyChain", "ObjectProperty", " o "),
 }
-"""Property -> its section, its frame, and what stands between the items of its list."""
+"""Property -> its section, its frame, and the separator of the items of its list."""
 
 CHARACTERISTICS = {
     f"{OWL}{name}Property": name
@@ -422,7 +422,7 @@ ORDER = ("Annotations", "Types", "Facts", "Characteristics", "SubClassOf", "Equi
 """Sections in the order of a frame."""
 
 SINGLE = ("DisjointUnionOf", "HasKey", "SubPropertyChain")
-"""Sections of one item each; a datatype's EquivalentTo is another."""
+"""Sections with a single item each; EquivalentTo of a Datatype is another."""
 
 SEVERAL = {
     "AllDisjointClasses": "DisjointClasses",
@@ -447,9 +447,9 @@ LANGUAGES = (OWL, RDF, RDFS, XSD)
 
 @dataclass(slots=True)
 class Frame:
-    """One frame: its heading, and the items of its sections; an annotated item has a section of its own.
+    """Frame: its headings, and the items of its sections.
 
-    The Note lets it stand in the middle of others; not every reader does.
+    An annotated item is written in a section of its own: the W3C Note allows it among others, but some readers do not.
     """
 
     word: str
@@ -470,7 +470,7 @@ class Frame:
 
 
 def section(name: str, items: list[str]) -> str:
-    """Return a section on one line if it fits or has one item, else with a line for each item."""
+    """Write a section on one line if it fits or has one item, else with a line for each item."""
     line = f"    {name}: {', '.join(items)}"
     if not items[1:] or (len(line) <= WIDTH and "\n" not in line):
         return line
