@@ -1,4 +1,4 @@
-"""Writes graphs as Turtle and RDF/XML, with blank nodes and lists nested where they have a single use, and N-Triples."""
+"""Writes graphs as N-Triples, Turtle and RDF/XML; blank nodes and lists are nested where they have a single use."""
 
 from __future__ import annotations
 
