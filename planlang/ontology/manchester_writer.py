@@ -53,7 +53,7 @@ class _Writer:
         found = [self._axiom(node) for node in subjects if isinstance(node, BNode)]
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
-                self._nameless(subject)
+                self._blank_node(subject)
         keys = list(self._frames) if self._by_file else sorted(self._frames, key=self._place)
         frames = [self._frames[key].text(by_file=self._by_file) for key in keys]
         several = [text for text in (*found, *self._pairs) if text]
@@ -85,19 +85,19 @@ class _Writer:
         lines = [line]
         for triple in self._graph.about(subject, OWL.imports):
             if isinstance(triple.object, str):
-                lines += self._said([triple], partial(_import, triple))
+                lines += self._attempt([triple], partial(_import, triple))
         notes = [
             note
             for triple in self._graph.about(subject)
             if triple.predicate not in (RDF.type, OWL.imports, OWL.versionIRI)
-            for text in self._said([triple], partial(self._joined, triple))
+            for text in self._attempt([triple], partial(self._joined, triple))
             for note in text.split("\0")
         ]
         if notes:
             lines.append(section("Annotations", notes))
         return "\n".join(lines) + "\n"
 
-    def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
+    def _attempt(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
         """Yield the text of triples and mark them as written; nothing if the syntax cannot express them."""
         before = len(self._graph.written)
         try:
@@ -150,39 +150,39 @@ class _Writer:
             self._words.name(subject)
         except CannotSay:
             return
-        said = self._graph.about(subject)
-        if not any(t.predicate == RDF.type and t.object in FRAMES for t in said):  # a frame would declare it
-            for triple in said:
+        triples = self._graph.about(subject)
+        if not any(t.predicate == RDF.type and t.object in FRAMES for t in triples):  # a frame would declare it
+            for triple in triples:
                 if triple.predicate in PAIRS:
-                    self._pairs += self._said([triple], partial(self._pair, subject, triple))
-            said = [triple for triple in said if triple not in self._graph.written]
-            if not said:
+                    self._pairs += self._attempt([triple], partial(self._pair, subject, triple))
+            triples = [triple for triple in triples if triple not in self._graph.written]
+            if not triples:
                 return
-        words = self._words_of(subject, said)
-        for triple in said:
+        words = self._words_of(subject, triples)
+        for triple in triples:
             word = (
                 FRAMES.get(triple.object) if triple.predicate == RDF.type and isinstance(triple.object, str) else None
             )
             if word is not None:
                 frame = self._frame(word, subject)
-                for noted in self._said([triple], partial(self._head, triple)):
+                for noted in self._attempt([triple], partial(self._head, triple)):
                     frame.heads = noted.split("\0")
         for word in words:
             self._frame(word, subject)
-        for triple in said:
+        for triple in triples:
             if triple not in self._graph.written:
                 self._statement(triple, words)
 
     def _head(self, triple: Triple) -> str:
         return "\0".join(self._annotated(triple, self._words.term(triple.subject)))
 
-    def _words_of(self, subject: str | BNode, said: list[Triple]) -> tuple[str, ...]:
+    def _words_of(self, subject: str | BNode, triples: list[Triple]) -> tuple[str, ...]:
         """Choose the kinds of frames of a subject: from its declarations, else from the statements about it."""
         if isinstance(subject, BNode):
             return ("Individual",)
-        declared = {FRAMES[t.object] for t in said if t.predicate == RDF.type and t.object in FRAMES}
+        declared = {FRAMES[t.object] for t in triples if t.predicate == RDF.type and t.object in FRAMES}
         needed: set[str] = set(declared)
-        for triple in said:
+        for triple in triples:
             if triple.predicate == RDF.type:
                 if triple.object in CHARACTERISTICS:
                     places: tuple[str, ...] = PROPERTIES
@@ -244,7 +244,7 @@ class _Writer:
         word = next((word for word in words if word in places), None)
         if word is None:
             return
-        for text in self._said([triple], lambda: "\0".join(write())):
+        for text in self._attempt([triple], lambda: "\0".join(write())):
             self._frame(word, triple.subject).sections.setdefault(section, []).extend(text.split("\0"))
 
     def _expression(self, triple: Triple) -> list[str]:
@@ -305,11 +305,11 @@ class _Writer:
         for kind, word in SEVERAL.items():
             for typed in graph.about(node, RDF.type):
                 if typed.object == OWL + kind:
-                    return next(self._said([typed], partial(self._several, typed, word)), None)
-        said = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
-        if not said or graph.uses(node):
+                    return next(self._attempt([typed], partial(self._several, typed, word)), None)
+        triples = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
+        if not triples or graph.uses(node):
             return None
-        return next(self._said(said[:1], partial(self._pair, node, said[0])), None)
+        return next(self._attempt(triples[:1], partial(self._pair, node, triples[0])), None)
 
     def _several(self, typed: Triple, word: str) -> str:
         members = [t for t in self._graph.about(typed.subject) if t.predicate in (OWL.members, OWL.distinctMembers)]
@@ -344,7 +344,7 @@ class _Writer:
 
     def _negative(self, node: BNode) -> None:
         graph = self._graph
-        said = graph.about(node)
+        triples = graph.about(node)
 
         def write() -> list[str]:
             prop = graph.one(node, OWL.assertionProperty)
@@ -352,18 +352,18 @@ class _Writer:
             if prop is None or not isinstance(prop.object, str) or len(targets) != 1:
                 raise CannotSay("an incomplete negative fact")
             core = (RDF.type, OWL.sourceIndividual, prop.predicate, targets[0].predicate)
-            notes = [t for t in said if t.predicate not in core]
-            graph.write(*said)
+            notes = [t for t in triples if t.predicate not in core]
+            graph.write(*triples)
             words = f"not {self._words.name(prop.object)} {self._words.term(targets[0].object)}"
             return [self._noted(notes) + words]
 
         sources = graph.about(node, OWL.sourceIndividual)
         if len(sources) == 1 and not isinstance(sources[0].object, Literal):
             subject = sources[0].object
-            for text in self._said(said, lambda: "\0".join(write())):
+            for text in self._attempt(triples, lambda: "\0".join(write())):
                 self._frame("Individual", subject).sections.setdefault("Facts", []).extend(text.split("\0"))
 
-    def _nameless(self, node: BNode) -> None:
+    def _blank_node(self, node: BNode) -> None:
         for triple in self._graph.about(node):
             if triple not in self._graph.written:
                 self._statement(triple, ("Individual",))
