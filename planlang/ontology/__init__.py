@@ -1,11 +1,12 @@
 """OWL files -> one consistent in-memory ontology with positions.
 
-General layout: ``documents`` reads a file and what it imports in one of three syntaxes (``rdfxml``, ``turtle``,
-``manchester``); ``checks`` corrects known mistakes in the triples and reports the others; ``ontology`` answers
-questions about all documents (``classes``). ``terms`` holds names and values, ``triples`` stores what is stated,
-``convert`` reads, writes and compares: ``manchester_writer`` (with ``expression_text``) writes frames,
-``nested_writers`` Turtle, N-Triples and RDF/XML; ``canonical`` puts triples into an order that does not depend on
-labels, and shortens IRIs. Nothing is ever fetched from the network.
+General layout: ``documents`` reads a file and its imports in one of three syntaxes (``rdfxml``, ``turtle``,
+``manchester``; ``urdf_world`` and ``map_file`` read worlds and sensed maps); ``checks`` repairs known mistakes in the
+triples and reports the others; ``ontology`` answers queries over all documents (``classes``: class expressions).
+``terms`` has IRIs and literals, ``triples`` the store. ``convert`` reads, writes and compares: ``manchester_writer``
+(with ``expression_text``) writes frames, ``nested_writers`` Turtle, N-Triples and RDF/XML; ``canonical`` sorts triples
+independently of blank-node labels, and shortens IRIs. ``reasoning`` runs HermiT or Pellet. Nothing is ever fetched
+from the network.
 """
 
 from planlang.ontology.classes import Restriction

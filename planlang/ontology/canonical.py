@@ -1,4 +1,4 @@
-"""Graphs to be written: nameless nodes in an order that their statements alone decide, and IRIs as prefixed names."""
+"""Preparation of graphs for writing: an order that does not depend on blank-node labels, and prefixed names."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _SOURCE, _PROPERTY, _TARGET = (OWL + name for name in ("annotatedSource", "annot
 
 
 class CannotSay(Exception):
-    """The syntax has no words for a statement."""
+    """The syntax cannot express a statement; the message names the reason."""
 
 
 class Graph:
-    """Triples by subject, sorted, with labels that depend on the graph alone.
+    """Sorted triples by subject, with blank-node labels that depend on the graph only.
 
-    ``written`` holds what has been written; what is not in it at the end is lost.
+    ``written`` holds the triples that have been written; the others are lost.
     """
 
     def __init__(self, triples: Iterable[Triple], *, by_file: bool = False) -> None:
@@ -42,34 +42,34 @@ class Graph:
                     self._annotated.setdefault(key, []).append(subject)
 
     def subjects(self) -> tuple[str | BNode, ...]:
-        """Return everything that something is said of, in order."""
+        """All subjects, in order."""
         return tuple(self._about)
 
     def about(self, subject: str | BNode, predicate: str | None = None) -> list[Triple]:
-        """Return the triples of a subject, with one property or all."""
-        found = self._about.get(subject, [])
-        return found if predicate is None else [triple for triple in found if triple.predicate == predicate]
+        """Triples about a subject, of one property or all."""
+        triples = self._about.get(subject, [])
+        return triples if predicate is None else [triple for triple in triples if triple.predicate == predicate]
 
     def uses(self, node: BNode) -> list[Triple]:
-        """Return the triples that have a nameless node as their object, except those repeated to annotate."""
+        """Triples with a blank node as object, except owl:annotatedSource and owl:annotatedTarget."""
         return self._with.get(node, [])
 
     def has(self, subject: str | BNode, predicate: str, value: Term) -> bool:
         return any(triple.object == value for triple in self.about(subject, predicate))
 
     def one(self, subject: str | BNode, predicate: str) -> Triple | None:
-        """Return the only triple of a subject with a property; None if there is none. Raises CannotSay if several."""
-        found = self.about(subject, predicate)
-        if len(found) > 1:
-            raise CannotSay(f"two values of {predicate}")
-        return found[0] if found else None
+        """Only triple about a subject with a property, None if there is none. Raises CannotSay if there are several."""
+        triples = self.about(subject, predicate)
+        if len(triples) > 1:
+            raise CannotSay(f"several values of {predicate}")
+        return triples[0] if triples else None
 
     def write(self, *triples: Triple) -> None:
-        """Note that triples have been written."""
+        """Mark triples as written."""
         self.written.update(dict.fromkeys(triples))
 
     def unwrite(self, number: int) -> None:
-        """Forget what has been written but for the first so many triples."""
+        """Unmark all but the first ``number`` written triples, after a failed attempt to write something."""
         while len(self.written) > number:
             self.written.popitem()
 
@@ -78,7 +78,10 @@ class Graph:
         return (triple for triple in self.triples if triple not in self.written)
 
     def items(self, triple: Triple) -> tuple[list[Term], list[Triple]]:
-        """Return the items of the list that is a triple's object, and the triples of its cells. Raises CannotSay."""
+        """Read the RDF list that is a triple's object: its items, and the triples of its cells.
+
+        Raises CannotSay if the list is broken, cyclic or shared.
+        """
         items: list[Term] = []
         used: list[Triple] = []
         cell, seen = triple.object, set[Term]()
@@ -95,31 +98,32 @@ class Graph:
         return items, used
 
     def annotations(self, triple: Triple) -> list[BNode]:
-        """Return the nodes that annotate a triple."""
+        """Nodes that annotate a triple."""
         return self._annotated.get((triple.subject, triple.predicate, triple.object), [])
 
     def notes(self, node: BNode) -> tuple[list[Triple], list[Triple]]:
-        """Return the annotations in an annotating node, and the triples that link it to the annotated triple."""
-        frame = (RDF.type, _SOURCE, _PROPERTY, _TARGET)
-        said = self.about(node)
-        return [t for t in said if t.predicate not in frame], [t for t in said if t.predicate in frame]
+        """Split the triples of an annotating node into annotations and links to the annotated triple."""
+        links = (RDF.type, _SOURCE, _PROPERTY, _TARGET)
+        triples = self.about(node)
+        return [t for t in triples if t.predicate not in links], [t for t in triples if t.predicate in links]
 
 
 MOST_ROUNDS = 60
-"""Rounds in which what is said of neighbours is taken into account."""
+"""Rounds of colour refinement, each of which takes in neighbours that are one step further away."""
 
 MOST_TIES = 200
-"""Nodes that are told apart by mere choice when everything said of them is alike."""
+"""Ties between equally coloured nodes that are broken by choosing one."""
 
 
 def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple]:
-    """Return the triples sorted, each once, with labels b1, b2, ... for the nameless nodes in order of use.
+    """Sort triples without duplicates, and label their blank nodes b1, b2, ... in order of use.
 
-    With ``by_file`` they come in the order of their positions in the file.
+    With ``by_file`` the triples keep the order of their positions in the file.
 
-    IRIs come before values before nameless nodes. The order depends on the graph alone, not on labels nor on the order
-    of the triples. Nodes whose statements cannot be told apart are in the order in which they come; in what real files
-    hold they are interchangeable. (In general this is graph isomorphism: graphs made for it may be ordered otherwise.)
+    IRIs come before literals, these before blank nodes. The order depends on the graph only, not on labels or the
+    order of the triples. It is computed by colour refinement; ties are broken by the input order, which in real files
+    concerns interchangeable nodes only. (In general this is graph canonicalization: graphs built to defeat colour
+    refinement may get different orders.)
     """
     unique = {(t.subject, t.predicate, t.object): t for t in reversed(list(triples))}
     colours = _colours(list(unique.values()))
@@ -133,14 +137,14 @@ def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple
             case _:
                 return ("1", term, "", "")
 
-    found = sorted(unique.values(), key=lambda triple: (key(triple.subject), triple.predicate, key(triple.object)))
+    ordered = sorted(unique.values(), key=lambda triple: (key(triple.subject), triple.predicate, key(triple.object)))
     labels: dict[BNode, BNode] = {}
 
     def label(term: Term) -> Term:
         return labels.setdefault(term, BNode(f"b{len(labels) + 1}")) if isinstance(term, BNode) else term
 
     result = []
-    for triple in found:
+    for triple in ordered:
         subject = label(triple.subject)
         assert not isinstance(subject, Literal)
         result.append(Triple(subject, triple.predicate, label(triple.object), triple.span))
@@ -148,7 +152,7 @@ def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple
 
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:
-    """Return the triples in only the first and in only the second graph; nameless nodes match by their content."""
+    """Compare graphs: the triples only in the first, and only in the second; blank nodes match by their content."""
     one, two = statements(before), statements(after)
     gone = [triple for key, found in one.items() for triple in found[len(two.get(key, ())) :]]
     new = [triple for key, found in two.items() for triple in found[len(one.get(key, ())) :]]
@@ -156,7 +160,7 @@ def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list
 
 
 def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], list[Triple]]:
-    """Return the statements of a graph, each under a key that equal ones share in all graphs, whatever the labels."""
+    """Group triples under keys that are equal for equal statements of any graphs, independent of labels."""
     given = list({(t.subject, t.predicate, t.object): t for t in triples}.values())
     colours = _content([Triple(t.subject, t.predicate, _plain(t.object), t.span) for t in given])
     found: dict[tuple[object, str, object], list[Triple]] = {}
@@ -169,7 +173,7 @@ def statements(triples: Iterable[Triple]) -> dict[tuple[object, str, object], li
 
 
 def _plain(term: Term) -> Term:
-    """Return the term, a text without its datatype: since RDF 1.1 plain texts are xsd:string."""
+    """Remove the datatype xsd:string, which since RDF 1.1 every plain literal has."""
     return Literal(term.value) if isinstance(term, Literal) and term.datatype == XSD.string else term
 
 
@@ -177,8 +181,8 @@ def _digest(parts: object) -> str:
     return hashlib.blake2b(repr(parts).encode(errors="surrogatepass"), digest_size=12).hexdigest()
 
 
-def _said(triples: list[Triple]) -> tuple[dict[BNode, list[Triple]], dict[BNode, list[Triple]]]:
-    """Return the triples of each node as subject, and as object."""
+def _incident(triples: list[Triple]) -> tuple[dict[BNode, list[Triple]], dict[BNode, list[Triple]]]:
+    """Collect the triples of each blank node as subject, and as object."""
     out: dict[BNode, list[Triple]] = {}
     into: dict[BNode, list[Triple]] = {}
     for triple in triples:
@@ -194,9 +198,9 @@ def _said(triples: list[Triple]) -> tuple[dict[BNode, list[Triple]], dict[BNode,
 
 
 def _content(triples: list[Triple]) -> dict[BNode, str]:
-    """Return a digest of all statements below each node; for nodes on cycles, of a few rounds."""
-    out, into = _said(triples)
-    waiting = {node: sum(isinstance(t.object, BNode) for t in said) for node, said in out.items()}
+    """Digest all statements below each blank node; on cycles, those within MOST_ROUNDS steps."""
+    out, into = _incident(triples)
+    waiting = {node: sum(isinstance(t.object, BNode) for t in outgoing) for node, outgoing in out.items()}
     ready = [node for node, number in waiting.items() if number == 0]
     colours: dict[BNode, str] = {}
     for node in ready:  # grows while it is walked
@@ -231,8 +235,8 @@ def _shown(term: Term, colours: Mapping[BNode, str]) -> tuple[str, ...]:
 
 
 def _colours(triples: list[Triple]) -> dict[BNode, str]:
-    """Return the digests of the nodes' contents, refined by the uses of the nodes."""
-    out, into = _said(triples)
+    """Colour each blank node by the digest of its content, refined by its uses until colours differ."""
+    out, into = _incident(triples)
     colours = _content(triples)
     for tie in range(MOST_TIES):
         colours = _refined(colours, out, into)
@@ -271,7 +275,7 @@ def _refined(
 
 
 class Subjects:
-    """The statements of each subject, and the nameless nodes with a single use, where they can be written."""
+    """Triples by subject, and the blank nodes with a single use, which can be written at that place (``once``)."""
 
     def __init__(self, triples: Iterable[Triple]) -> None:
         self.about: dict[str | BNode, list[Triple]] = {}
@@ -283,18 +287,18 @@ class Subjects:
         self.once = frozenset(node for node, number in uses.items() if number == 1)
 
     def list_at(self, cell: Term, is_free: Callable[[BNode], bool]) -> tuple[list[Term], list[BNode]] | None:
-        """Return the items and the cells of a list that can be written as one; None if it is broken, or is more.
+        """Items and cells of an RDF list that can be written as such; None if it is broken or has other statements.
 
-        ``is_free`` tells whether a cell may be written there; it must not be so for one that was met before.
+        ``is_free`` decides whether a cell may be written here; it must be False for cells that were written before.
         """
         items: list[Term] = []
         cells: list[BNode] = []
         while cell != RDF.nil:
-            said = self.about.get(cell, []) if isinstance(cell, BNode) else []
-            parts = {triple.predicate: triple.object for triple in said}
+            triples = self.about.get(cell, []) if isinstance(cell, BNode) else []
+            parts = {triple.predicate: triple.object for triple in triples}
             if (
                 not isinstance(cell, BNode)
-                or len(said) != 2
+                or len(triples) != 2
                 or set(parts) != {RDF.first, RDF.rest}
                 or not is_free(cell)
             ):
@@ -308,16 +312,16 @@ class Subjects:
 _LETTER = (
     "A-Za-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff\u2c00-\u2fef\u3001-\ud7ff\uf900-\ufdcf"
 )
-# texts, which re compiles when it first needs them: that takes 9 ms, and few commands write an ontology
+# kept as strings, which re compiles on first use: compiling takes 9 ms, and few commands write an ontology
 _LOCAL = rf"[{_LETTER}_0-9](?:[{_LETTER}_0-9.\-\u00b7]*[{_LETTER}_0-9\-\u00b7])?"
 _PREFIX = rf"(?:[{_LETTER}](?:[{_LETTER}_0-9.\-]*[{_LETTER}_0-9\-])?)?"
 _NAMESPACE = re.compile(r"[^\s<>\"{}|^`\\]+[#/:_-]")
 
 
 class Names:
-    """Shortens IRIs, and remembers which prefixes were needed.
+    """Shortens IRIs to prefixed names, and records which prefixes are used.
 
-    ``prefixes`` are those of the file, ``own`` the name of its ontology: what is in it needs no prefix.
+    ``prefixes`` are those of the file; names in ``own``, the ontology IRI, get the empty prefix.
     """
 
     def __init__(self, prefixes: Mapping[str, str], own: str | None = None) -> None:
@@ -336,7 +340,7 @@ class Names:
         self._found: dict[str, tuple[str, str] | None] = {}
 
     def split(self, iri: str) -> tuple[str, str] | None:
-        """Return prefix and local name of an IRI; None if it has to be written in full."""
+        """Split an IRI into prefix and local name; None if it has to be written in full."""
         if iri not in self._found:
             self._found[iri] = next(self._splits(iri), None)
         found = self._found[iri]
@@ -350,13 +354,13 @@ class Names:
                 yield name, local
 
     def known(self) -> list[tuple[str, str]]:
-        """Return all prefixes with their namespaces, sorted."""
+        """All prefixes with their namespaces, sorted."""
         return sorted((name, space) for space, name in self._spaces.items())
 
     def used(self, declared: Mapping[str, str] | None = None) -> list[tuple[str, str]]:
-        """Return the used prefixes, with their namespaces, sorted; and those that a file has declared, if given.
+        """Used prefixes with their namespaces, sorted, and the ``declared`` ones of a file, if given.
 
-        Of those of OWL itself only the used ones count: every file has them, declared or not.
+        owl, rdf, rdfs and xsd are included only if used, as every reader knows them.
         """
         found = {name: space for space, name in self._spaces.items() if name in self._used}
         for name, space in (declared or {}).items():

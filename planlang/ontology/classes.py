@@ -1,4 +1,4 @@
-"""Class expressions in triples (superclasses, restrictions, members of intersections), and the hierarchy of classes."""
+"""Class expressions in triples (superclasses, restrictions, members of intersections), and the class hierarchy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from planlang.ontology.triples import Triples
 
 
 class Taxonomy:
-    """Named classes and which are directly below which.
+    """Hierarchy of named classes.
 
     ``edges`` are pairs (class, direct superclass) in document order; equivalent classes are below each other.
     """
@@ -29,31 +29,31 @@ class Taxonomy:
                 self._children.setdefault(upper, []).append(lower)
 
     def classes(self) -> tuple[str, ...]:
-        """Return the classes that have superclasses, in document order."""
+        """Classes that have superclasses, in document order."""
         return tuple(self._parents)
 
     def parents(self, cls: str) -> tuple[str, ...]:
-        """Return the direct superclasses in document order."""
+        """Direct superclasses in document order."""
         return tuple(self._parents.get(cls, ()))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
-        """Return the class itself, then what is above it, nearest first; at the same distance in document order."""
-        found = self._ancestors.get(cls)
-        if found is None:
-            found = self._ancestors[cls] = by_distance(cls, self._parents)
-        return found
+        """Class itself, then its superclasses, nearest first; at equal distance in document order."""
+        ancestors = self._ancestors.get(cls)
+        if ancestors is None:
+            ancestors = self._ancestors[cls] = by_distance(cls, self._parents)
+        return ancestors
 
     def descendants(self, cls: str) -> tuple[str, ...]:
-        """Return the class itself, then what is below it, nearest first; at the same distance in document order."""
+        """Class itself, then its subclasses, nearest first; at equal distance in document order."""
         return by_distance(cls, self._children)
 
     def is_below(self, cls: str, upper: str) -> bool:
-        """Return True if the classes are the same or the first is below the second."""
+        """Check whether a class is ``upper`` or one of its subclasses."""
         return cls == upper or upper in self.ancestors(cls)
 
 
 def by_distance(start: str, neighbours: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
-    """Return everything that is reached from ``start``, itself first, level by level; circles are walked once."""
+    """Breadth-first search from ``start``, which comes first; each node is visited once."""
     return tuple(reached((start,), lambda node: neighbours.get(node, ())))
 
 
@@ -67,17 +67,17 @@ _CARDINALITIES = {
     OWL.qualifiedCardinality: "exactly",
 }
 RESTRICTING = (*_FILLERS, *_CARDINALITIES)
-"""The words of OWL whose triples say what a restriction asks for; where they stand is the restriction's span."""
+"""Predicates that state the filler or cardinality of a restriction; their position is the restriction's span."""
 
 _SUPERCLASS_FORMS = {RDFS.subClassOf: "flat", OWL.equivalentClass: "equivalent", OWL.intersectionOf: "equivalent"}
 
 
 class Restriction(NamedTuple):
-    """A restriction of a property: ``kind`` is "some", "value", "only", "min", "max" or "exactly".
+    """Restriction of a property: ``kind`` is "some", "value", "only", "min", "max" or "exactly".
 
-    ``filler`` is a class, an individual or a value; of an unqualified cardinality it is owl:Thing. ``form`` tells where
-    it stands: "flat" directly above the class, in an "intersection" above it, or in an "equivalent" class.
-    ``span`` is where the filler stands.
+    ``filler`` is a class, an individual or a literal, and owl:Thing for an unqualified cardinality. ``form`` is "flat"
+    for a superclass, "intersection" for a member of one, "equivalent" inside an equivalent class. ``span`` is the
+    position of the filler.
     """
 
     property: str
@@ -89,7 +89,7 @@ class Restriction(NamedTuple):
 
 
 def restrictions_of(triples: Triples, words: Words, cls: int) -> Iterator[Restriction]:
-    """Return the restrictions of a class in source order, for a nameless one its parts. Terms by number."""
+    """Yield the restrictions of a class, or the members of a blank expression, in source order. Terms by number."""
     if triples.is_node(cls):
         for member in conjuncts(triples, cls):
             if triples.is_node(member):
@@ -107,7 +107,7 @@ def restrictions_of(triples: Triples, words: Words, cls: int) -> Iterator[Restri
 
 
 class Words(NamedTuple):
-    """The words of class expressions by their numbers; -1 for one that is not used."""
+    """Term numbers of the OWL vocabulary for class expressions; -1 if unused."""
 
     forms: dict[int, str]
     intersection: int
@@ -118,11 +118,11 @@ class Words(NamedTuple):
 
     @staticmethod
     def of(triples: Triples) -> Words:
-        """Return the words that these triples use."""
+        """Look up the vocabulary in a store."""
         number = triples.numbers
 
-        def used(words: Mapping[str, str]) -> dict[int, str]:
-            return {number[word]: meaning for word, meaning in words.items() if word in number}
+        def used(meanings: Mapping[str, str]) -> dict[int, str]:
+            return {number[iri]: meaning for iri, meaning in meanings.items() if iri in number}
 
         return Words(
             used(_SUPERCLASS_FORMS),
@@ -130,17 +130,17 @@ class Words(NamedTuple):
             number.get(OWL.onProperty, -1),
             used(_FILLERS),
             used(_CARDINALITIES),
-            frozenset(number[word] for word in (OWL.onClass, OWL.onDataRange) if word in number),
+            frozenset(number[iri] for iri in (OWL.onClass, OWL.onDataRange) if iri in number),
         )
 
 
 def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequence[Restriction]:
-    """Return the restrictions that a nameless node is: one for each filler or cardinality of its first property."""
+    """Read the restrictions of a blank node: one for each filler or cardinality of its first property."""
     _, _, on_property, fillers, cardinalities, ranges = words
     predicates, objects, (rows, following) = triples.predicates, triples.objects, triples.by_subject
     first, row = -1, rows[node]
     stated: list[tuple[int, str]] = []
-    within: list[int] = []
+    qualifiers: list[int] = []
     while row >= 0:
         predicate = predicates[row]
         if predicate == on_property:
@@ -148,37 +148,37 @@ def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequen
         elif (kind := fillers.get(predicate) or cardinalities.get(predicate)) is not None:
             stated.append((row, kind))
         elif predicate in ranges:
-            within.append(row)
+            qualifiers.append(row)
         row = following[row]
     prop = triples.name(objects[first]) if first >= 0 else None
     if prop is None:
         return ()
-    found: list[Restriction] = []
+    restrictions: list[Restriction] = []
     for row, kind in stated:
         number = objects[row]
-        filler, times = triples.terms[number] or triples.term(number), None
+        filler, cardinality = triples.terms[number] or triples.term(number), None
         if cardinalities and predicates[row] in cardinalities:
-            times = _whole(filler)
-            if times is None:
+            cardinality = _natural_number(filler)
+            if cardinality is None:
                 continue
-            filler = triples.term(objects[within[0]]) if within else OWL.Thing
-        found.append(Restriction(prop, kind, filler, times, triples.span(row), form))
-    return found
+            filler = triples.term(objects[qualifiers[0]]) if qualifiers else OWL.Thing
+        restrictions.append(Restriction(prop, kind, filler, cardinality, triples.span(row), form))
+    return restrictions
 
 
-def _whole(term: Term) -> int | None:
+def _natural_number(term: Term) -> int | None:
     if isinstance(term, Literal) and term.value.strip().isdecimal() and len(term.value) < 10:
         return int(term.value)
     return None
 
 
 def conjuncts(triples: Triples, expression: int) -> Iterator[int]:
-    """Yield the members of an intersection, flattened; of anything else the expression itself. Terms by number."""
+    """Yield the members of an intersection, flattened, or the expression if it is none. Terms by number."""
     return _opened(triples, [expression])
 
 
 def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
-    """Yield the expressions in their order, intersections among them flattened, each expression once."""
+    """Yield the expressions in order, with intersections flattened; a cyclic intersection is entered once."""
     lists = triples.intersections
     opened: set[int] = set()
     for expression in expressions:
@@ -196,16 +196,16 @@ def _opened(triples: Triples, expressions: Iterable[int]) -> Iterator[int]:
 
 
 def disjuncts(triples: Triples, expression: int) -> Iterator[int]:
-    """Yield the members of a union, flattened, each once; nothing for anything else. Terms by number."""
+    """Yield the members of a union, flattened, each once; nothing if it is no union. Terms by number."""
     union = triples.find(OWL.unionOf)
-    found: set[int] = set()
+    seen: set[int] = set()
 
     def within(node: int) -> Iterator[int]:
         for row in triples.about(node):
             if triples.predicates[row] == union:
                 for member in items(triples, triples.objects[row]):
-                    if member not in found:
-                        found.add(member)
+                    if member not in seen:
+                        seen.add(member)
                         inner = list(within(member)) if triples.is_node(member) else []
                         yield from inner or [member]
 
@@ -213,7 +213,7 @@ def disjuncts(triples: Triples, expression: int) -> Iterator[int]:
 
 
 def items(triples: Triples, cell: int) -> Iterator[int]:
-    """Yield the items of an RDF list; a cyclic list ends where it repeats. Terms by number."""
+    """Yield the items of an RDF list; a cyclic list ends before its first repeated cell. Terms by number."""
     first, rest, end = triples.find(RDF.first), triples.find(RDF.rest), triples.find(RDF.nil)
     predicates, objects, (rows, next_row) = triples.predicates, triples.objects, triples.by_subject
     seen: set[int] = set()
@@ -257,7 +257,7 @@ def edges(triples: Triples) -> Iterator[tuple[str, str]]:
 
 
 def alias_edges(is_class: Callable[[str], bool], names: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """RoboEarth's class of the same name as one of KnowRob's is below it, wherever a document mentions it."""
+    """Place each mentioned RoboEarth class below the KnowRob class of the same local name."""
     for name in dict.fromkeys(name for name in names if name.startswith(ROBOEARTH)):
         upper = twin(name)
         if upper is not None and is_class(upper):
@@ -265,21 +265,21 @@ def alias_edges(is_class: Callable[[str], bool], names: Iterable[str]) -> Iterat
 
 
 def namesakes(undefined: Iterable[str], classes: Iterable[str]) -> dict[str, str]:
-    """Return for undefined superclasses the only class of the same local name that is in no vocabulary's namespace.
+    """Map undefined superclasses to the only class of the same local name outside the bundled vocabularies.
 
-    Files whose own namespace is misspelt somewhere, such as knowrob.owl.owl, name their classes so.
+    This repairs files that misspell their own namespace in some places, as knowrob.owl.owl.
     """
-    wanted = dict.fromkeys(undefined)
-    if not wanted:
+    missing = dict.fromkeys(undefined)
+    if not missing:
         return {}
-    found: dict[str, list[str]] = {}
+    by_local_name: dict[str, list[str]] = {}
     for cls in classes:
         if not cls.startswith(tuple(VOCABULARIES.values())):
-            found.setdefault(local_name(cls), []).append(cls)
-    return {name: same[0] for name in wanted if len(same := found.get(local_name(name), [])) == 1}
+            by_local_name.setdefault(local_name(cls), []).append(cls)
+    return {name: same[0] for name in missing if len(same := by_local_name.get(local_name(name), [])) == 1}
 
 
 def twin(name: str) -> str | None:
-    """Return KnowRob's name for a term that RoboEarth calls the same; None for anything else."""
+    """IRI of the KnowRob term with the same local name as a RoboEarth term; None for other IRIs."""
     local = name.removeprefix(ROBOEARTH)
     return KNOWROB + local if local and local != name else None

@@ -1,4 +1,4 @@
-"""Convert a file from one syntax to the same graph in another, and list what is lost."""
+"""Convert a file to another syntax, and list what is lost."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from planlang.records import dataclass
 
 
 class Target(Enum):
-    """The syntaxes that are written."""
+    """Syntaxes that can be written."""
 
     MANCHESTER = "manchester"
     TURTLE = "turtle"
@@ -31,7 +31,7 @@ class Target(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """A text, what it was made from, and what there is to say about both."""
+    """Converted text, the triples that it was made from, and diagnostics of reading and writing."""
 
     text: str
     triples: tuple[Triple, ...]
@@ -41,9 +41,9 @@ class Converted:
 def write(
     triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str], *, by_file: bool = False
 ) -> tuple[str, list[Triple]]:
-    """Return the text of a graph, and the triples that the syntax cannot express; deterministic for equal graphs.
+    """Write a graph; also return the triples that the syntax cannot express. Equal graphs give equal texts.
 
-    With ``by_file`` statements keep the order of their positions, and prefixes are kept that nothing uses.
+    With ``by_file`` statements keep the order of their positions, and unused prefixes are kept.
     """
     given = list(triples)
     own = next((t.subject for t in given if t.predicate == RDF.type and t.object == OWL.Ontology), None)
@@ -60,11 +60,11 @@ def write(
 
 
 def convert(path: Path, target: Target, value: Callable[[Literal], Literal] | None = None) -> Converted:
-    """Read a file in any syntax and write it in another, in the same order; its imports are left as they are.
+    """Read a file in any syntax and write it in another, in the same order, without its imports.
 
-    ``value`` changes values: their units.
-    The text is read again and compared: what is lost, or said otherwise, is told. Mistakes that were repaired on
-    reading are repaired in the text, too, and told. Raises BadInput if the file cannot be read.
+    ``value`` maps each literal to the one to write, for example in another unit. The text is read again and compared
+    with the file; diagnostics list statements that are lost or expressed differently, and the mistakes that were
+    repaired on reading. Raises BadInput if the file cannot be read.
     """
     return convert_content(read_bytes(path), path, target, value, by_file=True)
 
@@ -77,9 +77,9 @@ def convert_content(
     *,
     by_file: bool = False,
 ) -> Converted:
-    """Write what is or was in a file of some name in another syntax, as :func:`convert` does.
+    """Convert the content of a file, which need not exist (any more), as :func:`convert` does.
 
-    Without ``by_file`` in an order of its own: equal graphs give equal texts.
+    Without ``by_file`` statements are sorted, so that equal graphs give equal texts.
     """
     file = str(path)
     base = base_of(path)
@@ -100,15 +100,15 @@ def convert_content(
 
 
 _COMMENT = re.compile(r'"""[\s\S]*?"""|"(?:\\.|[^"\\])*"|<!--|<[^<>\s]*>|(#[^\n]*)')
-"""Texts and IRIs, in which nothing is a comment, and comments: of XML its beginning, else (the group) the whole."""
+"""Strings and IRIs, which contain no comments, the start of XML comments, and (the group) other comments."""
 
 
 def _beside(content: bytes, file: str, prefixes: Mapping[str, str], target: Target) -> list[Diagnostic]:
-    """Return a note about what a file holds beside its statements that is not kept: comments, and prefixes."""
+    """Make a note of comments and prefixes of a file that the other syntax does not keep."""
     text = decode(content, file)
     is_xml = syntax_of(text, file) in (Syntax.RDFXML, Syntax.URDF)
     places = [
-        found.start() for found in _COMMENT.finditer(text) if (found[0] == "<!--" if is_xml else found[1] is not None)
+        match.start() for match in _COMMENT.finditer(text) if (match[0] == "<!--" if is_xml else match[1] is not None)
     ]
     lost = [f"{len(places)} comments" if len(places) > 1 else "a comment"] if places else []
     if target is Target.NTRIPLES and prefixes:
@@ -127,9 +127,9 @@ def _compared(
     name = {Target.MANCHESTER: "Manchester syntax", Target.RDFXML: "RDF/XML"}.get(target, target.value)
     if lost:
         first = min(lost, key=lambda triple: triple.span)
-        what = f"{len(lost)} statements are lost, as {name} cannot say them" if len(lost) > 1 else "a statement is lost"
-        advice = "turtle and ntriples can say everything"
-        found.append(warning("O050", f"{what}; the first: {_shown(first)}", first.span, advice))
+        what = f"{len(lost)} statements" if len(lost) > 1 else "a statement"
+        message = f"{name} cannot express {what}: {_shown(first)}{' and others' if len(lost) > 1 else ''}"
+        found.append(warning("O050", message, first.span, "convert to turtle or ntriples, which can express all"))
     missing = set(lost)
     gone, new = differences([triple for triple in labelled(triples) if triple not in missing], again)
     declared = [t for t in new if t.predicate == RDF.type and isinstance(t.object, str) and isinstance(t.subject, str)]
@@ -140,7 +140,9 @@ def _compared(
         found.append(note("O051", message, span))
     if gone:
         first = min(gone, key=lambda triple: triple.span)
-        found.append(warning("O052", f"{name} says it in another way: {_shown(first)}", first.span))
+        message = f"{name} expresses a statement in another way: {_shown(first)}"
+        advice = "nothing is to be done, unless a program needs these very triples"
+        found.append(warning("O052", message, first.span, advice))
     return found
 
 

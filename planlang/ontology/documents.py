@@ -1,7 +1,7 @@
 """Read a file and all its imports in load order.
 
-Imports are looked for beside the file, in the folders that the user gives, and among the bundled ontologies. Nothing is
-ever fetched, and nothing is read outside these folders, whatever an import says.
+Imports are searched beside the file, in the folders that the user gives, and among the bundled ontologies. Nothing is
+ever fetched from the network, and nothing outside these folders is read, whatever path an import has.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from planlang.records import dataclass
 
 
 class Syntax(Enum):
-    """The syntaxes of OWL that are read. N-Triples is read as Turtle, of which it is a part."""
+    """Syntaxes that can be read. N-Triples is a subset of Turtle and read as that."""
 
     RDFXML = "RDF/XML"
     MANCHESTER = "Manchester syntax"
     TURTLE = "Turtle"
     URDF = "URDF"
-    """A world: read as the statements of a map."""
+    """World, read as the statements of a semantic map."""
     GRID = "YAML of an occupancy grid"
-    """As ROS map_server writes it: read as the statement of such a map."""
+    """Map of ROS map_server, read as the statement that there is such a map."""
 
 
 _MANCHESTER = re.compile(
@@ -47,8 +47,9 @@ _MANCHESTER = re.compile(
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
 _SENSED = re.compile(rb"#|VERS|ply[\r\n]|[-+0-9]")
-"""The beginnings that files of octrees and points may have."""
-_NOTHING_SAID = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
+"""First bytes of octrees and point clouds; a quick test before the full patterns."""
+_COMMENTS = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
+"""Blank lines and comments at the start of a file."""
 _TURTLE = re.compile(
     r"""@prefix\b|@base\b|(?i:prefix|base)\s
       | <(?:[^<>\s]*://|urn:|tag:|file:|[#/]|>)  # an IRI; no element of XML is written so
@@ -59,10 +60,10 @@ _TURTLE = re.compile(
 
 
 def syntax_of(text: str, file: str) -> Syntax:
-    """Return the syntax of a file's text. Raises BadInput if it is none of the known ones."""
-    beginning = _NOTHING_SAID.match(text)
-    assert beginning is not None
-    position = beginning.end()
+    """Detect the syntax of a file's text by its first words. Raises BadInput if it is unknown."""
+    comments = _COMMENTS.match(text)
+    assert comments is not None
+    position = comments.end()
     start = text[position : position + 10_000].lstrip()[:2000]
     if _MANCHESTER.match(start):
         return Syntax.MANCHESTER
@@ -75,14 +76,16 @@ def syntax_of(text: str, file: str) -> Syntax:
     if start.startswith("<"):
         return Syntax.RDFXML
     if not start:
-        raise BadInput([error("O002", "the file holds nothing but comments", Span(file))])
+        raise BadInput([error("O002", "the file is empty, or has comments only", Span(file))])
     span = Span(file, text.count("\n", 0, position) + 1)
-    advice = "an ontology is RDF/XML (rdf:RDF), Turtle (@prefix) or in Manchester syntax (Prefix:, Ontology:, Class:)"
+    advice = (
+        "an ontology begins with <rdf:RDF> (RDF/XML), @prefix (Turtle), or Prefix: or Ontology: (Manchester syntax)"
+    )
     raise BadInput([error("O001", "this is neither RDF/XML, Turtle nor Manchester syntax", span, advice)])
 
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
-    """Return the triples of a file in any of the syntaxes. Raises BadInput as their readers do."""
+    """Read the triples of a file in any syntax. Raises BadInput as the reader of its syntax does."""
     if _SENSED.match(content) and (cls := sensed_map(content)) is not None:
         return read_map_file(Path(file), base, cls)
     text = decode(content, file)
@@ -101,28 +104,28 @@ _READERS = {
     Syntax.TURTLE: ("turtle", "read_turtle"),
     Syntax.URDF: ("urdf_world", "read_world"),
 }
-"""Module and function that read a syntax; each is imported when a file needs it, as some take long to import."""
+"""Module and function of each reader, imported when a file needs it: lark and pyoxigraph are slow to import."""
 
 
 _IN_IRIS = "@:+,;=~!$&'()*"
-"""Characters of a file's name that stay as they are."""
+"""Characters of a file name that are not percent-encoded in its IRI."""
 MOST_DOCUMENTS = 200
-"""Files that one ontology may be made of."""
+"""Greatest number of files of one ontology."""
 
 VOCABULARY = (
     "knowrob", "srdl", "roboearth", "dul", "soma", "motion_constraints", "object_change", "primitives", "recovery",
     "searching",
 )  # fmt: skip
-"""Bundled files that every ontology has, then objects/, and the library of recipes."""
+"""Bundled files that every ontology includes, before those in objects/ and the library of recipes."""
 
 
 _CACHE = Cache("ontology", most=100)
-"""The triples of bundled files, by the digests of the file and of the reader's source."""
+"""Triples of bundled files, keyed by the digests of the file and of the reader's source."""
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A file that was read: its path, the name that it gives itself, and the digest of its bytes."""
+    """File that was read: its path, its ontology IRI, and the SHA-256 of its bytes."""
 
     path: Path
     iri: str | None
@@ -131,7 +134,7 @@ class Document:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A document with what it says, after repair, under canonical names."""
+    """Document with its triples, which are repaired and have canonical names."""
 
     document: Document
     triples: Triples
@@ -139,12 +142,12 @@ class Reading:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of an ontology's file. Raises BadInput."""
+    """Read the bytes of an ontology file. Raises BadInput if it is missing, unreadable or too large."""
     return read_file(path, "O001", largest=LARGEST_ONTOLOGY, code_if_large="O003")
 
 
 def base_of(path: Path) -> str:
-    """Return the IRI against which the relative names of a file are resolved; of its folders it tells nothing."""
+    """IRI against which a file's relative IRIs are resolved; without folders, so that outputs do not depend on them."""
     return f"file:///{quote(os.fsencode(path.name), safe=_IN_IRIS)}"
 
 
@@ -152,10 +155,10 @@ def _read(path: Path, content: bytes) -> Reading:
     file = str(path)
     digest = hashlib.sha256(content).hexdigest()
     base, label = base_of(path), f"{digest[:8]}-"
-    key = f"{digest} {_reader_digest()}" if _is_ours(path) else None
-    kept = _CACHE.load(key) if key is not None else None
-    if kept is not None:
-        triples = Triples.unpacked(kept, file)
+    key = f"{digest} {_reader_digest()}" if _is_bundled(path) else None
+    packed = _CACHE.load(key) if key is not None else None
+    if packed is not None:
+        triples = Triples.unpacked(packed, file)
         return Reading(Document(path, _own_iri(triples), digest), triples, ())
     parsed = read_syntax(content, file, base=base, label=label)
     triples = parsed.triples
@@ -169,7 +172,7 @@ def _read(path: Path, content: bytes) -> Reading:
 
 @cache
 def _reader_digest() -> str:
-    """Return a digest of the source of everything that shapes the triples."""
+    """Digest of the source of this package, which shapes the cached triples."""
     here = Path(__file__).parent
     digest = hashlib.sha256()
     for path in sorted([*here.glob("*.py"), *here.glob("*.lark")]):
@@ -177,7 +180,7 @@ def _reader_digest() -> str:
     return digest.hexdigest()
 
 
-def _is_ours(path: Path) -> bool:
+def _is_bundled(path: Path) -> bool:
     folders = (bundled("ontologies").resolve(), bundled("recipes").resolve())
     return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
 
@@ -192,10 +195,10 @@ def _own_iri(triples: Triples) -> str | None:
 def read_all(
     path: Path, folders: Sequence[Path], *, builtin: bool, also: Sequence[Path] = (), content: bytes | None = None
 ) -> list[Reading]:
-    """Return the file, those that are named beside it, the imports of all depth first, then the bundled vocabulary.
+    """Read a file, the files of ``also``, all imports depth first, then the bundled vocabulary.
 
-    With ``content`` the first is no file but a stranger's text under that name: nothing beside it is looked at.
-    Raises BadInput if a named file cannot be used; an import that cannot be is a warning of the main document.
+    With ``content`` the main document is untrusted text, such as an upload, and no file beside it is read. Raises
+    BadInput if the file or one of ``also`` cannot be used; an unusable import is a warning of the main document.
     """
     main_content = read_bytes(path) if content is None else content
     readings = [_read(path, main_content), *(_version(named, *_stamp(named)) for named in also)]
@@ -216,15 +219,16 @@ def read_all(
         resolution = imports.resolve(target, importing, triple.span)
         if resolution.problem is not None:
             problems.append(resolution.problem)
-        found = resolution.path
-        if found is None or (resolved := found.resolve()) in loaded or resolved in vocabulary:
+        imported = resolution.path
+        if imported is None or (resolved := imported.resolve()) in loaded or resolved in vocabulary:
             continue
         loaded.add(resolved)
         if len(readings) >= MOST_DOCUMENTS:
-            problems.append(warning("O033", f"more than {MOST_DOCUMENTS} files are imported", triple.span))
+            message = f"more than {MOST_DOCUMENTS} files are imported; the rest is ignored"
+            problems.append(warning("O033", message, triple.span))
             break
         try:
-            reading = _version(found, *_stamp(found))
+            reading = _version(imported, *_stamp(imported))
         except BadInput as problem:
             first = problem.diagnostics[0]
             message = f"an import cannot be read: {first.span}: {first.message}"
@@ -233,7 +237,7 @@ def read_all(
         if reading.document.sha256 not in digests:
             digests.add(reading.document.sha256)
             readings.append(reading)
-            pending.append((found, _imports(reading)))
+            pending.append((imported, _imports(reading)))
     readings += [_version(file, *_stamp(file)) for resolved, file in vocabulary.items() if resolved not in loaded]
     return [Reading(main.document, main.triples, (*main.diagnostics, *problems)), *readings[1:]]
 
@@ -251,27 +255,27 @@ def _vocabulary_paths() -> tuple[Path, ...]:
     folder = bundled("ontologies")
     paths = [folder / f"{name}.omn" for name in VOCABULARY]
     library = bundled("recipes") / "library"
-    more = (*sorted((folder / "objects").glob("*.omn")), *sorted(library.glob("*.omn")))
-    return tuple(path for path in (*paths, *more) if path.is_file())
+    paths += (*sorted((folder / "objects").glob("*.omn")), *sorted(library.glob("*.omn")))
+    return tuple(path for path in paths if path.is_file())
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return what tells one version of a file from another: when it was changed [ns], and its size; 0 for none."""
+    """Modification time [ns] and size [bytes] of a file, which change with its content; zeros if there is none."""
     try:
-        found = path.stat()
+        status = path.stat()
     except (OSError, ValueError):
         return 0, 0
-    return found.st_mtime_ns, found.st_size
+    return status.st_mtime_ns, status.st_size
 
 
 @lru_cache(2 * MOST_DOCUMENTS)
 def _version(path: Path, modified: int, size: int) -> Reading:
-    """Return what a version of a file says; a process that reads many files reads what all of them import once."""
+    """Read one version of a file; cached, as a process that loads many recipes shares their imports."""
     return _read(path, read_bytes(path))
 
 
 LONGEST_PATH = 24
-"""Folders in the path of an import that are looked at."""
+"""Last folders of an import's path that are used; they bound the search in a hostile file."""
 
 VOCABULARY_FILES: dict[str, str | None] = {
     "knowrob": "knowrob.omn",
@@ -291,7 +295,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "comp_temporal": None,
     "comp_cop": None,
 }
-"""Name of a vocabulary -> the bundled file that stands for it; None: it only binds terms to programs."""
+"""Vocabulary -> the bundled file that replaces it; None: nothing is needed, as it only binds terms to programs."""
 
 _LANGUAGES = tuple(namespace.rstrip("#") for namespace in (OWL, RDF, RDFS))
 _HOSTS = (HOST, OLD_HOST, "http://www.roboearth.org/kb/")
@@ -303,56 +307,59 @@ _HEADING = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """The result of an import: a file, or the problem that there is none. Both None: nothing has to be read."""
+    """Resolved import: a file, or the diagnostic why there is none. Both None: nothing has to be read."""
 
     path: Path | None = None
     problem: Diagnostic | None = None
 
 
 class ImportMap:
-    """Finds files for imports. ``folders`` are searched in their order, after the importing file's own.
+    """Finds the files of imports, beside the importing file, then in ``folders`` in their order.
 
-    If the main document ``is_file``, its own folder is one of them; else it is a stranger's text, who is not told
-    either which other files there are.
+    Without ``is_file`` the main document is untrusted text: its folder is not searched, and diagnostics do not reveal
+    which other files exist.
     """
 
     def __init__(self, main: Path, folders: Sequence[Path] = (), *, is_file: bool = True) -> None:
         self._folders = tuple(folders)
-        self._ours = bundled("ontologies")
+        self._bundled = bundled("ontologies")
         self._is_file = is_file
         own = (main.parent, main.resolve().parent) if is_file else ()
-        self._roots = tuple(root.resolve() for root in (*own, *folders, self._ours))
+        self._roots = tuple(root.resolve() for root in (*own, *folders, self._bundled))
 
     def resolve(self, target: str, importing: Path, span: Span) -> Resolution:
-        """Return the file that ``target`` means in the file ``importing``."""
+        """Find the file that ``target`` refers to in the file ``importing``."""
         address = canonical(target).rstrip("#")
         if address in _LANGUAGES:
             return Resolution()
         scheme, path = _split(target)
         remote = scheme not in ("", "file", "package")
-        if self._is_inside(importing, self._ours):
-            bundled_first = self._bundled(address, path, remote)
+        if self._is_inside(importing, self._bundled):
+            bundled_first = self._bundled_file(address, path, remote)
             if bundled_first is not None:
                 return Resolution(bundled_first)
         escaped = False
         for candidate in self._candidates(path, importing.parent):
-            found = _file(candidate)
-            if found is None:
+            file = _file(candidate)
+            if file is None:
                 continue
-            if any(self._is_inside(found, root) for root in self._roots):
-                return Resolution(found)
+            if any(self._is_inside(file, root) for root in self._roots):
+                return Resolution(file)
             escaped = self._is_file
         vocabulary = _vocabulary(address, path, remote)
         if vocabulary in VOCABULARY_FILES:
             name = VOCABULARY_FILES[vocabulary]
-            return Resolution(self._ours / name if name else None)
-        ours = self._bundled(address, path, remote) or self._of_a_version(path, importing.parent)
-        if ours is not None:
-            return Resolution(ours)
+            return Resolution(self._bundled / name if name else None)
+        substitute = self._bundled_file(address, path, remote) or self._versioned_file(path, importing.parent)
+        if substitute is not None:
+            return Resolution(substitute)
         return Resolution(problem=_unresolved(target, path, span, remote=remote, escaped=escaped or ".." in path))
 
     def _candidates(self, path: tuple[str, ...], beside: Path) -> Iterator[Path]:
-        """Yield the path as it is, then ever shorter ends of it in every folder, with the suffixes of ontologies."""
+        """Yield the path itself, then ever shorter ends of it in every folder, each with all suffixes of ontologies.
+
+        Published files import by paths of their authors' machines, of which only the last parts exist elsewhere.
+        """
         if not path:
             return
         names = _names(path[-1])
@@ -364,22 +371,22 @@ class ImportMap:
             for start in range(plain, len(parents) + 1):
                 yield from (folder.joinpath(*parents[start:], name) for name in names)
 
-    def _of_a_version(self, path: tuple[str, ...], beside: Path) -> Path | None:
-        """Return a file that is named like the last part of a path, but for ``@`` and a version before its suffix."""
+    def _versioned_file(self, path: tuple[str, ...], beside: Path) -> Path | None:
+        """Find a file with the name of an import plus ``@`` and a version, as ``serve_drink@hydro.owl``."""
         if not path:
             return None
         stem = glob.escape(_stem(path[-1]))
-        found = (file for folder in (beside, *self._folders) for file in sorted(folder.glob(f"{stem}@*")))
-        usable = (file for file in found if file.name.endswith(_SUFFIXES[1:]) and _file(file) is not None)
+        files = (file for folder in (beside, *self._folders) for file in sorted(folder.glob(f"{stem}@*")))
+        usable = (file for file in files if file.name.endswith(_SUFFIXES[1:]) and _file(file) is not None)
         return next((file for file in usable if any(self._is_inside(file, root) for root in self._roots)), None)
 
-    def _bundled(self, address: str, path: tuple[str, ...], remote: bool) -> Path | None:
-        """Return a bundled file of this name; an address must be the one that the file gives itself."""
+    def _bundled_file(self, address: str, path: tuple[str, ...], remote: bool) -> Path | None:
+        """Find a bundled file by name; the ontology IRI has to match too if the import is by address."""
         if not path:
             return None
         stem = _stem(path[-1])
         for folder in ("", "robots", "environments", "objects"):
-            candidate = self._ours / folder / f"{stem}.omn"
+            candidate = self._bundled / folder / f"{stem}.omn"
             if _file(candidate) is not None and (not remote or _address(candidate) == address):
                 return candidate
         return None
@@ -390,7 +397,7 @@ class ImportMap:
 
 
 def _split(target: str) -> tuple[str, tuple[str, ...]]:
-    """Scheme and folders of an import, without host and without what a build should have filled in (``@PREFIX@``)."""
+    """Split an import into scheme and path, without host and unexpanded build variables (``@PREFIX@``)."""
     match = _URL.fullmatch(target)
     scheme, rest = (match[1].lower(), match[3]) if match else ("", target)
     if match and match[2] and scheme not in ("file", "package"):
@@ -413,7 +420,7 @@ def _stem(name: str) -> str:
 def _file(path: Path) -> Path | None:
     try:
         return path.resolve() if path.is_file() else None
-    except (OSError, ValueError, RuntimeError):  # a name too long, a null character, a circle of links
+    except (OSError, ValueError, RuntimeError):  # name too long, null character, cyclic links
         return None
 
 
@@ -425,7 +432,7 @@ def _vocabulary(address: str, path: tuple[str, ...], remote: bool) -> str:
 
 @cache
 def _vocabulary_addresses() -> dict[str, str]:
-    """Return every address under which a vocabulary was ever published -> its name."""
+    """Every address under which a vocabulary was ever published -> its name."""
     known = {f"{host}{name}.owl": name for host in _HOSTS for name in VOCABULARY_FILES}
     return known | {namespace.rstrip("#"): name for name, namespace in VOCABULARIES.items()}
 
@@ -442,12 +449,12 @@ def _address(path: Path) -> str | None:
 def _unresolved(target: str, path: tuple[str, ...], span: Span, *, remote: bool, escaped: bool) -> Diagnostic:
     if remote:
         advice = (
-            "nothing is fetched from the network; save the file beside this one, or give its folder by --ontologies DIR"
+            "nothing is fetched from the network; put the file beside this one, or add its folder: --ontologies DIR"
         )
-        return warning("O031", f"an import of an unknown address is left out: {target}", span, advice)
+        return warning("O031", f"an import of an unknown address is ignored: {target}", span, advice)
     name = path[-1] if path else target
     if escaped:
-        advice = f"allow it by --ontologies DIR, where DIR is the folder of {name}"
-        return warning("O032", f"an import outside the given folders is left out: {target}", span, advice)
-    advice = f"put {name} beside this file, or give its folder by --ontologies DIR"
+        advice = f"allow it with --ontologies DIR, where DIR is the folder of {name}"
+        return warning("O032", f"an import from outside the allowed folders is ignored: {target}", span, advice)
+    advice = f"put {name} beside this file, or add its folder with --ontologies DIR"
     return warning("O030", f"import not found: {target}", span, advice)

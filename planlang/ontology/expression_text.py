@@ -1,4 +1,4 @@
-"""Class expressions and data ranges: from triples back to expressions, and these as text in Manchester syntax."""
+"""Class expressions and data ranges: read from triples, and written in Manchester syntax."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple, shorten
 
 DEEPEST = 90
-"""Expressions inside each other; the reader takes a few more."""
+"""Greatest nesting depth; less than the reader's, so that what is written can be read again."""
 
 FORMS = {
     OWL.intersectionOf: "and",
@@ -33,7 +33,7 @@ _RESERVED = """not o or and that inverse some only value Self min max exactly tr
  Transitive"""
 
 RESERVED = frozenset(_RESERVED.split())
-"""Names that are words of the language where they could stand."""
+"""Names that would be read as keywords of the language, and need a prefix."""
 
 _IRI = re.compile(r'[^<>"{}|^`\\\s]+')
 _BARE = {
@@ -45,7 +45,7 @@ _UNSAYABLE = re.compile("[\x00\ud800-\udfff]")
 
 
 class Words:
-    """Terms and expressions as text. Raises CannotSay for what has no text."""
+    """Writes terms and expressions as text. Raises CannotSay for what the syntax cannot express."""
 
     def __init__(self, names: Names) -> None:
         self._names = names
@@ -70,7 +70,7 @@ class Words:
 
     def literal(self, literal: Literal) -> str:
         if _UNSAYABLE.search(literal.value):
-            raise CannotSay("a text with a character that no file may have")
+            raise CannotSay("a string with a character that no file may have")
         form = _BARE.get(literal.datatype or "")
         if form is not None and form.fullmatch(literal.value):
             return literal.value + ("f" if literal.datatype == XSD.float else "")
@@ -80,7 +80,7 @@ class Words:
         return f"{quoted}^^{self.name(literal.datatype)}" if literal.datatype else quoted
 
     def text(self, expression: Expression, *, inside: bool = False) -> str:
-        """Return the text of an expression; ``inside`` another one in brackets unless it is a name or has its own."""
+        """Write an expression; ``inside`` another one with parentheses, unless it is unambiguous without."""
         kind, parts = expression.kind, expression.parts
         match kind:
             case "name":
@@ -109,18 +109,18 @@ class Words:
 
 
 class Expressions:
-    """Reads expressions out of a graph. Raises CannotSay for what is none."""
+    """Reads expressions from a graph. Raises CannotSay for a blank node that is no expression."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
 
     def of(self, triple: Triple) -> tuple[Expression, list[Triple]]:
-        """Return the expression that is a triple's object, and the triples that it is made of, including this one."""
+        """Read the expression that is a triple's object; also return its triples, including this one."""
         used = [triple]
         return self._read(triple.object, triple, used, DEEPEST), used
 
     def about(self, subject: str | BNode, at: Triple) -> tuple[Expression, list[Triple]]:
-        """Return the expression stated of a subject, and the triples that it is made of."""
+        """Read the expression stated of a subject; also return its triples."""
         used: list[Triple] = []
         return self._node(subject, at, used, DEEPEST), used
 
@@ -133,7 +133,7 @@ class Expressions:
 
     def _node(self, node: str | BNode, at: Triple, used: list[Triple], depth: int) -> Expression:
         if depth == 0:
-            raise CannotSay("expressions too deep inside each other")
+            raise CannotSay("expressions nested too deep")
         graph = self._graph
         if (prop := graph.one(node, OWL.onProperty)) is not None:
             used += (prop, *self._types(node, (OWL.Restriction,)))
@@ -146,7 +146,7 @@ class Expressions:
             return self._facets(node, base.object, at, used)
         forms = [(kind, triple) for form, kind in FORMS.items() for triple in graph.about(node, form)]
         if len(forms) != 1:
-            raise CannotSay("a nameless thing that is no expression")
+            raise CannotSay("a blank node that is no expression")
         kind, triple = forms[0]
         used += (triple, *self._types(node, (OWL.Class, RDFS.Datatype)))
         if kind == "not":
@@ -156,7 +156,7 @@ class Expressions:
         if not items:
             raise CannotSay(f"no members of {kind}")
         if len(items) == 1 and kind != "one of":
-            return self._item(items[0], at, used, depth, kind)  # means the same
+            return self._item(items[0], at, used, depth, kind)  # equivalent, and the syntax has no junction of one
         parts = tuple(self._item(item, at, used, depth, kind) for item in items)
         return Expression(kind, at.span, parts=parts)
 
@@ -168,7 +168,7 @@ class Expressions:
         return self._read(item, at, used, depth - 1)
 
     def _types(self, node: str | BNode, kinds: tuple[str, ...]) -> list[Triple]:
-        """Return the triples that state what kind of expression a nameless node is."""
+        """Triples that declare a blank node as one of these kinds of expression; at most one."""
         if not isinstance(node, BNode):
             return []
         return [triple for triple in self._graph.about(node, RDF.type) if triple.object in kinds][:1]
@@ -197,7 +197,7 @@ class Expressions:
         (triple,) = numbers
         text = triple.object.value if isinstance(triple.object, Literal) else ""
         if not re.fullmatch(r"[0-9]{1,9}", text):
-            raise CannotSay("a cardinality that is no number")
+            raise CannotSay("a cardinality that is not a number")
         parts = [prop]
         qualifiers = [t for name in ("onClass", "onDataRange") for t in graph.about(node, OWL + name)]
         if ("ualified" in triple.predicate) != (len(qualifiers) == 1):
@@ -217,11 +217,11 @@ class Expressions:
         used += cells
         facets: list[tuple[str, Literal]] = []
         for item in items:
-            said = graph.about(item) if isinstance(item, BNode) else []
-            if len(said) != 1 or said[0].predicate not in _FACETS or not isinstance(said[0].object, Literal):
-                raise CannotSay("a facet that is none")
-            used += said
-            facets.append((said[0].predicate, said[0].object))
+            stated = graph.about(item) if isinstance(item, BNode) else []
+            if len(stated) != 1 or stated[0].predicate not in _FACETS or not isinstance(stated[0].object, Literal):
+                raise CannotSay("an unknown facet")
+            used += stated
+            facets.append((stated[0].predicate, stated[0].object))
         if not facets:
             raise CannotSay("a datatype without restrictions")
         return Expression("facets", at.span, parts=(Expression("name", at.span, base),), facets=tuple(facets))
@@ -231,7 +231,7 @@ _ROOT, _IS = "urn:expression", "urn:is"
 
 
 def expression_of(ontology: Ontology, term: Term, span: Span) -> Expression | None:
-    """Return the class expression or data range that a term is, at ``span``; None if it is none or is cyclic."""
+    """Read the class expression or data range of a term, at ``span``; None if it is malformed or cyclic."""
     if not isinstance(term, BNode):
         return Expression("name", span, term)
     triples = [Triple(_ROOT, _IS, term, span)]
@@ -252,7 +252,7 @@ def expression_of(ontology: Ontology, term: Term, span: Span) -> Expression | No
 
 
 def text_of(expression: Expression) -> str:
-    """Return an expression in Manchester syntax; names of the vocabulary without prefix."""
+    """Write an expression in Manchester syntax for messages, with names of the vocabulary without prefix."""
     return _Short(Names({})).text(expression)
 
 

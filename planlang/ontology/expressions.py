@@ -1,4 +1,4 @@
-"""Class expressions of Manchester syntax as values, and the triples that state them."""
+"""Class expressions as trees, and the triples that state them."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _JUNCTIONS = {"and": OWL.intersectionOf, "or": OWL.unionOf}
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """A node of an expression.
+    """Node of an expression tree.
 
     ``kind`` is "name", "inverse", "and", "or", "not", "one of", "facets", "some", "only", "value", "Self", "min", "max"
-    or "exactly"; ``term`` the name or value it holds, ``parts`` what it is made of (a restriction: property, filler),
-    ``depth`` 1 for a name, one more than its deepest part otherwise.
+    or "exactly"; ``term`` is the IRI or literal of a "name"; ``parts`` are the operands (of a restriction: property,
+    filler); ``depth`` is the height of the tree, 1 for a name.
     """
 
     kind: str
@@ -45,7 +45,7 @@ class Expression:
 
 
 class Statements:
-    """Collects triples in the order of the text, with labels for the nameless nodes."""
+    """Collects triples in the order of the text, and labels blank nodes."""
 
     def __init__(self, file: str, label: str, data_properties: frozenset[str], datatypes: frozenset[str]) -> None:
         self.triples = Triples(file, label)
@@ -54,25 +54,25 @@ class Statements:
         self._datatypes = datatypes
 
     def fresh(self) -> BNode:
-        """Return a new nameless node."""
+        """Make a new blank node."""
         node = self.triples.term(self.triples.fresh())
         assert isinstance(node, BNode)
         return node
 
     def named_node(self, name: str) -> BNode:
-        """Return the node that the file calls ``_:name``."""
+        """Blank node that the file calls ``_:name``."""
         return BNode(f"{self._label}.{name}")
 
     def state(self, subject: str | BNode, predicate: str, value: Term, span: Span) -> Term:
-        """Add one triple; returns its object. Raises BadInput when there are too many."""
+        """Add one triple and return its object. Raises BadInput if there are too many."""
         self.triples.state(subject, predicate, value, span)
         check_room(self.triples, span.line, span.column)
         return value
 
     def place(self, subject: str | BNode, predicate: str, expression: Expression, *, data: bool = False) -> Term:
-        """State that ``predicate`` of ``subject`` is the expression; its own triples follow. Returns its node.
+        """State an expression as a value of a property, followed by its own triples, and return its node.
 
-        ``data``: it is known to be a set of values.
+        ``data``: it is known to be a data range.
         """
         if expression.kind == "name":
             assert expression.term is not None
@@ -85,10 +85,10 @@ class Statements:
     def place_list(
         self, subject: str | BNode, predicate: str, items: Sequence[Expression], span: Span, *, data: bool = False
     ) -> Term:
-        """State that ``predicate`` of ``subject`` is the RDF list of the items. Returns its first cell."""
+        """State the RDF list of the items as a value of a property, and return its first cell."""
         if not items:
             return self.state(subject, predicate, RDF.nil, span)
-        begin = cell = self.fresh()
+        first = cell = self.fresh()
         self.state(subject, predicate, cell, span)
         for index, item in enumerate(items):
             self.place(cell, RDF.first, item, data=data)
@@ -96,10 +96,10 @@ class Statements:
             self.state(cell, RDF.rest, following, item.span)
             if isinstance(following, BNode):
                 cell = following
-        return begin
+        return first
 
     def is_data(self, expression: Expression) -> bool:
-        """Return True for a set of values rather than of things."""
+        """Check whether an expression is a data range, not a class."""
         match expression.kind:
             case "name":
                 return isinstance(expression.term, Literal) or expression.term in self._datatypes or _is_xsd(expression)
@@ -110,7 +110,7 @@ class Statements:
         return False
 
     def describe(self, node: BNode, expression: Expression, *, data: bool = False) -> None:
-        """State what a nameless node means; ``data``: it is known to be a set of values."""
+        """State the triples of an expression about its blank node; ``data``: it is known to be a data range."""
         kind, span = expression.kind, expression.span
         match kind:
             case "inverse":

@@ -1,4 +1,4 @@
-"""Frames of Manchester syntax: what each rule of the grammar states, called while the text is parsed."""
+"""Frames of Manchester syntax: the callbacks of the grammar's rules, which turn parsed frames into triples."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from planlang.ontology.triples import check_room
 from planlang.records import dataclass
 
 DEEPEST = 100
-"""Expressions inside each other."""
+"""Greatest nesting depth of expressions and annotations."""
 
 MOST_WARNINGS = 100
 """Warnings about one file."""
 
 MOST_OPEN = 200_000
-"""Words such as "not" and "some" in one item of a frame; the parser keeps them all until the item ends."""
+"""Words such as "not" and "some" in one item of a frame; the parser holds all in memory until the item ends."""
 
 BUILTIN = frozenset(("integer", "decimal", "float", "string"))
-"""Datatypes that need no prefix, unless the file has classes of these names."""
+"""Datatypes without prefix, unless the file has classes of these names."""
 
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _DESCRIPTION = re.compile(r"([^\s,]+)(?:\s+(some|only|value)\s+([^\s,]+))?")
 _FACT = re.compile(r"([^\s,]+)\s+([^\s,]+)")
 _FRAME = re.compile(r"(\w+):\s+(\S+)(?:\s+(?:SubClassOf|Types):(?=\s))?")
 _FACTS = re.compile(r"\sFacts:\s")
-"""The parts of what the grammar calls simple."""
+"""Patterns of the parts of simple frames (see the grammar's SIMPLE tokens)."""
 _SIMPLE = {"Class": (OWL.Class, RDFS.subClassOf), "Individual": (OWL.NamedIndividual, RDF.type)}
-"""Word of a simple frame -> the kind of thing it declares, the property that its descriptions state."""
+"""Keyword of a simple frame -> type of the entity that it declares, predicate of its descriptions."""
 
 _OF_VALUES = frozenset(((OWL.equivalentClass, RDFS.Datatype), (RDFS.range, OWL.DatatypeProperty)))
-"""Property and kind of its subject where descriptions are sets of values, whatever names they use."""
+"""Predicate and type of its subject where descriptions are always data ranges."""
 
 _Position = Callable[[int], tuple[int, int]]
 
@@ -46,7 +46,7 @@ Children = list[Any]
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """A property with its value, and what is said about that in turn."""
+    """Annotation: a property with its value, and annotations of the annotation itself."""
 
     property: str
     value: Term
@@ -56,49 +56,49 @@ class Annotation:
 
 
 def _bounded(parts: Sequence[Expression | Annotation], span: Span) -> int:
-    """Return the nesting depth of an expression with these parts. Raises BadInput beyond :data:`DEEPEST`."""
+    """Compute the nesting depth of an expression with these parts. Raises BadInput beyond :data:`DEEPEST`."""
     depth = 1 + max((part.depth for part in parts), default=0)
     if depth > DEEPEST:
-        raise BadInput([error("O008", f"more than {DEEPEST} expressions or annotations inside each other", span)])
+        raise BadInput([error("O008", f"expressions or annotations are nested more than {DEEPEST} deep", span)])
     return depth
 
 
 def _operator(kind: str) -> Callable[[Frames, Children], Expression]:
-    """Return what reads an expression of a kind, whose parts are those children that are expressions."""
+    """Make the callback of an expression of this kind, whose parts are the expressions among the children."""
     return lambda frames, children: frames.operands(kind, children)
 
 
 def _head(kind: str) -> Callable[[Frames, Children], None]:
-    """Return what reads the head of a frame, which declares a thing of this kind."""
+    """Make the callback of a frame's head, which declares an entity of this kind."""
     return lambda frames, children: frames.begin(children, kind)
 
 
 def _section(predicate: str) -> Callable[[Frames, Children], None]:
-    """Return what reads a section, each item of which is a value of a property."""
+    """Make the callback of a section, whose items are values of a property."""
     return lambda frames, children: frames.each(predicate, children[0])
 
 
 def _list_section(predicate: str) -> Callable[[Frames, Children], None]:
-    """Return what reads a section whose items are one list together."""
+    """Make the callback of a section whose items form one RDF list."""
     return lambda frames, children: frames.listed(predicate, children)
 
 
 def _axiom(predicate: str, kind: str | None = None) -> Callable[[Frames, Children], None]:
-    """Return what reads an axiom about several things; see :meth:`Frames.several`."""
+    """Make the callback of an axiom about several entities; see :meth:`Frames.several`."""
     return lambda frames, children: frames.several(children, predicate, kind)
 
 
 def _split(children: Children) -> tuple[list[Annotation], list[Expression]]:
-    """Return the annotations that come first, if any, and the expressions."""
+    """Separate the leading annotations, if any, from the expressions."""
     notes = children[0] if children and isinstance(children[0], list) else []
     return notes, [child for child in children if isinstance(child, Expression)]
 
 
 class Frames:
-    """Turns what the parser recognises into statements, by the mapping of OWL 2 to RDF graphs.
+    """Turns parsed frames into triples, by the W3C Recommendation "OWL 2: Mapping to RDF Graphs".
 
-    There is a method for each rule of the grammar, which takes what those of its parts returned. ``resolve`` makes an
-    IRI of a written name; ``is_declared`` tells whether the file has a class of that name.
+    Each rule of the grammar has a method, which takes the results of the rule's parts. ``resolve`` maps a written name
+    to its IRI; ``is_declared`` checks whether the file has a class of that name.
     """
 
     def __init__(
@@ -112,13 +112,13 @@ class Frames:
         self._kind = OWL.Ontology
         self._open = 0
         self._numbers: dict[str, int] = {}
-        """Name as written in a simple frame -> the number of its IRI."""
+        """Name as written in a simple frame -> number of its IRI."""
         self.skipped: list[Diagnostic] = []
 
     # called by the lexer
 
     def opens(self, token: Token) -> Token:
-        """Count a word or sign that opens a nested part. Raises BadInput when there are too many."""
+        """Count a word or sign that opens a nested part. Raises BadInput if there are too many."""
         self._open += 1
         if self._open > MOST_OPEN:
             message = f"more than {MOST_OPEN:,} expressions or annotations in one item"
@@ -126,7 +126,7 @@ class Frames:
         return token
 
     def separates(self, token: Token) -> Token:
-        """Count a comma, behind which another item begins."""
+        """Reset the count at a comma, after which another item begins."""
         self._open = 0
         return token
 
@@ -144,7 +144,7 @@ class Frames:
     annotation_property = annotation_target = fact_property = key = iri
 
     def named(self, children: Children) -> Expression:
-        """Return a class or a datatype; some datatypes have names of their own."""
+        """Read the name of a class or a datatype; :data:`BUILTIN` datatypes need no prefix."""
         token = children[0]
         if token in BUILTIN and not self._is_declared(str(token)):
             return self._value(token, XSD + token)
@@ -179,7 +179,7 @@ class Frames:
         return Expression(kind, span, parts=tuple(parts), depth=_bounded(parts, span), **more)
 
     def operands(self, kind: str, children: Children) -> Expression:
-        """Return the expression of a kind that is made of the expressions among the children."""
+        """Make an expression of a kind from the expressions among the children."""
         _, parts = _split(children)
         return self._node(kind, parts[0].span, parts)
 
@@ -208,7 +208,8 @@ class Frames:
     def cardinality(self, children: Children) -> Expression:
         prop, word, number = children[:3]
         if not str(number).isdecimal() or len(number) > 9:
-            raise BadInput([error("O020", f"{word} needs a whole number, not {number}", self._span(number))])
+            advice = f"write `{word} 1` or another whole number of up to 9 digits"
+            raise BadInput([error("O020", f"{word} needs a whole number, not {number}", self._span(number), advice)])
         return self._node(str(word), prop.span, [prop, *children[3:]], number=int(number))
 
     # annotations
@@ -222,7 +223,7 @@ class Frames:
         self._annotate(self._subject, children[0], OWL.Axiom)
 
     def _annotate(self, subject: str | BNode, annotations: Sequence[Annotation], kind: str = OWL.Annotation) -> None:
-        """State annotations of a subject; those of an annotation stand on a node of the given kind."""
+        """State annotations of a subject; nested annotations are stated of a node of the given kind."""
         for note in annotations:
             self._out.state(subject, note.property, note.value, note.span)
             self._reify(subject, note.property, note.value, note.span, note.inner, kind)
@@ -236,7 +237,7 @@ class Frames:
         annotations: Sequence[Annotation],
         kind: str = OWL.Axiom,
     ) -> None:
-        """State annotations of a triple, on a node that repeats the triple."""
+        """State annotations of a triple, on a blank node that repeats the triple (reification)."""
         if annotations:
             node = self._out.fresh()
             self._out.state(node, RDF.type, kind, span)
@@ -258,7 +259,7 @@ class Frames:
     # the document
 
     def start(self, children: Children) -> None:
-        """Do nothing: everything has been stated by then."""
+        """Do nothing: the parts of the rule have stated everything."""
 
     prefix = ontology = frame = start
 
@@ -277,14 +278,15 @@ class Frames:
         self._annotate(self._subject, children[0])
 
     def rule(self, children: Children) -> None:
-        advice = "say what it means by classes and property chains, or leave it out"
+        advice = "express it by classes and property chains, or remove it"
         if len(self.skipped) < MOST_WARNINGS:
-            self.skipped.append(warning("O023", "a rule is skipped", self._span(children[0]), advice))
+            message = "rules (SWRL) are not supported; this one is ignored"
+            self.skipped.append(warning("O023", message, self._span(children[0]), advice))
 
     # frames
 
     def begin(self, children: Children, kind: str) -> None:
-        """Begin a frame about a thing, which it declares if that has a name."""
+        """Begin the frame of an entity, which is declared unless it is a blank node."""
         name: Expression = children[-1]
         assert isinstance(name.term, (str, BNode))
         self._open = 0
@@ -297,10 +299,10 @@ class Frames:
     object_property_head, data_property_head = _head(OWL.ObjectProperty), _head(OWL.DatatypeProperty)
     annotation_property_head = _head(OWL.AnnotationProperty)
 
-    # simple frames, which are most of a large file: terms by number, as objects would take three times as long
+    # simple frames, which are most of a large file, are read by term numbers: objects would take three times as long
 
     def simple_frame(self, children: Children) -> None:
-        """Read a frame of a class or an individual that has simple descriptions and facts only."""
+        """Read a frame of a class or an individual that has only simple descriptions and facts."""
         token = children[0]
         position, add = self._positions(token), self._out.triples.add
         head, facts = _FRAME.match(token), _FACTS.search(token)
@@ -316,28 +318,28 @@ class Frames:
         self._simple_descriptions(subject, predicate, token, position, head.end(), end)
         for fact in _FACT.finditer(token, facts.end()) if facts is not None else ():
             line, column = position(fact.start())
-            stated = self._number(fact[1], line, column)
-            add(subject, stated, self._number(fact[2], *position(fact.start(2))), line, column)
+            prop = self._number(fact[1], line, column)
+            add(subject, prop, self._number(fact[2], *position(fact.start(2))), line, column)
             check_room(self._out.triples, line, column)
 
     def _simple_descriptions(
         self, subject: int, predicate: str, token: str, position: _Position, begin: int, end: int
     ) -> None:
-        """State the names and restrictions in a part of a token as values of a property."""
+        """State the names and restrictions in the range ``begin`` to ``end`` of a token as values of a property."""
         triples, add = self._out.triples, self._out.triples.add
         terms = (predicate, RDF.type, OWL.Restriction, OWL.onProperty)
-        stated, type_of, restriction, on_property = map(triples.number, terms)
-        for found in _DESCRIPTION.finditer(token, begin, end):
-            line, column = position(found.start())
-            first, kind, second = found.groups()
+        prop, rdf_type, restriction, on_property = map(triples.number, terms)
+        for description in _DESCRIPTION.finditer(token, begin, end):
+            line, column = position(description.start())
+            first, kind, second = description.groups()
             number = self._number(first, line, column)
             if kind is None:
-                add(subject, stated, number, line, column)
+                add(subject, prop, number, line, column)
             else:
-                filler_line, filler_column = position(found.start(3))
+                filler_line, filler_column = position(description.start(3))
                 filler, node = self._number(second, filler_line, filler_column), triples.fresh()
-                add(subject, stated, node, line, column)
-                add(node, type_of, restriction, line, column)
+                add(subject, prop, node, line, column)
+                add(node, rdf_type, restriction, line, column)
                 add(node, on_property, number, line, column)
                 add(node, triples.number(QUANTIFIERS[kind]), filler, filler_line, filler_column)
             check_room(triples, line, column)
@@ -350,7 +352,7 @@ class Frames:
         return number
 
     def _positions(self, token: Token) -> _Position:
-        """Return a function from offsets in a token to (line, column); the offsets given to it must not decrease."""
+        """Make a function from offsets in a token to (line, column); offsets of its calls must not decrease."""
         line, counted, begin = token.line or 1, 0, 1 - (token.column or 1)
 
         def position(offset: int) -> tuple[int, int]:
@@ -367,7 +369,7 @@ class Frames:
     # sections
 
     def each(self, predicate: str, items: list[Token | tuple[list[Annotation], Expression]]) -> None:
-        """State each item of a section as a value of a property."""
+        """State each item of a section as a value of ``predicate``."""
         data = (predicate, self._kind) in _OF_VALUES
         for item in items:
             if isinstance(item, Token):
@@ -414,7 +416,7 @@ class Frames:
         self._annotate(node, annotations)
 
     def listed(self, predicate: str, children: Children) -> None:
-        """State the items of a section as one list."""
+        """State the items of a section as one RDF list."""
         annotations, parts = _split(children)
         cell = self._out.place_list(self._subject, predicate, parts, parts[0].span)
         self._reify(self._subject, predicate, cell, parts[0].span, annotations)
@@ -425,7 +427,7 @@ class Frames:
     # axioms about several things
 
     def several(self, children: Children, predicate: str, kind: str | None) -> None:
-        """Relate two things directly; more by a node of a kind with a list, or one after the other without a kind."""
+        """Relate two entities directly; more of them by a node of type ``kind`` with a list, without one pairwise."""
         annotations, parts = _split(children)
         if kind is not None and len(parts) > 2:
             node = self._out.fresh()
@@ -449,5 +451,5 @@ class Frames:
 
 
 def _text(token: Token) -> str:
-    """Return the text in quotation marks, without its escapes."""
+    """Unquote a string and undo its escapes."""
     return _ESCAPE.sub(r"\1", str(token)[1:-1])

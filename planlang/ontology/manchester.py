@@ -1,4 +1,4 @@
-"""Manchester syntax: names, the driver of the parser, which goes on behind mistakes, and what it says about these."""
+"""Manchester syntax: the driver of the parser, which continues after errors, its messages, and the scope of names."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ FRAME_WORDS = (
     "EquivalentClasses:", "DisjointClasses:", "EquivalentProperties:", "DisjointProperties:", "SameIndividual:",
     "DifferentIndividuals:",
 )  # fmt: skip
-"""The words that begin a frame, or an axiom that stands beside the frames."""
+"""Keywords that begin a frame, or an axiom outside of frames."""
 
 _SPOKEN = {
     "NAME": "a name",
     "FULL_IRI": "an <IRI>",
     "NODE": "a node _:name",
-    "STRING": 'a "text"',
+    "STRING": 'a "string"',
     "NUMBER": "a number",
     "BOOLEAN": "true or false",
     "PREFIX": "a prefix with its colon",
@@ -46,13 +46,13 @@ _SPOKEN = {
     "SELF": "Self",
     "$END": "the end of the file",
 }
-"""The names of the grammar's terminals in messages; the others are words of the language."""
+"""Names of the grammar's terminals in messages; the other terminals are keywords."""
 
 _WORD = re.compile(r'"|\S+')
 
 
 def where(problem: UnexpectedInput, text: str) -> int:
-    """Return the offset of the first character that does not fit; behind the last word if there should be more."""
+    """Find the offset of a syntax error; at the end of the file, the end of its last word."""
     if not _is_at_end(problem):
         return problem.pos_in_stream if problem.pos_in_stream is not None else len(text)
     lines = text.split("\n")
@@ -62,12 +62,12 @@ def where(problem: UnexpectedInput, text: str) -> int:
 
 
 def explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file: str) -> Diagnostic:
-    """Return the diagnostic for a mistake at an offset."""
+    """Make the diagnostic of a syntax error at an offset, with what was expected there."""
     word = _WORD.match(text, offset)
     found = "the end of the file" if _is_at_end(problem) or word is None else word[0][:40]
     message = f"unexpected {found}"
     if found == '"':
-        message = "a text is not closed, or its quotation marks are unexpected here"
+        message = "a string is not closed, or its quotation marks are unexpected here"
     keywords, spoken = _expected(problem, parser)
     if "," in keywords and word is not None and _mends(",", parser, text, offset):
         begins_line = not text[text.rfind("\n", 0, offset) + 1 : offset].strip()
@@ -80,7 +80,7 @@ def explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file
 
 
 def _mends(sign: str, parser: Lark, text: str, offset: int) -> bool:
-    """Return True if a sign at an offset lets the parser read on behind the word there, within the frame."""
+    """Check whether inserting a sign at an offset lets the parser read the word there, within the frame."""
     begin = max((one.start() for one in _FRAME_START.finditer(text, 0, offset)), default=0)
     following = _FRAME_START.search(text, offset)
     frame = f"{text[begin:offset]}{sign} {text[offset : following.start() if following else len(text)]}"
@@ -95,9 +95,9 @@ def _mends(sign: str, parser: Lark, text: str, offset: int) -> bool:
 
 
 def unclosed(text: str, offset: int) -> int | None:
-    """Return the offset of the quotation mark of a text that ends right before a mistake, and hardly should end there.
+    """Find the opening quotation mark of a string that ends just before a syntax error and was probably not closed.
 
-    Such a text runs over words that begin sections, or up to the quotation mark that should open the next text.
+    Such a string contains keywords of sections, or ends at the quotation mark that should open the next string.
     """
     last = next(
         (one for one in _BESIDE.finditer(text) if one.end() <= offset and not text[one.end() : offset].strip()), None
@@ -113,7 +113,7 @@ def _is_at_end(problem: UnexpectedInput) -> bool:
 
 
 def _expected(problem: UnexpectedInput, parser: Lark) -> tuple[list[str], list[str]]:
-    """Return what could stand here: signs and section words as written, everything else described."""
+    """List the expected keywords and signs as written, and descriptions of the other expected tokens."""
     names: Iterable[str] = getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or ()
     names = names or getattr(problem, "expected", None) or ()
     order = {name: place for place, name in enumerate(_SPOKEN)}
@@ -150,19 +150,19 @@ _PREFIX = re.compile(r"Prefix:(?<!\SPrefix:)\s*([^\s:<>]*):\s*<([^<>\s]*)>")
 _ONTOLOGY = re.compile(r"Ontology:(?<!\SOntology:)\s*<([^<>\s]*)>")
 _CLASS = re.compile(r"Class:(?<!\SClass:)\s+(\S+)")
 _DECLARED = re.compile(r"Data(?<!\SData)(Property|type):\s+(\S+)")
-"""Patterns that begin with plain letters, for which ``re`` searches many times as fast as for a look behind."""
+"""Patterns with a literal start, which ``re`` finds many times faster than a pattern that starts with a look-behind."""
 
 _COUNTED = ("LPAR", "LBRACE", "NOT", "INVERSE", "SOME", "ONLY", "MIN", "MAX", "EXACTLY", "_ANNOTATIONS", "COMMA")
-"""Terminals behind which expressions or annotations can go deeper, and the comma."""
+"""Terminals after which expressions or annotations can be nested, and the comma, which ends an item."""
 
 
 _CACHE = Cache("parser", most=4)
 
 
 class _Relay(Transformer[Token, None]):
-    """Stands in the parser for the frames of the file that is parsed now: building a parser takes longer than a file.
+    """Forwards the parser's callbacks to the Frames of the current file, so that all files share one parser.
 
-    ``busy`` is held while ``frames`` is set.
+    Building a parser takes longer than parsing a file. ``busy`` is held while ``frames`` is set.
     """
 
     def __init__(self) -> None:
@@ -175,20 +175,20 @@ class _Relay(Transformer[Token, None]):
             raise AttributeError(rule)
         return lambda children: getattr(self.frames, rule)(children)
 
-    def told(self, token: Token) -> Token:
-        """Count a word for the frames; called by the lexer."""
+    def count(self, token: Token) -> Token:
+        """Count the open parts of an item (callback of the lexer)."""
         assert self.frames is not None
         return self.frames.separates(token) if token == "," else self.frames.opens(token)
 
 
 @cache
 def _parser() -> tuple[Lark, _Relay]:
-    """Return the parser and its relay; the tables of the parser are kept, as making them takes longer than using them.
+    """Build the parser and its relay. The LALR tables are cached on disk, as making them takes longer than parsing.
 
-    They are plain numbers and texts: unlike a pickle, loading them runs nothing.
+    They are stored with ``marshal``, which unlike ``pickle`` runs no code when it loads.
     """
     relay = _Relay()
-    own: dict[str, Any] = {"transformer": relay, "lexer_callbacks": dict.fromkeys(_COUNTED, relay.told)}
+    own: dict[str, Any] = {"transformer": relay, "lexer_callbacks": dict.fromkeys(_COUNTED, relay.count)}
     grammar = (Path(__file__).parent / "manchester.lark").read_text(encoding="utf-8")
     key = f"{lark_version} {sys.implementation.cache_tag} {grammar}"
     kept = _CACHE.load(key)
@@ -202,10 +202,10 @@ def _parser() -> tuple[Lark, _Relay]:
 
 
 def read_manchester(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
-    """Return the triples of a file in Manchester syntax. ``base`` is its address when ``Ontology:`` gives none.
+    """Read a file in Manchester syntax. ``base`` is its address unless ``Ontology:`` has an IRI.
 
-    ``label`` begins the labels of nameless nodes. Raises BadInput with all syntax errors, each with its position and
-    with what was expected there.
+    ``label`` is the prefix of blank-node labels. Raises BadInput with all syntax errors, each with its position and
+    what was expected there.
     """
     text = decode(content, file)
     names = _Names(text, file, base)
@@ -222,7 +222,10 @@ def read_manchester(content: bytes | str, file: str, *, base: str, label: str = 
 
 
 def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> str | None:
-    """Parse up to the first mistake. Returns what to go on with: the frames after it, lines kept; None at the end."""
+    """Parse up to the first syntax error, and return the text with everything before the next frame made blank.
+
+    Line numbers stay the same. None: the end of the file was reached, or there are too many errors.
+    """
     parser, relay = _parser()
     with relay.busy:
         relay.frames = frames
@@ -242,20 +245,20 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
                 problems.append(explain(problem, parser, text, offset, file))
             else:
                 line = text.count("\n", 0, offset) + 1
-                advice = f"it runs up to the next quotation mark, in line {line}; close it where it should end"
-                problems.append(error("O020", "a text is not closed", position_of(text, opening, file), advice))
+                advice = f"close it where it should end; it runs up to the next quotation mark, in line {line}"
+                problems.append(error("O020", "a string is not closed", position_of(text, opening, file), advice))
                 offset = opening
         finally:
             relay.frames = None
-    begun = len(text) - len(text.lstrip())
-    following = _FRAME_START.search(text, max(offset, begun + 1))
+    start = len(text) - len(text.lstrip())
+    following = _FRAME_START.search(text, max(offset, start + 1))
     if following is None or len(problems) >= MOST_ERRORS:
         return None
     return re.sub(r"[^\n]", " ", text[: following.start()]) + text[following.start() :]
 
 
 class _Names:
-    """Makes IRIs of written names, and remembers what it could not make one of."""
+    """Resolves names of a file to IRIs, and collects diagnostics of those that cannot be resolved."""
 
     def __init__(self, text: str, file: str, base: str) -> None:
         self.prefixes: dict[str, str] = {"rdf": RDF, "rdfs": RDFS, "owl": OWL, "xsd": XSD}
@@ -273,16 +276,16 @@ class _Names:
         self._classes = frozenset(_CLASS.findall(words))
 
     def declared(self, frame: str) -> frozenset[str]:
-        """Return the IRIs that the file has a frame ``DataProperty`` or ``Datatype`` for; ``frame`` is without Data."""
-        found = (name for kind, name in _DECLARED.findall(self._words) if kind == frame)
-        return frozenset(iri for name in found if (iri := self._iri(name)) is not None)
+        """IRIs with a frame ``DataProperty`` or ``Datatype``; ``frame`` is the keyword without Data."""
+        names = (name for kind, name in _DECLARED.findall(self._words) if kind == frame)
+        return frozenset(iri for name in names if (iri := self._iri(name)) is not None)
 
     def is_class(self, name: str) -> bool:
-        """Return True if the file has a frame for a class of this name."""
+        """Check whether the file has a frame for a class of this name."""
         return name in self._classes
 
     def resolve(self, name: str, span: Span) -> str:
-        """Return the IRI of ``<IRI>``, ``prefix:name`` or ``name``; a made-up one for an unknown prefix."""
+        """Resolve ``<IRI>``, ``prefix:name`` or ``name`` to an IRI; an unknown prefix is an error and gets a dummy."""
         iri = self._known.get(name)
         if iri is None:
             iri = self._iri(name)
@@ -314,6 +317,6 @@ class _Names:
 
     def _note_bare_names(self, span: Span) -> None:
         self._noted = True
-        advice = f"write Prefix: : <{self._own}> to name your own things"
-        message = f"no prefix ':' is declared: names are KnowRob's where it has them, else {self._own}NAME"
+        advice = f"declare it for names of this file: Prefix: : <{self._own}>"
+        message = f"the prefix ':' is not declared; names are read as KnowRob's if it has them, else as {self._own}NAME"
         self.notes.append(note("O022", message, span, advice))

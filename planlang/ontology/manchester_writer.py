@@ -1,4 +1,4 @@
-"""Manchester syntax: the frames of a graph, sorted, whatever the order of its triples, or in the order of a file."""
+"""Writes graphs in Manchester syntax, as frames sorted independently of the triples' order, or in file order."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from planlang.records import dataclass
 def manchester(
     triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
 ) -> tuple[str, list[Triple]]:
-    """Return the text of a graph, and the triples that Manchester syntax cannot express.
+    """Write a graph; also return the triples that Manchester syntax cannot express.
 
-    The same graph gives the same text. What is nowhere declared is given a frame, which declares it. With ``by_file``
-    frames and their items keep the order of their positions, and prefixes are kept that nothing uses.
+    The same graph gives the same text. Undeclared entities get a frame, which declares them. With ``by_file`` frames
+    and their items keep the order of their positions, and unused prefixes are kept.
     """
     graph = Graph(triples, by_file=by_file)
     return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
@@ -53,7 +53,7 @@ class _Writer:
         found = [self._axiom(node) for node in subjects if isinstance(node, BNode)]
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
-                self._nameless(subject)
+                self._blank_node(subject)
         keys = list(self._frames) if self._by_file else sorted(self._frames, key=self._place)
         frames = [self._frames[key].text(by_file=self._by_file) for key in keys]
         several = [text for text in (*found, *self._pairs) if text]
@@ -85,20 +85,20 @@ class _Writer:
         lines = [line]
         for triple in self._graph.about(subject, OWL.imports):
             if isinstance(triple.object, str):
-                lines += self._said([triple], partial(_import, triple))
+                lines += self._attempt([triple], partial(_import, triple))
         notes = [
             note
             for triple in self._graph.about(subject)
             if triple.predicate not in (RDF.type, OWL.imports, OWL.versionIRI)
-            for text in self._said([triple], partial(self._joined, triple))
+            for text in self._attempt([triple], partial(self._joined, triple))
             for note in text.split("\0")
         ]
         if notes:
             lines.append(section("Annotations", notes))
         return "\n".join(lines) + "\n"
 
-    def _said(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
-        """Yield the text of triples, which then count as written; nothing if the syntax cannot express them."""
+    def _attempt(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
+        """Yield the text of triples and mark them as written; nothing if the syntax cannot express them."""
         before = len(self._graph.written)
         try:
             text = write()
@@ -111,7 +111,7 @@ class _Writer:
     # annotations
 
     def _annotation(self, triple: Triple, kind: str = ANNOTATION) -> list[str]:
-        """Yield ``property value``, once for each annotation that it has in turn, or once without."""
+        """Write ``property value``, once for each nested annotation of it, or once without."""
         words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
         return [note + words for note in self._notes(triple, kind)] or [words]
 
@@ -119,25 +119,25 @@ class _Writer:
         return "\0".join(self._annotation(triple))
 
     def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
-        """Yield ``Annotations: ...`` for each node that annotates a triple."""
-        found = []
+        """Write ``Annotations: ...`` for each node that annotates a triple."""
+        written = []
         for node in self._graph.annotations(triple):
-            said, frame = self._graph.notes(node)
-            if said and self._graph.has(node, RDF.type, kind):
-                found.append(self._noted(said))
-                self._graph.write(*said, *frame)
-        return found
+            annotations, links = self._graph.notes(node)
+            if annotations and self._graph.has(node, RDF.type, kind):
+                written.append(self._noted(annotations))
+                self._graph.write(*annotations, *links)
+        return written
 
     def _noted(self, notes: list[Triple]) -> str:
-        """Return ``Annotations: ...`` and a blank; nothing if there are none."""
+        """Write ``Annotations: ...`` and a space; empty without annotations."""
         texts = [text for note in notes for text in self._annotation(note)]
         return f"Annotations: {', '.join(texts)} " if texts else ""
 
     def _annotated(self, triple: Triple, item: str) -> list[str]:
-        """Return an item once for each annotation that it has, or once without."""
+        """Repeat an item for each node that annotates it; once without any."""
         return [note + item for note in self._notes(triple)] or [item]
 
-    # things that have names
+    # named entities
 
     def _frame(self, word: str, subject: str | BNode) -> Frame:
         key = (word, subject)
@@ -150,39 +150,39 @@ class _Writer:
             self._words.name(subject)
         except CannotSay:
             return
-        said = self._graph.about(subject)
-        if not any(t.predicate == RDF.type and t.object in FRAMES for t in said):  # a frame would declare it
-            for triple in said:
+        triples = self._graph.about(subject)
+        if not any(t.predicate == RDF.type and t.object in FRAMES for t in triples):  # a frame would declare it
+            for triple in triples:
                 if triple.predicate in PAIRS:
-                    self._pairs += self._said([triple], partial(self._pair, subject, triple))
-            said = [triple for triple in said if triple not in self._graph.written]
-            if not said:
+                    self._pairs += self._attempt([triple], partial(self._pair, subject, triple))
+            triples = [triple for triple in triples if triple not in self._graph.written]
+            if not triples:
                 return
-        words = self._words_of(subject, said)
-        for triple in said:
+        words = self._words_of(subject, triples)
+        for triple in triples:
             word = (
                 FRAMES.get(triple.object) if triple.predicate == RDF.type and isinstance(triple.object, str) else None
             )
             if word is not None:
                 frame = self._frame(word, subject)
-                for noted in self._said([triple], partial(self._head, triple)):
+                for noted in self._attempt([triple], partial(self._head, triple)):
                     frame.heads = noted.split("\0")
         for word in words:
             self._frame(word, subject)
-        for triple in said:
+        for triple in triples:
             if triple not in self._graph.written:
                 self._statement(triple, words)
 
     def _head(self, triple: Triple) -> str:
         return "\0".join(self._annotated(triple, self._words.term(triple.subject)))
 
-    def _words_of(self, subject: str | BNode, said: list[Triple]) -> tuple[str, ...]:
-        """Return the words for the frames of a subject: from its declarations, else from the statements about it."""
+    def _words_of(self, subject: str | BNode, triples: list[Triple]) -> tuple[str, ...]:
+        """Choose the kinds of frames of a subject: from its declarations, else from the statements about it."""
         if isinstance(subject, BNode):
             return ("Individual",)
-        declared = {FRAMES[t.object] for t in said if t.predicate == RDF.type and t.object in FRAMES}
+        declared = {FRAMES[t.object] for t in triples if t.predicate == RDF.type and t.object in FRAMES}
         needed: set[str] = set(declared)
-        for triple in said:
+        for triple in triples:
             if triple.predicate == RDF.type:
                 if triple.object in CHARACTERISTICS:
                     places: tuple[str, ...] = PROPERTIES
@@ -203,7 +203,7 @@ class _Writer:
         return isinstance(term, str) and term.startswith(LANGUAGES) and term not in (OWL.Thing, OWL.Nothing)
 
     def _statement(self, triple: Triple, words: tuple[str, ...]) -> None:
-        """Put what a triple states into a section of one of the subject's frames."""
+        """Write a triple into a section of one of the subject's frames."""
         predicate = triple.predicate
         if predicate == RDF.type:
             if triple.object in CHARACTERISTICS:
@@ -244,7 +244,7 @@ class _Writer:
         word = next((word for word in words if word in places), None)
         if word is None:
             return
-        for text in self._said([triple], lambda: "\0".join(write())):
+        for text in self._attempt([triple], lambda: "\0".join(write())):
             self._frame(word, triple.subject).sections.setdefault(section, []).extend(text.split("\0"))
 
     def _expression(self, triple: Triple) -> list[str]:
@@ -252,7 +252,7 @@ class _Writer:
         return self._annotated(triple, text)
 
     def _plain(self, triple: Triple) -> str:
-        """Return the name or expression that is a triple's object."""
+        """Write the name or expression that is a triple's object."""
         if isinstance(triple.object, BNode) and triple.predicate in (OWL.sameAs, OWL.differentFrom):
             return self._words.term(triple.object)
         if isinstance(triple.object, Literal):
@@ -263,7 +263,7 @@ class _Writer:
         return text
 
     def _direct(self, triple: Triple) -> list[str]:
-        """``owl:intersectionOf`` and the like, said of a class itself as in OWL 1."""
+        """Write ``owl:intersectionOf`` and the like that are stated of a named class, as in OWL 1."""
         expression, used = self._expressions.about(triple.subject, triple)
         text = self._words.text(expression)
         self._graph.write(*used)
@@ -291,12 +291,12 @@ class _Writer:
         fact = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
         return self._annotated(triple, fact)
 
-    # things that have none
+    # blank nodes
 
     def _axiom(self, node: BNode) -> str | None:
-        """Return an axiom about several things, or about two of which the first is an expression.
+        """Write an axiom about several entities, or about two whose first is an expression; None if it is neither.
 
-        A negative fact goes to the frame of its individual instead.
+        A negative fact is written into the frame of its individual instead.
         """
         graph = self._graph
         if graph.has(node, RDF.type, OWL.NegativePropertyAssertion):
@@ -305,11 +305,11 @@ class _Writer:
         for kind, word in SEVERAL.items():
             for typed in graph.about(node, RDF.type):
                 if typed.object == OWL + kind:
-                    return next(self._said([typed], partial(self._several, typed, word)), None)
-        said = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
-        if not said or graph.uses(node):
+                    return next(self._attempt([typed], partial(self._several, typed, word)), None)
+        triples = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
+        if not triples or graph.uses(node):
             return None
-        return next(self._said(said[:1], partial(self._pair, node, said[0])), None)
+        return next(self._attempt(triples[:1], partial(self._pair, node, triples[0])), None)
 
     def _several(self, typed: Triple, word: str) -> str:
         members = [t for t in self._graph.about(typed.subject) if t.predicate in (OWL.members, OWL.distinctMembers)]
@@ -329,7 +329,7 @@ class _Writer:
         return between.join(map(self._words.term, items))
 
     def _pair(self, subject: str | BNode, triple: Triple) -> str:
-        """Two things that are alike or different; the first is a name or an expression."""
+        """Write an axiom that relates two entities; the first is a name or an expression."""
         if isinstance(subject, str):
             first = self._words.name(subject)
         elif triple.predicate in (OWL.sameAs, OWL.differentFrom):
@@ -344,26 +344,26 @@ class _Writer:
 
     def _negative(self, node: BNode) -> None:
         graph = self._graph
-        said = graph.about(node)
+        triples = graph.about(node)
 
         def write() -> list[str]:
             prop = graph.one(node, OWL.assertionProperty)
             targets = [t for name in ("targetIndividual", "targetValue") for t in graph.about(node, OWL + name)]
             if prop is None or not isinstance(prop.object, str) or len(targets) != 1:
-                raise CannotSay("a negative fact that is not whole")
+                raise CannotSay("an incomplete negative fact")
             core = (RDF.type, OWL.sourceIndividual, prop.predicate, targets[0].predicate)
-            notes = [t for t in said if t.predicate not in core]
-            graph.write(*said)
+            notes = [t for t in triples if t.predicate not in core]
+            graph.write(*triples)
             words = f"not {self._words.name(prop.object)} {self._words.term(targets[0].object)}"
             return [self._noted(notes) + words]
 
         sources = graph.about(node, OWL.sourceIndividual)
         if len(sources) == 1 and not isinstance(sources[0].object, Literal):
             subject = sources[0].object
-            for text in self._said(said, lambda: "\0".join(write())):
+            for text in self._attempt(triples, lambda: "\0".join(write())):
                 self._frame("Individual", subject).sections.setdefault("Facts", []).extend(text.split("\0"))
 
-    def _nameless(self, node: BNode) -> None:
+    def _blank_node(self, node: BNode) -> None:
         for triple in self._graph.about(node):
             if triple not in self._graph.written:
                 self._statement(triple, ("Individual",))
@@ -372,12 +372,12 @@ class _Writer:
 def _import(triple: Triple) -> str:
     address = triple.object
     if not isinstance(address, str) or set(address) & set(' <>"{}|^`\\\n\r\t'):
-        raise CannotSay("an address with characters that none has")
+        raise CannotSay("an import whose address is no valid IRI")
     return f"    Import: <{address}>"
 
 
 WIDTH = 120
-"""Characters of a line that holds more than one item."""
+"""Greatest length of a line with several items."""
 
 FRAMES = {
     OWL.AnnotationProperty: "AnnotationProperty",
@@ -387,7 +387,7 @@ FRAMES = {
     OWL.Class: "Class",
     OWL.NamedIndividual: "Individual",
 }
-"""Kind of thing -> the word that begins its frame, in the order of the file."""
+"""Kind of entity -> keyword of its frame, in the order of the written file."""
 
 PROPERTIES = ("ObjectProperty", "DataProperty", "AnnotationProperty")
 SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -403,14 +403,14 @@ SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     OWL.sameAs: ("SameAs", ("Individual",)),
     OWL.differentFrom: ("DifferentFrom", ("Individual",)),
 }
-"""Property -> the section that states it, and the frames that have it; the value is an expression or a name."""
+"""Property -> its section, and the frames that can have it; the value is an expression or a name."""
 
 LISTS: dict[str, tuple[str, str, str]] = {
     OWL.disjointUnionOf: ("DisjointUnionOf", "Class", ", "),
     OWL.hasKey: ("HasKey", "Class", " "),
     OWL.propertyChainAxiom: ("SubPropertyChain", "ObjectProperty", " o "),
 }
-"""Property -> its section, its frame, and what stands between the items of its list."""
+"""Property -> its section, its frame, and the separator of the items of its list."""
 
 CHARACTERISTICS = {
     f"{OWL}{name}Property": name
@@ -422,7 +422,7 @@ ORDER = ("Annotations", "Types", "Facts", "Characteristics", "SubClassOf", "Equi
 """Sections in the order of a frame."""
 
 SINGLE = ("DisjointUnionOf", "HasKey", "SubPropertyChain")
-"""Sections of one item each; a datatype's EquivalentTo is another."""
+"""Sections with a single item each; EquivalentTo of a Datatype is another."""
 
 SEVERAL = {
     "AllDisjointClasses": "DisjointClasses",
@@ -447,9 +447,9 @@ LANGUAGES = (OWL, RDF, RDFS, XSD)
 
 @dataclass(slots=True)
 class Frame:
-    """One frame: its heading, and the items of its sections; an annotated item has a section of its own.
+    """Frame: its headings, and the items of its sections.
 
-    The Note lets it stand in the middle of others; not every reader does.
+    An annotated item is written in a section of its own: the W3C Note allows it among others, but some readers do not.
     """
 
     word: str
@@ -470,7 +470,7 @@ class Frame:
 
 
 def section(name: str, items: list[str]) -> str:
-    """Return a section on one line if it fits or has one item, else with a line for each item."""
+    """Write a section on one line if it fits or has one item, else with a line for each item."""
     line = f"    {name}: {', '.join(items)}"
     if not items[1:] or (len(line) <= WIDTH and "\n" not in line):
         return line

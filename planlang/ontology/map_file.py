@@ -1,6 +1,6 @@
-"""Reads a file of a map that is no ontology (a grid, points, an octree) as the statement that there is such a map.
+"""Reads a sensed map (occupancy grid, point cloud, octree) as the statement that there is such a map.
 
-What it holds is read by who uses it, beside the file.
+Its content is not read here, but by the code that builds the obstacles of the world.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _BEGINNINGS = {
 
 
 def sensed_map(content: bytes) -> str | None:
-    """Return the class of map that a file of points, or of an octree, is by its beginning; None for other files."""
+    """Detect a point cloud or an octree by its first bytes, and name its class (IRI); None for other files."""
     return next((cls for cls, beginning in _BEGINNINGS.items() if beginning.match(content)), None)
 
 
 def read_map_file(path: Path, base: str, cls: str) -> Parsed:
-    """Return the map that a file is: an individual of its class, with the link to the file."""
+    """State an individual of the map's class with a link to the file."""
     span, triples = Span(str(path)), Triples(str(path))
     own = f"{base}#map"
     triples.state(base, RDF.type, OWL.Ontology, span)

@@ -1,4 +1,4 @@
-"""Turtle and RDF/XML, with nameless nodes and lists where they are used, if that is one place; and N-Triples."""
+"""Writes graphs as N-Triples, Turtle and RDF/XML; blank nodes and lists are nested where they have a single use."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _SHORT = {"\t": r"\t", "\b": r"\b", "\n": r"\n", "\r": r"\r", "\f": r"\f", '"': 
 
 
 def ntriples(triples: Iterable[Triple]) -> str:
-    """Return the triples in their order; the labels of nameless nodes as they are."""
+    """Write triples in their order, with the labels of blank nodes unchanged."""
     return "".join(f"{term(t.subject)} {iri(t.predicate)} {term(t.object)} .\n" for t in triples)
 
 
 def term(value: Term) -> str:
-    """Return a term as N-Triples and Turtle write it in full."""
+    """Write a term in full, as in N-Triples and Turtle."""
     match value:
         case BNode(label):
             return f"_:{label}"
@@ -32,12 +32,12 @@ def term(value: Term) -> str:
 
 
 def iri(value: str) -> str:
-    """Return an IRI in angle brackets; characters that it must not have are escaped."""
+    """Write an IRI in angle brackets, with illegal characters escaped."""
     return f"<{_ILLEGAL_IN_IRI.sub(_escape, value)}>"
 
 
 def text(value: str) -> str:
-    """Return a text in quotation marks, on one line."""
+    """Write a string in quotation marks, on one line."""
     return f'"{_ESCAPED_IN_TEXT.sub(lambda found: _SHORT.get(found[0]) or _escape(found), value)}"'
 
 
@@ -46,15 +46,15 @@ def _escape(found: re.Match[str]) -> str:
 
 
 DEEPEST_IN_TURTLE = 40
-"""Nameless nodes written inside each other; what is deeper has a label."""
+"""Greatest nesting depth of written blank nodes; deeper ones get labels."""
 
 
 def turtle(
     triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, by_file: bool = False
 ) -> str:
-    """Return the text of a graph; the same graph gives the same text. ``own`` is the name of the ontology.
+    """Write a graph as Turtle; the same graph gives the same text. ``own`` is the ontology IRI.
 
-    With ``by_file`` statements keep the order of their positions, and prefixes are kept that nothing uses.
+    With ``by_file`` statements keep the order of their positions, and unused prefixes are kept.
     """
     writer = _TurtleWriter(labelled(triples, by_file=by_file), Names(prefixes, own), by_file=by_file)
     body = "\n".join(writer.paragraphs())
@@ -72,12 +72,12 @@ class _TurtleWriter:
         self._inside = self._nested(self._subjects.once)
 
     def _nested(self, once: frozenset[BNode]) -> frozenset[BNode]:
-        """Return nodes written where they are used: reached from a subject of their own, not too deep, no circle."""
+        """Find the blank nodes to nest: not too deep, and not on a cycle, which no other subject leads to."""
         nested: set[BNode] = set()
         level = [subject for subject in self._about if subject not in once]
         for _ in range(DEEPEST_IN_TURTLE):
             following: list[str | BNode] = []
-            for subject in level:  # grows by the cells of lists, which are no deeper
+            for subject in level:  # grows by the cells of lists, which do not count as deeper
                 for triple in self._about.get(subject, ()):
                     if isinstance(triple.object, BNode) and triple.object in once and triple.object not in nested:
                         nested.add(triple.object)
@@ -86,14 +86,14 @@ class _TurtleWriter:
         return frozenset(nested)
 
     def paragraphs(self) -> Iterator[str]:
-        for subject, said in self._about.items():
+        for subject, triples in self._about.items():
             if not (isinstance(subject, BNode) and subject in self._inside):
-                yield f"{self._term(subject)} {self._said(said, 1)} .\n"
+                yield f"{self._term(subject)} {self._properties(triples, 1)} .\n"
 
-    def _said(self, said: list[Triple], depth: int) -> str:
-        """Return ``property value, value ; property value``: rdf:type first, then by property or as in the file."""
+    def _properties(self, triples: list[Triple], depth: int) -> str:
+        """Write ``property value, value ; property value``: rdf:type first, then by property or as in the file."""
         values: dict[str, list[str]] = {}
-        for triple in _sorted(said, by_file=self._by_file):
+        for triple in _sorted(triples, by_file=self._by_file):
             values.setdefault(triple.predicate, []).append(self._value(triple.object, depth))
         if not self._by_file:
             values = {prop: sorted(texts) for prop, texts in values.items()}
@@ -110,11 +110,11 @@ class _TurtleWriter:
         listed = self._subjects.list_at(value, self._inside.__contains__)
         if listed is not None:
             return f"( {' '.join(self._value(item, depth + 1) for item in listed[0])} )"
-        said = self._about.get(value)
-        if not said:
+        triples = self._about.get(value)
+        if not triples:
             return "[]"
         indent = "\n" + "    " * depth
-        return f"[{indent}    {self._said(said, depth + 1)}{indent}]"
+        return f"[{indent}    {self._properties(triples, depth + 1)}{indent}]"
 
     def _term(self, value: Term) -> str:
         match value:
@@ -132,13 +132,13 @@ class _TurtleWriter:
         return f"{found[0]}:{found[1]}" if found else iri(value)
 
 
-def _sorted(said: list[Triple], *, by_file: bool) -> list[Triple]:
-    """Return what is said of a subject: its types first, then by property, or in the order of the file."""
-    return sorted(said, key=lambda one: (one.predicate != RDF.type, "" if by_file else one.predicate))
+def _sorted(triples: list[Triple], *, by_file: bool) -> list[Triple]:
+    """Sort the triples of a subject: types first, the others by property, or in the order of the file."""
+    return sorted(triples, key=lambda one: (one.predicate != RDF.type, "" if by_file else one.predicate))
 
 
 DEEPEST_IN_XML = 30
-"""Nameless nodes written inside each other; what is deeper has a label."""
+"""Greatest nesting depth of written blank nodes; deeper ones get labels."""
 
 _LETTER = "A-Za-z_\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff"
 _END = re.compile(rf"[{_LETTER}][{_LETTER}0-9.\u00b7-]*$")
@@ -150,10 +150,10 @@ _SYNTAX = frozenset(RDF + name for name in ("RDF", "ID", "about", "parseType", "
 def rdfxml(
     triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, by_file: bool = False
 ) -> tuple[str, list[Triple]]:
-    """Return the text of a graph, and the triples that RDF/XML cannot express.
+    """Write a graph as RDF/XML; also return the triples that it cannot express.
 
-    These have a property whose IRI does not end in a name, or a text with characters that XML does not have. The same
-    graph gives the same text. ``own`` is the name of the ontology, ``by_file`` as in :func:`turtle`.
+    These have a property whose IRI does not end in an XML name, or a string with characters that XML does not allow.
+    The same graph gives the same text. ``own`` is the ontology IRI, ``by_file`` as in :func:`turtle`.
     """
     given = labelled(triples, by_file=by_file)
     lost = [triple for triple in given if not _can_be_written(triple)]
@@ -176,7 +176,7 @@ def _can_be_written(triple: Triple) -> bool:
 
 
 def _is_element(term: Term) -> bool:
-    """Return True for an IRI that can name an element: it ends in a name, and has no other meaning there."""
+    """Check whether an IRI can name an element: it ends in an XML name, and is no part of RDF/XML's syntax."""
     if not isinstance(term, str) or term in _SYNTAX:
         return False
     found = _END.search(term)
@@ -207,21 +207,21 @@ class _RdfXmlWriter:
         roots = [subject for subject in self._about if subject not in self._once]
         for subject in roots:
             yield from self._node(subject, 1)
-        for subject in self._about:  # circles, and what was too deep
+        for subject in self._about:  # nodes on cycles, and those that were too deep
             if isinstance(subject, BNode) and subject in self._once and subject not in self._written:
                 yield from self._node(subject, 1)
 
     def _node(self, subject: str | BNode, depth: int, *, is_nested: bool = False) -> Iterator[str]:
         if isinstance(subject, BNode):
             self._written.add(subject)
-        said = self._about.get(subject, [])
-        kind = next((t for t in said if t.predicate == RDF.type and _is_element(t.object)), None)
+        triples = self._about.get(subject, [])
+        kind = next((t for t in triples if t.predicate == RDF.type and _is_element(t.object)), None)
         tag = self._tag(str(kind.object)) if kind is not None else "rdf:Description"
         pad = "    " * depth
         name = (
             "" if is_nested else f" rdf:about={quoteattr(subject)}" if isinstance(subject, str) else _node_id(subject)
         )
-        rest = [triple for triple in said if triple is not kind]
+        rest = [triple for triple in triples if triple is not kind]
         if not rest:
             yield f"{pad}<{tag}{name}/>\n"
             return
@@ -263,7 +263,7 @@ class _RdfXmlWriter:
             yield f"{pad}<rdf:Description{_node_id(item)}/>\n"
 
     def _items(self, cell: BNode) -> list[str | BNode] | None:
-        """Return the items of a list that can be written as one; None if it cannot, or has values."""
+        """Items of a list that can be written as a collection; None if it cannot, or has literals."""
         found = self._subjects.list_at(cell, lambda one: one in self._once and one not in self._written)
         items = [item for item in found[0] if not isinstance(item, Literal)] if found is not None else []
         if found is None or len(items) < len(found[0]):

@@ -1,4 +1,4 @@
-"""One consistent in-memory ontology: triples of all documents, and the questions that recipes, maps and robots ask."""
+"""One consistent in-memory ontology: triples of all documents, and the queries that recipes, maps and robots need."""
 
 from __future__ import annotations
 
@@ -41,22 +41,22 @@ def load(
     also: Sequence[Path] = (),
     content: bytes | None = None,
 ) -> Ontology:
-    """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, unless told otherwise, our vocabulary.
+    """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, if ``builtin``, the bundled vocabulary.
 
-    Imports are looked for beside the file, in ``folders``, then among the bundled ontologies; never in the network.
-    ``also``: files that are read as if the first one imported them. ``content``: what the first one says, which then
-    need not be a file, and beside which nothing is looked for. Raises BadInput with all errors found if one of the
-    files cannot be used.
+    Imports are searched beside the file, in ``folders``, then among the bundled ontologies; never on the network.
+    ``also``: files to read as if the first one imported them. ``content``: bytes of the first document, which then
+    need not exist as a file; its folder is not searched. Raises BadInput with all errors if ``path`` or a file of
+    ``also`` cannot be used; an unusable import is a warning.
     """
     folders = tuple(map(Path, folders))
     return Ontology(read_all(Path(path), folders, builtin=builtin, also=also, content=content))
 
 
 class Ontology:
-    """The statements of all documents, in document order, the main document first.
+    """Statements of all documents in document order, the main document first.
 
-    Classes, properties and individuals are given by IRI, prefixed name, or bare name of the vocabulary. ``store`` holds
-    the triples of all documents.
+    Methods accept classes, properties and individuals as IRI, prefixed name, or bare name of the vocabulary. ``store``
+    holds the triples of all documents.
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
@@ -64,41 +64,42 @@ class Ontology:
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
-        """Values that users of the ontology compute and cache for its lifetime, under keys of their own."""
+        """Results that callers cache for the lifetime of the ontology, under keys of their own."""
         self._main = self.store.ranges[0]
         self._restrictions: dict[int, tuple[Restriction, ...]] = {}
-        self._kind = self.store.number(RDF.type)
+        self._type = self.store.number(RDF.type)
         self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
         defining = (RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDFS.subPropertyOf)
         self._defining = frozenset(map(self.store.number, defining))
-        self._listed: dict[tuple[str, ...], tuple[str, ...]] = {}
-        self._kinds: dict[tuple[str, ...], dict[int, int]] = {}
-        self._words: dict[tuple[str, ...], dict[int, None]] = {}
+        self._valid_properties: dict[tuple[str, ...], tuple[str, ...]] = {}
+        self._indices: dict[tuple[str, ...], dict[int, int]] = {}
+        """Names given to :meth:`linked` -> number of a property -> index of its local name among them."""
+        self._properties_named: dict[tuple[str, ...], dict[int, None]] = {}
         self._types: dict[int, tuple[str, ...]] = {}
-        found = [diagnostic for reading in readings for diagnostic in reading.diagnostics]
+        of_reading = (diagnostic for reading in readings for diagnostic in reading.diagnostics)
         self.diagnostics: tuple[Diagnostic, ...] = (
-            *found,
+            *of_reading,
             *check(self, (document.path for document in self.documents)),
         )
 
     @property
     def iri(self) -> str | None:
-        """The name that the main document gives itself."""
+        """Ontology IRI of the main document."""
         return self.documents[0].iri
 
     def alone(self) -> Ontology:
-        """Return what the main document states, without any other."""
+        """Make an ontology of the main document only."""
         return Ontology(self._readings[:1])
 
     def renamed(self, names: Mapping[str, str]) -> Ontology:
-        """Return a copy in which some names (IRIs) of the main document are replaced."""
+        """Make a copy in which some IRIs of the main document are replaced (old -> new)."""
         main, *others = self._readings
         return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
 
     def to_owlready(self) -> Any:
-        """Return a ``World`` of owlready2 with the repaired statements of all documents; nothing is imported again.
+        """Convert to a ``World`` of owlready2 with the repaired statements of all documents, without owl:imports.
 
-        Nameless nodes keep their statements, not their labels. Raises ImportError without owlready2.
+        Blank nodes keep their statements, not their labels. Raises ImportError without owlready2.
         """
         from owlready2 import World  # needs an extra
 
@@ -142,144 +143,147 @@ class Ontology:
         return self.store.find(term)
 
     def _about(self, term: Term) -> Sequence[int]:
-        """Return the rows that have a term as their subject."""
+        """Rows with a term as subject."""
         number = self._number(term)
         return () if number is None else self.store.about(number)
 
     def said(self, s: str | BNode, *names: str) -> Iterator[Triple]:
-        """Yield the triples of a subject whose properties have one of these local names, in document order."""
+        """Yield the triples about a subject whose property has one of these local names, in document order."""
         named, predicates = self._named(names), self.store.predicates
         if not named:
             return iter(())
         return map(self.store.triple, [row for row in self._about(s) if predicates[row] in named])
 
     def using(self, *names: str) -> Iterator[Triple]:
-        """Return the triples whose property has one of these local names, in document order."""
+        """Yield the triples whose property has one of these local names, in document order."""
         return map(self.store.triple, self.store.by(*self.properties_named(*names)))
 
     def properties_named(self, *names: str) -> tuple[str, ...]:
-        """Return the properties that any triple uses and whose local names are among these."""
-        found = (self.store.name(number) for number in self._named(names))
-        return tuple(name for name in found if name is not None)
+        """IRIs of the properties in use that have one of these local names."""
+        iris = (self.store.name(number) for number in self._named(names))
+        return tuple(iri for iri in iris if iri is not None)
 
     def _named(self, names: tuple[str, ...]) -> dict[int, None]:
-        found = self._words.get(names)
-        if found is None:
+        numbers = self._properties_named.get(names)
+        if numbers is None:
             used = ((number, self.store.name(number) or "") for number in self.store.used)
-            found = self._words[names] = {number: None for number, name in used if local_name(name) in names}
-        return found
+            numbers = {number: None for number, iri in used if local_name(iri) in names}
+            self._properties_named[names] = numbers
+        return numbers
 
     def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
-        """Return the values of a property for a subject, in document order, each once."""
+        """Values of a property for a subject, in document order, each once."""
         if not subproperties:
             return self._values(s, (self._number(p),))
         return self._values(s, frozenset(map(self._number, self.subproperties(p))))
 
     def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
-        """Return, for each of these local names, the IRIs that properties of that name link a subject to, each once."""
+        """Collect, for each local name of a property, the IRIs that a subject is linked to by it, each once."""
         return self.linked_from(s, *names)[0]
 
     def linked_from(self, s: str | BNode, *names: str) -> tuple[tuple[list[str], ...], Span | None]:
-        """Return the result of :meth:`linked` and the position of the subject's definition (:meth:`span`)."""
-        kinds = self._kinds.get(names)
-        if kinds is None:
-            kinds = self._kinds[names] = {
-                kind: place for place, name in enumerate(names) for kind in self._named((name,))
-            }
-        found: tuple[list[str], ...] = tuple([[] for _ in names])
+        """Collect as :meth:`linked` does, and find the position of the subject's definition (:meth:`span`).
+
+        It walks the triples of the subject once, because recipes ask this of each of their ordering constraints.
+        """
+        indices = self._indices.get(names)
+        if indices is None:
+            indices = {number: index for index, name in enumerate(names) for number in self._named((name,))}
+            self._indices[names] = indices
+        linked: tuple[list[str], ...] = tuple([[] for _ in names])
         number, store = self._number(s), self.store
         if number is None:
-            return found, None
-        predicates, objects, terms, typing, defining = store.predicates, store.objects, store.terms, self._kind, -1
+            return linked, None
+        predicates, objects, terms, rdf_type, definition = store.predicates, store.objects, store.terms, self._type, -1
         first, following = store.by_subject
         row = first[number]
         while row >= 0:
             predicate = predicates[row]
-            if predicate == typing:
-                defining = row if defining < 0 else defining
-            elif (place := kinds.get(predicate)) is not None:
+            if predicate == rdf_type:
+                definition = row if definition < 0 else definition
+            elif (index := indices.get(predicate)) is not None:
                 value = terms[objects[row]]
-                if isinstance(value, str) and value not in found[place]:
-                    found[place].append(value)
+                if isinstance(value, str) and value not in linked[index]:
+                    linked[index].append(value)
             row = following[row]
-        where = defining if defining >= 0 else first[number]
-        return found, store.span(where) if where >= 0 else None
+        definition = definition if definition >= 0 else first[number]
+        return linked, store.span(definition) if definition >= 0 else None
 
-    def _values(self, s: str | BNode, wanted: Container[int | None]) -> tuple[Term, ...]:
+    def _values(self, s: str | BNode, predicates: Container[int | None]) -> tuple[Term, ...]:
         store, number = self.store, self._number(s)
         if number is None:
             return ()
-        found = [store.objects[row] for row in store.about(number) if store.predicates[row] in wanted]
-        return tuple(map(store.term, dict.fromkeys(found) if len(found) > 1 else found))
+        objects = [store.objects[row] for row in store.about(number) if store.predicates[row] in predicates]
+        return tuple(map(store.term, dict.fromkeys(objects) if len(objects) > 1 else objects))
 
     def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
-        """Return the first value of a property, or None."""
+        """First value of a property, or None."""
         return next(iter(self.values(s, p, subproperties=subproperties)), None)
 
     def iris(self, s: str | BNode, p: str) -> tuple[str, ...]:
-        """Return the IRIs among the values of a property, in document order, each once."""
+        """IRIs among the values of a property, in document order, each once."""
         return tuple(value for value in self.values(s, p) if isinstance(value, str))
 
-    # what there is
+    # entities
 
     def types(self, individual: str | BNode) -> tuple[str, ...]:
-        """Return the named classes that an individual is stated to be of, without those of OWL itself."""
+        """Named classes stated as types of an individual, except terms of RDF, RDFS and OWL."""
         number = self._number(individual)
         if number is None:
             return ()
-        found = self._types.get(number)
-        if found is None:
-            stated = self._values(individual, (self._kind,))
-            found = tuple(cls for cls in stated if isinstance(cls, str) and not cls.startswith(_LANGUAGE))
-            self._types[number] = found
-        return found
+        types = self._types.get(number)
+        if types is None:
+            stated = self._values(individual, (self._type,))
+            types = tuple(cls for cls in stated if isinstance(cls, str) and not cls.startswith(_LANGUAGE))
+            self._types[number] = types
+        return types
 
     def is_class(self, iri: str) -> bool:
-        """Return True if it is declared a class, or stated to be below, above or the same as one."""
-        return self._number_of_thing(iri) in self._classes
+        """Check whether an IRI is declared as a class, or is the subclass, superclass or equivalent of one."""
+        return self._number_or_twin(iri) in self._classes
 
     @cached_property
     def _classes(self) -> frozenset[int | None]:
         store = self.store
         rows = store.by(RDFS.subClassOf, OWL.equivalentClass)
-        found = set(map(store.subjects.__getitem__, rows)) | set(
+        related = set(map(store.subjects.__getitem__, rows)) | set(
             map(store.objects.__getitem__, store.by(RDFS.subClassOf))
         )
-        return frozenset(found.union(self._of_kinds(self._class_kinds)))
+        return frozenset(related.union(self._of_types(self._class_kinds)))
 
     def class_names(self) -> tuple[str, ...]:
-        """Return all classes that are declared, in document order."""
+        """All declared classes in document order."""
         return self._class_names
 
     @cached_property
     def _class_names(self) -> tuple[str, ...]:
-        names = map(self.store.name, self._of_kinds(self._class_kinds))
+        names = map(self.store.name, self._of_types(self._class_kinds))
         return tuple(name for name in names if name is not None)
 
-    def _of_kinds(self, kinds: Iterable[int]) -> dict[int, None]:
-        """Return the subjects that have one of these types, in document order."""
+    def _of_types(self, types: Iterable[int]) -> dict[int, None]:
+        """Subjects that have one of these types, in document order."""
         store = self.store
-        rows = [row for kind in kinds for row in store.with_object(kind) if store.predicates[row] == self._kind]
+        rows = [row for cls in types for row in store.with_object(cls) if store.predicates[row] == self._type]
         return dict.fromkeys(map(store.subjects.__getitem__, sorted(rows)))
 
     def is_individual(self, iri: str) -> bool:
-        """Return True if it has a class, or is declared an individual. A class may be one too."""
+        """Check whether an IRI has a class or is declared as an individual; a class may be one too (punning)."""
         return bool(self.types(iri)) or OWL.NamedIndividual in self.values(iri, RDF.type)
 
     def is_property(self, iri: str) -> bool:
-        """Return True if it is declared a property of any kind."""
+        """Check whether an IRI is declared as a property of any kind."""
         return any(
             isinstance(kind, str) and kind.startswith(_LANGUAGE) and kind.endswith("Property")
             for kind in self.values(iri, RDF.type)
         )
 
     def defined(self, iri: str) -> bool:
-        """Return True if any document declares it, gives it a class, or places it below one."""
-        number, predicates = self._number_of_thing(iri), self.store.predicates
+        """Check whether any document states a type, a superclass, an equivalent class or a superproperty of an IRI."""
+        number, predicates = self._number_or_twin(iri), self.store.predicates
         return number is not None and any(predicates[row] in self._defining for row in self.store.about(number))
 
-    def _number_of_thing(self, iri: str) -> int | None:
-        """Return its number; of one of RoboEarth's about which no document says anything that of KnowRob's class."""
+    def _number_or_twin(self, iri: str) -> int | None:
+        """Number of an IRI; for a RoboEarth class without statements that of the equally named KnowRob class."""
         iri = iri if iri.startswith(ABSOLUTE) else expand(iri)
         number = self.store.numbers.get(iri)
         if iri.startswith(ROBOEARTH) and (number is None or self.store.first_about(number) < 0):
@@ -288,13 +292,13 @@ class Ontology:
         return number
 
     def individuals(self, cls: str) -> tuple[str, ...]:
-        """Return the individuals of a class and of its subclasses, in document order."""
-        wanted = (self.store.find(name) for name in self.subclasses(cls))
-        names = map(self.store.name, self._of_kinds(number for number in wanted if number is not None))
+        """Individuals of a class and of its subclasses, in document order."""
+        classes = (self.store.find(name) for name in self.subclasses(cls))
+        names = map(self.store.name, self._of_types(number for number in classes if number is not None))
         return tuple(name for name in names if name is not None)
 
     def unused(self) -> Iterator[str]:
-        """Yield what the main document gives a type and no document mentions otherwise; each once."""
+        """Yield each entity that the main document gives a type and that no other subject refers to."""
         store, (first, following) = self.store, self.store.by_object
         subjects = store.subjects
         for number in dict.fromkeys(subjects[row] for row in store.by(RDF.type) if row in self._main):
@@ -306,21 +310,21 @@ class Ontology:
                 yield name
 
     def main(self, iri: str) -> bool:
-        """Return True if the main document states something about it."""
+        """Check whether the main document states something about an IRI."""
         number = self._number(iri)
         return number is not None and self.store.first_about(number) in self._main
 
     def span(self, iri: str) -> Span | None:
-        """Return the position of its definition: its first type, else the first statement about it."""
+        """Position of the definition of an IRI: its first type, else the first statement about it."""
         first = None
         for row in self._about(iri):
-            if self.store.predicates[row] == self._kind:
+            if self.store.predicates[row] == self._type:
                 return self.store.span(row)
             first = row if first is None else first
         return None if first is None else self.store.span(first)
 
     def label(self, iri: str) -> str | None:
-        """Return its label: one in English or without language before others."""
+        """Label of an IRI, preferably in English or without language tag."""
         labels = [value for value in self.values(iri, RDFS.label) if isinstance(value, Literal)]
         labels.sort(key=lambda label: not (label.language or "en").startswith("en"))
         return labels[0].value.strip() if labels else None
@@ -329,43 +333,43 @@ class Ontology:
 
     @cached_property
     def taxonomy(self) -> Taxonomy:
-        """The class hierarchy."""
+        """Class hierarchy of all documents."""
         mentioned = (term for term in self.store.terms if isinstance(term, str))
         stated = tuple(edges(self.store))
         undefined = [upper for upper in dict.fromkeys(upper for _, upper in stated) if not self.defined(upper)]
-        same = namesakes(undefined, self.class_names()).items()
-        return Taxonomy((*stated, *alias_edges(self.is_class, mentioned), *same))
+        repaired = namesakes(undefined, self.class_names()).items()
+        return Taxonomy((*stated, *alias_edges(self.is_class, mentioned), *repaired))
 
     def ancestors(self, cls: str) -> tuple[str, ...]:
-        """Return the class itself, then its superclasses, nearest first."""
+        """Class itself, then its superclasses, nearest first."""
         return self.taxonomy.ancestors(expand(cls))
 
     def parents(self, cls: str) -> tuple[str, ...]:
-        """Return the named classes directly above: stated, members of a stated intersection, or equivalent."""
+        """Direct named superclasses: stated, members of a stated intersection, or equivalent."""
         return self.taxonomy.parents(expand(cls))
 
     def subclasses(self, cls: str) -> tuple[str, ...]:
-        """Return the class itself, then its subclasses, nearest first."""
+        """Class itself, then its subclasses, nearest first."""
         return self.taxonomy.descendants(expand(cls))
 
     def is_a(self, cls_or_individual: str, cls: str) -> bool:
-        """Return True for a class below ``cls`` or the same, and for an individual of such a class."""
-        iri, wanted = expand(cls_or_individual), expand(cls)
-        return self.taxonomy.is_below(iri, wanted) or any(
-            self.taxonomy.is_below(kind, wanted) for kind in self.types(iri)
+        """Check whether a class is ``cls`` or a subclass of it, or an individual has such a class."""
+        iri, upper = expand(cls_or_individual), expand(cls)
+        return self.taxonomy.is_below(iri, upper) or any(
+            self.taxonomy.is_below(kind, upper) for kind in self.types(iri)
         )
 
     def any_is_a(self, names: Iterable[str], classes: Iterable[str]) -> bool:
-        """Return True if one of several classes or individuals is of one of some classes; see :meth:`is_a`."""
-        wanted = tuple(map(expand, classes))
-        return any(self.is_a(name, cls) for name in names for cls in wanted)
+        """Check whether :meth:`is_a` holds for any of the names with any of the classes."""
+        iris = tuple(map(expand, classes))
+        return any(self.is_a(name, cls) for name in names for cls in iris)
 
     def subproperties(self, p: str) -> tuple[str, ...]:
-        """Return the property itself, then those below it, nearest first."""
+        """Property itself, then its subproperties, nearest first."""
         return by_distance(expand(p), self._property_children)
 
     def superproperties(self, p: str) -> tuple[str, ...]:
-        """Return the property itself, then those above it, nearest first."""
+        """Property itself, then its superproperties, nearest first."""
         return by_distance(expand(p), self._property_parents)
 
     @cached_property
@@ -373,8 +377,8 @@ class Ontology:
         same = OWL.equivalentProperty
         stated = [(t, t.subject, t.object) for p in (RDFS.subPropertyOf, same) for t in self.triples(p=p)]
         named = [(t, one, two) for t, one, two in stated if isinstance(one, str) and isinstance(two, str)]
-        found = [[(one, two), (two, one)] if t.predicate == same else [(one, two)] for t, one, two in named]
-        return [edge for edges in found for edge in edges]
+        pairs = [[(one, two), (two, one)] if t.predicate == same else [(one, two)] for t, one, two in named]
+        return [edge for edges in pairs for edge in edges]
 
     @cached_property
     def _property_children(self) -> dict[str, list[str]]:
@@ -393,57 +397,58 @@ class Ontology:
     # class expressions
 
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
-        """Return the restrictions that a class states itself, in source order; for a nameless one its parts."""
+        """Restrictions stated of a class itself, in source order; for a blank node those it consists of."""
         number = self._number(cls)
         if number is None:
             return ()
-        found = self._restrictions.get(number)
-        if found is None:
-            found = self._restrictions[number] = tuple(restrictions_of(self.store, self._class_words, number))
-        return found
+        restrictions = self._restrictions.get(number)
+        if restrictions is None:
+            restrictions = tuple(restrictions_of(self.store, self._class_vocabulary, number))
+            self._restrictions[number] = restrictions
+        return restrictions
 
     @cached_property
-    def _class_words(self) -> Words:
+    def _class_vocabulary(self) -> Words:
         return Words.of(self.store)
 
     def members(self, expression: Term) -> tuple[Term, ...]:
-        """Return the members of an intersection, flattened; of anything else the expression itself."""
+        """Members of an intersection, flattened; the expression itself if it is none."""
         number = self.store.find(expression) if isinstance(expression, BNode) else None
         return (expression,) if number is None else tuple(map(self.store.term, conjuncts(self.store, number)))
 
     def alternatives(self, expression: Term) -> tuple[Term, ...]:
-        """Return the members of a union in their order, flattened; nothing for anything else."""
+        """Members of a union in their order, flattened; empty if it is none."""
         number = self.store.find(expression) if isinstance(expression, (str, BNode)) else None
         return () if number is None else tuple(map(self.store.term, disjuncts(self.store, number)))
 
     def inherited_restrictions(self, cls: str, p: str | None = None) -> tuple[Restriction, ...]:
-        """Return the restrictions of a class and its ancestors, nearest first; only of ``p`` and below, if given."""
-        wanted = frozenset(self.subproperties(p)) if p is not None else None
+        """Restrictions of a class and its ancestors, nearest first; if ``p`` is given, on it and its subproperties."""
+        properties = frozenset(self.subproperties(p)) if p is not None else None
         return tuple(
             restriction
             for ancestor in self.ancestors(cls)
             for restriction in self.restrictions(ancestor)
-            if wanted is None or restriction.property in wanted
+            if properties is None or restriction.property in properties
         )
 
     def valid_properties(self, action: str) -> tuple[str, ...]:
-        """Return IRIs of properties that the vocabulary lists (``hasParameter``) for an action class or an ancestor.
+        """Properties that the vocabulary lists (``hasParameter``) for an action class or its ancestors.
 
-        Sub-properties of those are valid too.
+        Their subproperties are included.
         """
-        listing = tuple(ancestor for ancestor in self.ancestors(action) if ancestor in self._parameters)
-        found = self._listed.get(listing)
-        if found is None:
-            stated = (value for ancestor in listing for value in self._parameters[ancestor])
-            every = (name for value in stated for name in self.subproperties(value))
-            found = self._listed[listing] = tuple(dict.fromkeys(every))
-        return found
+        classes = tuple(ancestor for ancestor in self.ancestors(action) if ancestor in self._parameters)
+        properties = self._valid_properties.get(classes)
+        if properties is None:
+            listed = (prop for ancestor in classes for prop in self._parameters[ancestor])
+            every = (sub for prop in listed for sub in self.subproperties(prop))
+            properties = self._valid_properties[classes] = tuple(dict.fromkeys(every))
+        return properties
 
     @cached_property
     def _parameters(self) -> dict[str, list[str]]:
-        """The properties that the vocabulary lists for each class."""
-        found: dict[str, list[str]] = {}
+        """Properties that the vocabulary lists for each class."""
+        properties: dict[str, list[str]] = {}
         for triple in self.triples(p=KNOWROB + "hasParameter"):
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
-                found.setdefault(triple.subject, []).append(triple.object)
-        return found
+                properties.setdefault(triple.subject, []).append(triple.object)
+        return properties

@@ -1,8 +1,8 @@
 """RDF/XML: an expat handler that gives every triple its position.
 
 General layout: :func:`read_rdfxml` decodes the file and drives expat; ``_Handler`` keeps one frame per open element,
-and the kind of the innermost frame says what the next element means: a node, a property, an item of a list, text. What
-is asked of every element is asked of the numbers that stand for names and kinds.
+and the kind of the innermost frame decides what the next element is: a node, a property, an item of a list, text. The
+handlers run once per element of large files, so they compare term numbers and integer kinds, not strings.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
 from planlang.ontology.xml_text import EntityTable, explain, must_be_rdf, opening_tag, repair_xml
 
 DEEPEST = 100
-"""Elements inside each other."""
+"""Greatest nesting depth of elements."""
 
 MOST_WARNINGS = 100
 """Warnings about one file that are shown; further ones are counted."""
@@ -41,16 +41,16 @@ _MISPLACED = {"ID", "about", "resource", "datatype", "nodeID", "parseType", "typ
 _ONLY_RESOURCE, _ONLY_ABOUT = f"{RDF} resource", f"{RDF} about"
 _DOCUMENT, _RDF, _NODE, _PROPERTY, _COLLECTION, _LITERAL, _SKIPPED = range(7)
 _WITH_TEXT = frozenset((_PROPERTY, _LITERAL, _SKIPPED))
-"""Elements in which text may stand, or is skipped."""
+"""Kinds of elements in which text is allowed, or ignored."""
 _AROUND_THINGS = frozenset((_RDF, _COLLECTION))
 _NOTHING: dict[str, str] = {}
 
 
 class _Frame:
-    """An open element: its kind, the base and language inside it, and where it begins.
+    """Open element: its kind, the base IRI and language inside it, its position. Terms are numbers; -1 is none.
 
-    Terms are told by their numbers. A property has the ``subject`` that it is stated of, and is ``filled`` when its
-    value is known; ``text`` are the characters in it, ``last_cell`` the end of the list that it holds so far.
+    A property has its ``subject`` and is ``filled`` once its value is known; ``text`` holds its characters,
+    ``last_cell`` the last cell of its list so far, ``reified`` the node of its rdf:ID.
     """
 
     __slots__ = ("base", "column", "datatype", "filled", "items", "kind", "language", "last_cell", "line", "names",
@@ -71,10 +71,10 @@ class _Frame:
 
 
 def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
-    """Return the triples of an RDF/XML file. ``base`` is its address unless it says ``xml:base``.
+    """Read an RDF/XML file. ``base`` is its address unless it has ``xml:base``.
 
-    ``label`` begins the labels of nameless nodes. Raises BadInput with the position of the first thing that is not XML,
-    that is out of bounds, or that refers outside the file.
+    ``label`` is the prefix of blank-node labels. Raises BadInput at the first position that is not well-formed XML,
+    exceeds a limit, or refers outside the file.
     """
     text = decode(content, file)
     try:
@@ -94,7 +94,7 @@ def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b")
 
 
 def _parse(text: str, file: str, base: str, label: str) -> Parsed:
-    """Parse with texts in one piece; if one has to be told, again in the pieces that tell its place."""
+    """Parse with buffered text, which is fast; if misplaced text has to be reported, again unbuffered for positions."""
     try:
         return _parsed(text, file, base, label, in_pieces=False)
     except _Stray:
@@ -112,11 +112,11 @@ def _parsed(text: str, file: str, base: str, label: str, *, in_pieces: bool) -> 
         raise BadInput([explain(problem, text, file, opened, handler.entities.names)]) from None
     if not all(map(str.isspace, handler.gaps)):
         raise _Stray
-    return Parsed(handler.triples, counted(handler.diagnostics, handler.unsaid), handler.prefixes)
+    return Parsed(handler.triples, counted(handler.diagnostics, handler.not_shown), handler.prefixes)
 
 
 class _Stray(Exception):
-    """Text stands where none belongs."""
+    """Text was found where none is allowed."""
 
 
 class _Handler:
@@ -125,27 +125,27 @@ class _Handler:
         self.file = file
         self.triples = Triples(file, label)
         self.diagnostics: list[Diagnostic] = []
-        self.unsaid = 0
+        self.not_shown = 0
         self.frames = [_Frame(_DOCUMENT, base, None, 1, 1)]
         self.ids: dict[str, Span] = {}
         self.entities = EntityTable(text, file, self.here)
         self.resolved: dict[str, dict[str, int]] = {}
-        """Base -> reference -> number of the IRI that it means there."""
+        """Base -> relative IRI -> number of the resolved IRI."""
         self.tags: dict[str, str] = {}
         self.keys: dict[str, str] = {}
-        """The IRIs of elements, and of attributes that state something, by their names in expat."""
+        """IRIs of elements (``tags``) and of attributes that state triples (``keys``), by their names in expat."""
         self.prefixes: dict[str, str] = {}
         self.classes: dict[str, int] = {}
-        """The number of a thing's class, by the element's name in expat; -1 if the name gives none."""
+        """Number of the class of a node element, by its name in expat; -1 for rdf:Description."""
         self.plain: dict[str, int] = {}
-        """The number of a property's IRI, by its name in expat, for properties that need no more than a value."""
+        """Number of a property's IRI, by its name in expat, except rdf:li, whose IRI depends on its position."""
         self.complete = _Frame(_PROPERTY, base, None, 1, 1)
-        """The element of such a property with rdf:resource: most are this, and none is inside another."""
+        """Frame shared by all properties with only rdf:resource: they are the most frequent, and never nested."""
         self.complete.filled = True
         self.gaps: set[str] = set()
-        """The texts, each once, that stand where only white space may; not kept if texts come in pieces."""
+        """Distinct texts where only white space is allowed; unused if text is unbuffered."""
         self.between = self.gaps.add if parser.buffer_text else self.characters
-        """The receiver of texts between elements: most of a large file, and not worth a call of Python each."""
+        """Handler of text between elements; ``set.add``, as a Python call for each would take most of the time."""
         self.type, self.first, self.rest = map(self.triples.number, (RDF.type, RDF.first, RDF.rest))
         parser.ordered_attributes = True
         parser.StartElementHandler = self._starting()
@@ -164,18 +164,17 @@ class _Handler:
         if len(self.diagnostics) < MOST_WARNINGS:
             self.diagnostics.append(warning(code, message, span, help))
         else:
-            self.unsaid += 1
+            self.not_shown += 1
 
     def namespace(self, prefix: str | None, namespace: str | None) -> None:
         if namespace and len(self.prefixes) < MOST_PREFIXES:
             self.prefixes.setdefault(prefix or "", namespace)
 
     def _starting(self) -> Callable[[str, list[str]], None]:
-        """Return the handler for the begin of an element.
+        """Make the handler of start tags.
 
-        Most elements of large files are properties with rdf:resource and nothing else, things with rdf:about and
-        nothing else, and nameless items of lists: these are read here, with all names at hand, and left to
-        :meth:`_start` are the others.
+        Most elements of large files are properties with only rdf:resource, nodes with only rdf:about, and blank items
+        of lists. These are read here, with all names in local variables; :meth:`_start` reads the others.
         """
         frames, triples, parser, plain, complete = self.frames, self.triples, self.parser, self.plain, self.complete
         predicates, objects = triples.predicates.append, triples.objects.append
@@ -227,7 +226,7 @@ class _Handler:
 
     def _too_much(self) -> None:
         if len(self.frames) > DEEPEST:
-            raise BadInput([error("O008", f"more than {DEEPEST} elements inside each other", self.here())])
+            raise BadInput([error("O008", f"elements are nested more than {DEEPEST} deep", self.here())])
         raise BadInput([error("O003", f"the file has more than {MOST_TRIPLES:,} triples", self.here())])
 
     def _start(self, parent: _Frame, tag: str, attributes: list[str], line: int, column: int) -> None:
@@ -265,19 +264,19 @@ class _Handler:
             self._node(frame, name, tag, given)
 
     def _fill(self, parent: _Frame, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> None:
-        """Read the node element that is the value of a property: the triple first, then the node's statements."""
+        """Read the node element that is the value of a property: its triple comes before the node's statements."""
         if parent.filled:
-            self.warn("O010", "a property has one value; a second element in it is skipped", self.here())
+            self.warn("O010", "a second value in a property is ignored", self.here(), "repeat the property for it")
             frame.kind = _SKIPPED
             self.frames.append(frame)
             return
         parent.filled = True
-        place = len(self.triples)
+        row = len(self.triples)
         if self._node(frame, name, tag, given):
-            self._state(parent, frame.subject, place)
+            self._state(parent, frame.subject, row)
 
     def _ending(self) -> Callable[[str], None]:
-        """Return the handler for the end of an element."""
+        """Make the handler of end tags."""
         frames, parser, complete, end = self.frames, self.parser, self.complete, self._end
         pop, characters, between = frames.pop, self.characters, self.between
 
@@ -302,11 +301,7 @@ class _Handler:
                 language = None if frame.datatype else frame.language
                 self._state(frame, self.triples.number(Literal("".join(frame.text), frame.datatype, language)))
             elif stray := "".join(frame.text).strip():
-                self.warn(
-                    "O010",
-                    f"text beside an element is skipped: {stray[:40]!r}",
-                    Span(self.file, frame.line, frame.column),
-                )
+                self._misplaced("beside an element", stray, Span(self.file, frame.line, frame.column))
             if frame is self.complete:
                 frame.text.clear()
         elif kind == _LITERAL:
@@ -333,12 +328,16 @@ class _Handler:
                 raise _Stray
             stray, start = data.strip(), self.here()
             span = Span(self.file, start.line, start.column + len(data) - len(data.lstrip()))
-            self.warn("O010", f"text between elements is skipped: {stray[:40]!r}", span)
+            self._misplaced("between elements", stray, span)
+
+    def _misplaced(self, where: str, text: str, span: Span) -> None:
+        advice = "remove it, or write it as the value of a property"
+        self.warn("O010", f"text {where} is ignored: {text[:40]!r}", span, advice)
 
     # nodes and properties
 
     def _attributes(self, attributes: list[str], parent: _Frame) -> tuple[dict[str, str], str, str | None]:
-        """Return attributes by IRI, and the base and language that hold from here on."""
+        """Map attributes to their IRIs; the result has the base and language inside the element, too."""
         given: dict[str, str] = {}
         base, language = parent.base, parent.language
         pairs = iter(attributes)
@@ -360,17 +359,17 @@ class _Handler:
                 given[RDF + local] = value
                 self.warn("O010", f"{local} is read as rdf:{local}", self.here(), f"write rdf:{local}")
             else:
-                self.warn("O010", f"an attribute without prefix is skipped: {local}", self.here())
+                self.warn("O010", f"an attribute without prefix is ignored: {local}", self.here(), "give it a prefix")
         return given, base, language
 
     def _node(self, frame: _Frame, name: str, tag: str, given: dict[str, str]) -> bool:
-        """Open a node, whose subject the frame has then; False if it is none and is skipped."""
+        """Open a node element and set the subject of its frame; False if it cannot be one and is ignored."""
         self.frames.append(frame)
         cls = self.classes.get(tag)
         if cls is None:
             if name in _NOT_NODES or " " not in tag:
-                shown = tag.rpartition(" ")[2]
-                self.warn("O010", f"{shown} is no class that a thing can have; the element is skipped", self.here())
+                message = f"{tag.rpartition(' ')[2]} is no class; the element is ignored"
+                self.warn("O010", message, self.here(), "use the name of a class with its prefix")
                 frame.kind = _SKIPPED
                 return False
             cls = self.classes[tag] = -1 if name == _DESCRIPTION else self.triples.number(name)
@@ -381,7 +380,7 @@ class _Handler:
         elif (value := given.get(_NODE_ID)) is not None:
             subject = self._named_node(value)
         elif (value := given.get(_RESOURCE)) is not None:
-            self.warn("O010", "rdf:resource of a thing is read as rdf:about", self.here(), "write rdf:about")
+            self.warn("O010", "rdf:resource of an individual is read as rdf:about", self.here(), "write rdf:about")
             subject = self._resolve(frame.base, value)
         else:
             subject = self.triples.fresh()
@@ -398,7 +397,8 @@ class _Handler:
             parent.items += 1
             name = f"{RDF}_{parent.items}"
         elif name in _NOT_PROPERTIES or " " not in tag:
-            self.warn("O010", f"{tag.rpartition(' ')[2]} is no property; the element is skipped", self.here())
+            message = f"{tag.rpartition(' ')[2]} is no property; the element is ignored"
+            self.warn("O010", message, self.here(), "use the name of a property with its prefix")
             frame.kind = _SKIPPED
             return
         frame.predicate = self.triples.number(name)
@@ -441,7 +441,7 @@ class _Handler:
             if key in _SYNTAX:
                 if key in _OUTDATED:
                     name = key.removeprefix(RDF)
-                    self.warn("O010", f"rdf:{name} is no longer part of RDF and is skipped", self.here())
+                    self.warn("O010", f"rdf:{name} is no longer part of RDF and is ignored", self.here(), "remove it")
                 continue
             if key == RDF.type:
                 number = self._resolve(frame.base, value)
@@ -449,15 +449,15 @@ class _Handler:
                 number = self.triples.number(Literal(value, None, frame.language))
             self.triples.add(subject, self.triples.number(key), number, frame.line, frame.column)
 
-    def _state(self, frame: _Frame, value: int, place: int | None = None) -> None:
-        """Add the triple of a property, in front of the row ``place`` if that is given."""
+    def _state(self, frame: _Frame, value: int, at: int | None = None) -> None:
+        """Add the triple of a property, before the row ``at`` if given, and its reification if it has an rdf:ID."""
         triples, line, column = self.triples, frame.line, frame.column
-        if place is None:
+        if at is None:
             triples.add(frame.subject, frame.predicate, value, line, column)
         else:
-            triples.insert(place, frame.subject, frame.predicate, value, line, column)
+            triples.insert(at, frame.subject, frame.predicate, value, line, column)
         if frame.reified >= 0:
-            row = len(triples) - 1 if place is None else place
+            row = len(triples) - 1 if at is None else at
             parts = (("subject", frame.subject), ("predicate", frame.predicate), ("object", value))
             terms = [(triples.number(RDF + part), term) for part, term in parts]
             for number, term in ((self.type, triples.number(RDF.Statement)), *terms):
@@ -488,12 +488,12 @@ class _Handler:
     def _identifier(self, value: str, base: str) -> int:
         span = self.here()
         if not _LEGAL_NAME.fullmatch(value):
-            self.warn("O010", f"rdf:ID is no XML name: {value!r}", span, "read as it is; rdf:about takes any IRI")
+            self.warn("O010", f"rdf:ID is no XML name: {value!r}", span, "use rdf:about, which allows any IRI")
         iri = resolve(base, "#" + value)
         earlier = self.ids.setdefault(iri, span)
         if earlier is not span:
-            advice = "both are read as one; write rdf:about where you refer to it again"
-            self.warn("O011", f"rdf:ID {value!r} is given twice, first in line {earlier.line}", span, advice)
+            advice = "both are read as the same individual; write rdf:about where you refer to it again"
+            self.warn("O011", f"rdf:ID {value!r} is used twice, first in line {earlier.line}", span, advice)
         return self.triples.number(iri)
 
     def _named_node(self, value: str) -> int:

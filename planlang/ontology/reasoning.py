@@ -1,17 +1,17 @@
-"""Description logic on request: HermiT or Pellet, as owlready2 brings them along, find what contradicts itself.
+"""Finds contradictions in an ontology with the reasoners HermiT or Pellet, which owlready2 includes.
 
-First the classes alone, then the individuals too: an inconsistent individual makes everything follow, and would hide
-which classes are unsatisfiable. Each reasoner is a Java process, ended when its time is over. What is found is
-explained by Pellet, which tells the statements that contradict each other.
+The classes are checked first, then the individuals too: from an inconsistent individual everything follows, which
+would hide the unsatisfiable classes. Each reasoner is a Java process with a time limit. Pellet explains what was found
+by the statements that contradict each other.
 
-The jars of owlready2 are called directly. Its ``sync_reasoner_pellet`` reads through Jena, of which it has (0.51) a
-class for Java 25 only; ``sync_reasoner`` places every individual below each of its classes, which takes longer than
-what is asked here; and neither has a limit of time.
+The jars of owlready2 are called directly. Its ``sync_reasoner_pellet`` reads through Jena, which in version 0.51 has a
+class for Java 25 only; ``sync_reasoner`` classifies every individual, which takes longer than the checks here; and
+neither has a time limit.
 
-The reasoner gets the axioms of an ontology without what reasoners cannot take. Values of datatypes that OWL 2 does not
-have, such as the units of QUDT, make HermiT give up. Facts with them are left out; a restriction with them becomes a
-class of which nothing is known, so that what is found to contradict does. A number is given the datatype that its
-property has: to OWL 0.5 and "0.5"^^xsd:float are different values.
+The reasoner gets only axioms that it can process. HermiT aborts at datatypes that OWL 2 does not have, such as the
+units of QUDT. Facts with them are dropped, and a restriction with them becomes a class without axioms, so that every
+contradiction that is found is a real one. A number is converted to the datatype of its property's range, because to OWL
+0.5 and "0.5"^^xsd:float are different values.
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, T
 from planlang.records import dataclass
 
 MEMORY = 2000
-"""Memory of a reasoner [MB]."""
+"""Memory limit of a reasoner [MB]."""
 SECONDS = 120.0
-"""Time of a reasoner unless told otherwise [s]."""
+"""Default time limit of a reasoner [s]."""
 MOST_EXPLAINED = 20
-"""Lines of an explanation that are shown."""
+"""Greatest number of statements shown in an explanation."""
 
 
 class Reasoner(Enum):
-    """The reasoners that owlready2 brings along."""
+    """Reasoners that owlready2 includes."""
 
     HERMIT = "hermit"
     PELLET = "pellet"
 
     @property
     def title(self) -> str:
-        """The name that its makers write."""
+        """Name as its authors spell it."""
         return "HermiT" if self is Reasoner.HERMIT else "Pellet"
 
 
 @dataclass(frozen=True, slots=True)
 class Reasoned:
-    """Findings of a reasoner: contradictions, each with an explanation where Pellet has one."""
+    """Result of a reasoner: sizes of its input, and contradictions with the explanations that Pellet finds."""
 
     classes: int
     individuals: int
@@ -66,35 +66,35 @@ class Reasoned:
 
 
 def missing() -> str | None:
-    """Return what reasoning lacks here, in words; None if nothing."""
+    """Message about a missing requirement of reasoning; None if all are installed."""
     if find_spec("owlready2") is None:
         return "reasoning needs owlready2: pip install 'planlang[reason]'"
-    return None if shutil.which("java") else "reasoning needs Java: no `java` is found in the folders of PATH"
+    return None if shutil.which("java") else "reasoning needs Java: install it, and put `java` on the PATH"
 
 
 def reason(ontology: Ontology, reasoner: Reasoner = Reasoner.HERMIT, seconds: float = SECONDS) -> Reasoned:
-    """Return what contradicts itself in an ontology with all its imports.
+    """Find contradictions in an ontology with all its imports.
 
-    Raises BadInput if Java or owlready2 is missing, if the reasoner does not end in its time, or cannot take the
-    ontology.
+    Raises BadInput if Java or owlready2 is missing, if the reasoner exceeds ``seconds``, or if it fails.
     """
     if (lacking := missing()) is not None:
         raise BadInput([error("O064", lacking)])
     given = reasoner_input(ontology)
     with tempfile.TemporaryDirectory() as folder:
-        found = _Reasoning(ontology, given, reasoner, Path(folder), time.monotonic() + seconds, seconds).diagnostics()
+        run = _Reasoning(ontology, given, reasoner, Path(folder), time.monotonic() + seconds, seconds)
+        contradictions = run.diagnostics()
     classes = sum(ontology.is_class(iri) for iri in given.names.values())
     individuals = len({given.triples[row].subject for row in given.facts})
-    return Reasoned(classes, individuals, (*given.notes, *found))
+    return Reasoned(classes, individuals, (*given.notes, *contradictions))
 
 
 class _Stopped(Exception):
-    """A reasoner has not ended in its time, or has failed; the message says which."""
+    """A reasoner exceeded its time limit, or failed; the message says which."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Reasoning:
-    """The questions to a reasoner about one ontology."""
+    """Queries to a reasoner about one ontology; ``end`` is its deadline on the monotonic clock [s]."""
 
     ontology: Ontology
     given: ReasonerInput
@@ -104,7 +104,7 @@ class _Reasoning:
     seconds: float
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return an error for each unsatisfiable class, and for what contradicts itself in the individuals."""
+        """Report each unsatisfiable class, and the contradiction among the individuals, if any."""
         found: list[Diagnostic] = []
         try:
             found += self._unsatisfiable(self._written("classes", facts=False))
@@ -118,7 +118,7 @@ class _Reasoning:
         path.write_text(self.given.text(facts=facts), encoding="utf-8")
         return path
 
-    # What is asked
+    # Queries
 
     def _unsatisfiable(self, path: Path) -> Iterator[Diagnostic]:
         if self.reasoner is Reasoner.HERMIT:
@@ -135,7 +135,7 @@ class _Reasoning:
         order = {name: rank for rank, name in enumerate(self.given.names)}
         for name in sorted(names, key=order.__getitem__):
             iri = self.given.names[name]
-            message = f"the class `{name}` is unsatisfiable: nothing can be of it"
+            message = f"the class `{name}` is unsatisfiable: it cannot have any individual"
             yield error("O060", message, self.ontology.span(iri), _because(why.get(name, ())))
 
     def _inconsistent(self, path: Path) -> Iterator[Diagnostic]:
@@ -147,15 +147,14 @@ class _Reasoning:
             yield self._contradiction(why["Thing"])
 
     def _contradiction(self, why: Sequence[str]) -> Diagnostic:
-        """Return the error of what contradicts itself, at the first individual of the explanation."""
+        """Make the error of an inconsistent ontology, at the first individual of the explanation."""
         facts = {str(self.given.triples[row].subject).rpartition("#")[2] for row in sorted(self.given.facts)}
         words = dict.fromkeys(word for line in why for word in re.findall(r"\w+", line.partition(" (")[0]))
         named = [word for word in words if word in facts]
         if not named:
-            message = "what the ontology says contradicts itself: nothing can be as it says"
-            return error("O061", message, self._document(), _because(why))
+            return error("O061", "the ontology is inconsistent", self._document(), _because(why))
         names = " and ".join(f"`{name}`" for name in named)
-        message = f"what is said of {names} contradicts itself"
+        message = f"the statements about {names} contradict each other"
         return error("O061", message, self.ontology.span(self.given.names[named[0]]), _because(why))
 
     def _document(self) -> Span | None:
@@ -164,17 +163,17 @@ class _Reasoning:
     # Processes
 
     def _hermit(self, *arguments: str) -> tuple[str, bool]:
-        """Return what HermiT prints, and whether it finds the ontology inconsistent."""
+        """Run HermiT; returns its output, and whether it finds the ontology inconsistent."""
         home = _home() / "hermit"
         done = self._run([str(home), str(home / "HermiT.jar")], "org.semanticweb.HermiT.cli.CommandLine", arguments)
         if "InconsistentOntologyException" in done.stderr:
             return "", True
         if done.returncode != 0 or "Exception in thread" in done.stderr:
-            raise _Stopped(f"HermiT cannot take the ontology: {_first_line(done.stderr)}")
+            raise _Stopped(f"HermiT cannot process the ontology: {_first_line(done.stderr)}")
         return done.stdout, False
 
     def _explained(self, question: str, path: Path) -> dict[str, tuple[str, ...]]:
-        """Return explanations of what HermiT has found; none if Pellet fails, or needs half of the time left."""
+        """Explain findings of HermiT; empty if Pellet fails, or takes more than half of the remaining time."""
         half = replace(self, end=self.end - (self.end - time.monotonic()) / 2)
         try:
             return half._explanations(question, path)
@@ -182,25 +181,25 @@ class _Reasoning:
             return {}
 
     def _explanations(self, question: str, path: Path) -> dict[str, tuple[str, ...]]:
-        """Return the statements by which classes are below Nothing, for the name of each; raises _Stopped."""
+        """Ask Pellet why classes are unsatisfiable: name of the class -> the statements. Raises _Stopped."""
         jars = sorted(str(jar) for jar in (_home() / "pellet").glob("*.jar"))
         arguments = ("explain", question, "--ignore-imports", path.as_uri())
         done = self._run([*jars, str(_home() / "pellet")], "pellet.Pellet", arguments)
         if "Axiom:" not in done.stdout and done.returncode != 0:
-            raise _Stopped(f"Pellet cannot take the ontology: {_first_line(done.stderr or done.stdout)}")
-        found = {}
+            raise _Stopped(f"Pellet cannot process the ontology: {_first_line(done.stderr or done.stdout)}")
+        explanations = {}
         for block in re.split(r"^Axiom: ", done.stdout, flags=re.MULTILINE)[1:]:
             name, _, rest = block.partition(" subClassOf Nothing")
             if "NOT ENTAILED" not in rest:
                 lines = [re.sub(r"^\d+\)", "", line).strip() for line in rest.partition(":")[2].splitlines()]
-                told = {line for line in lines if line and not line.startswith("Explanation")}
-                placed = [_located(line, self.given.triples) for line in sorted(told)]  # Pellet has no order
-                found[name.strip()] = tuple(placed)
-        return found
+                statements = {line for line in lines if line and not line.startswith("Explanation")}
+                # sorted, as Pellet prints them in a different order in each run
+                explanations[name.strip()] = tuple(_located(one, self.given.triples) for one in sorted(statements))
+        return explanations
 
     def _run(self, classpath: Sequence[str], main: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
         command = ["java", f"-Xmx{MEMORY}M", "-cp", os.pathsep.join(classpath), main, *arguments]
-        late = f"{self.reasoner.title} has not ended after {self.seconds:g} s; --reason-seconds gives it more"
+        late = f"{self.reasoner.title} took more than {self.seconds:g} s; allow more with --reason-seconds"
         left = self.end - time.monotonic()
         if left <= 0:
             raise _Stopped(late)
@@ -213,27 +212,27 @@ class _Reasoning:
 
 
 def _home() -> Path:
-    """Return the folder of owlready2, which is not imported: its jars are all that is needed."""
+    """Folder of owlready2, which is not imported, as only its jars are needed."""
     spec = find_spec("owlready2")
     assert spec is not None
     assert spec.origin is not None
     return Path(spec.origin).parent
 
 
-def _located(told: str, triples: Sequence[Triple]) -> str:
-    """Return a statement as Pellet tells it, with the place where it is written if that can be found."""
-    words = told.split()
+def _located(statement: str, triples: Sequence[Triple]) -> str:
+    """Add file and line to a statement in Pellet's notation, if its triple can be identified."""
+    words = statement.split()
     if len(words) < 3:
-        return told
+        return statement
     predicate = "equivalentClass" if words[1] == "equivalentTo" else words[1]
-    ends = {NAMESPACE + words[0], NAMESPACE + words[-1]}  # in any order: Pellet turns disjointWith around
+    ends = {NAMESPACE + words[0], NAMESPACE + words[-1]}  # unordered: Pellet swaps the operands of disjointWith
     named = [one for one in triples if local_name(one.predicate) == predicate and one.subject in ends]
     exact = [one for one in named if {one.subject, one.object} == ends]
     exact = exact or [one for one in named if one.subject == NAMESPACE + words[0]]
     if len({one.span for one in exact}) != 1:
-        return told
+        return statement
     span = exact[0].span
-    return f"{told} ({Path(span.file).name}:{span.line})"
+    return f"{statement} ({Path(span.file).name}:{span.line})"
 
 
 def _because(why: Sequence[str]) -> str | None:
@@ -245,8 +244,10 @@ def _because(why: Sequence[str]) -> str | None:
 
 def _first_line(text: str) -> str:
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.strip().startswith("at ")]
-    told = next((line for line in lines if "Exception" in line or "ERROR" in line), lines[0] if lines else "no reason")
-    return told.removeprefix('Exception in thread "main" ').replace(NAMESPACE, "")[:300]
+    line = next(
+        (one for one in lines if "Exception" in one or "ERROR" in one), lines[0] if lines else "no reason given"
+    )
+    return line.removeprefix('Exception in thread "main" ').replace(NAMESPACE, "")[:300]
 
 
 _INTEGERS = frozenset(
@@ -263,7 +264,7 @@ BUILT_IN = frozenset(
     {*_INTEGERS, *_FRACTIONS, *(XSD + name for name in (*_TEXTS, *_OTHERS))}
     | {OWL + "real", OWL + "rational", RDF.PlainLiteral, RDF.XMLLiteral, RDF.langString, RDFS.Literal}
 )
-"""The datatypes of OWL 2."""
+"""Datatypes of OWL 2."""
 
 _INTEGER = re.compile(r"[+-]?[0-9]+")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -271,32 +272,31 @@ _FILLERS = frozenset((OWL.someValuesFrom, OWL.allValuesFrom, OWL.hasValue, OWL.o
 _WORDS = frozenset((RDFS.label, RDFS.comment, RDFS.seeAlso, RDFS.isDefinedBy, OWL.versionInfo, OWL.imports))
 _W3C = "http://www.w3.org/"
 NAMESPACE = "http://planlang/#"
-"""The namespace of the names that a reasoner is given."""
+"""Namespace of the short names in a reasoner's input."""
 
 
 @dataclass(slots=True)
 class ReasonerInput:
-    """The axioms of an ontology in names that are short and each only one thing's; ``notes``: what was left out."""
+    """Axioms of an ontology under short unique names; ``notes`` report what was dropped or changed."""
 
     triples: list[Triple]
     facts: frozenset[int]
-    """Numbers of the triples that are about individuals."""
+    """Indices of the triples about individuals."""
     names: dict[str, str]
     """Name -> IRI."""
     notes: list[Diagnostic] = field(default_factory=list)
 
     def text(self, *, facts: bool) -> str:
-        """Return the axioms in RDF/XML, with what is said about individuals or without."""
+        """Write the axioms in RDF/XML, with or without the facts about individuals."""
         header = Triple("http://planlang/", RDF.type, OWL.Ontology, Span(""))
         kept = (triple for row, triple in enumerate(self.triples) if facts or row not in self.facts)
         return rdfxml([header, *kept], {"e": NAMESPACE})[0]
 
 
 def reasoner_input(ontology: Ontology) -> ReasonerInput:
-    """Return what a reasoner is given of an ontology."""
-    left = _Left(ontology)
-    triples = [triple for triple in map(left.with_numbers, left.axioms()) if triple is not None]
-    triples = left.without_foreign_values(triples)
+    """Select the axioms of an ontology that reasoners can process."""
+    selection = _AxiomFilter(ontology)
+    triples = selection.without_foreign_values(list(map(selection.with_numbers, selection.axioms())))
     individuals = {
         subject
         for subject in dict.fromkeys(triple.subject for triple in triples)
@@ -304,7 +304,7 @@ def reasoner_input(ontology: Ontology) -> ReasonerInput:
     }
     facts = frozenset(row for row, triple in enumerate(triples) if triple.subject in individuals)
     renamed, names = _renamed(triples)
-    return ReasonerInput(renamed, facts, names, left.notes())
+    return ReasonerInput(renamed, facts, names, selection.notes())
 
 
 def _is_about_individual(ontology: Ontology, subject: str | BNode) -> bool:
@@ -313,8 +313,8 @@ def _is_about_individual(ontology: Ontology, subject: str | BNode) -> bool:
     return ontology.is_individual(subject) and not ontology.is_class(subject) and not ontology.is_property(subject)
 
 
-class _Left:
-    """The rest of an ontology, and what was taken away or changed."""
+class _AxiomFilter:
+    """Selects and converts axioms for a reasoner, and records what was dropped or changed."""
 
     def __init__(self, ontology: Ontology) -> None:
         self._ontology = ontology
@@ -338,21 +338,21 @@ class _Left:
                 yield triple
 
     def with_numbers(self, triple: Triple) -> Triple:
-        """Return a triple whose number, if it has one, is of the datatype that the property has."""
+        """Convert the number of a triple, if it has one, to the datatype of the property's range."""
         value = triple.object
         if not isinstance(value, Literal) or value.datatype not in {None, XSD.string, *_INTEGERS, *_FRACTIONS}:
             return triple
         is_filler = triple.predicate == OWL.hasValue
         prop = self._properties.get(triple.subject) if is_filler else triple.predicate
-        wanted = self._range(prop) if prop is not None and not prop.startswith(_W3C) else None
-        form = _INTEGER if wanted in _INTEGERS else _NUMBER
-        if wanted is None or wanted == value.datatype or not form.fullmatch(value.value.strip()):
+        datatype = self._range(prop) if prop is not None and not prop.startswith(_W3C) else None
+        form = _INTEGER if datatype in _INTEGERS else _NUMBER
+        if datatype is None or datatype == value.datatype or not form.fullmatch(value.value.strip()):
             return triple
         self._numbers.append(triple.span)
-        return replace(triple, object=Literal(value.value.strip(), wanted))
+        return replace(triple, object=Literal(value.value.strip(), datatype))
 
     def _range(self, prop: str) -> str | None:
-        """Return the datatype of a property's numbers; None if it has none."""
+        """Numeric datatype in the range of a property or its superproperties, if any."""
         if prop not in self._ranges:
             above = self._ontology.superproperties(prop)
             ranges = (range_ for one in above for range_ in self._ontology.values(one, RDFS.range))
@@ -361,7 +361,7 @@ class _Left:
         return self._ranges[prop]
 
     def without_foreign_values(self, triples: Sequence[Triple]) -> list[Triple]:
-        """Return the triples without values and ranges of values that OWL 2 does not have."""
+        """Drop triples with literals and data ranges that OWL 2 does not have."""
         foreign, restrictions = self._foreign_terms(triples)
         kept = []
         for triple in triples:
@@ -375,7 +375,7 @@ class _Left:
         return [*kept, *(Triple(name, RDF.type, OWL.Class, span) for name in restrictions.values())]
 
     def _foreign_terms(self, triples: Sequence[Triple]) -> tuple[set[Term], dict[Term, str]]:
-        """Return values and data ranges that OWL 2 does not have, and for each restriction with one a class."""
+        """Find literals and data ranges that OWL 2 does not have, and map restrictions with one to a new class."""
         foreign: set[Term] = set()
         restrictions: dict[Term, str] = {}
         above: dict[Term, list[Triple]] = {}
@@ -400,7 +400,7 @@ class _Left:
         return foreign, restrictions
 
     def _foreign_datatype(self, triple: Triple) -> str | None:
-        """Return the datatype or value that a triple's object is or has and that OWL 2 does not have; else None."""
+        """Datatype or malformed value of a triple's object that OWL 2 does not have; None if it has it."""
         value = triple.object
         if isinstance(value, Literal):
             if is_malformed(value):
@@ -417,18 +417,17 @@ class _Left:
         return value if is_datatype else None
 
     def notes(self) -> list[Diagnostic]:
-        """Return notes of what was left out and changed."""
-        found = []
+        """Report what was dropped and changed; changed numbers only of the main document."""
+        notes = []
         if self._foreign:
-            names = _listed(self._foreign)
-            message = f"the reasoner is not given statements with values that OWL does not have: {names}"
-            found.append(note("O062", f"{message} ({self._rows})", next(iter(self._foreign.values()))))
-        own = {str(document.path) for document in self._ontology.documents[:1]}  # not what it imports
+            message = f"reasoning ignores statements with datatypes that OWL 2 lacks: {_listed(self._foreign)}"
+            notes.append(note("O062", f"{message} ({self._rows})", next(iter(self._foreign.values()))))
+        own = {str(document.path) for document in self._ontology.documents[:1]}
         numbers = [span for span in self._numbers if span.file in own]
         if numbers:
-            message = f"the reasoner is given numbers in the datatypes that their properties have ({len(numbers)})"
-            found.append(note("O062", message, numbers[0]))
-        return found
+            message = f"reasoning converts numbers to the datatypes of their properties' ranges ({len(numbers)})"
+            notes.append(note("O062", message, numbers[0]))
+        return notes
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -438,19 +437,19 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def _renamed(triples: Iterable[Triple]) -> tuple[list[Triple], dict[str, str]]:
-    """Return triples whose IRIs are local names, each of one thing only, and the IRI of each name."""
-    of: dict[str, str] = {}
+    """Replace IRIs by unique local names in one namespace; also return name -> IRI."""
+    short_iris: dict[str, str] = {}
     names: dict[str, str] = {}
 
     def short(iri: str) -> str:
         if iri.startswith(_W3C):
             return iri
-        if iri not in of:
+        if iri not in short_iris:
             name = candidate = "_".join(re.findall(r"[A-Za-z0-9_]+", local_name(iri))).lstrip("0123456789") or "thing"
             while name in names:
                 name = f"{candidate}_{len(names)}"
-            of[iri], names[name] = NAMESPACE + name, iri
-        return of[iri]
+            short_iris[iri], names[name] = NAMESPACE + name, iri
+        return short_iris[iri]
 
     def term(value: Term) -> Term:
         return short(value) if isinstance(value, str) else value

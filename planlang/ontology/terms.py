@@ -1,4 +1,4 @@
-"""RDF terms, triples with positions, the names of the W3C and KnowRob vocabularies, and references made absolute."""
+"""RDF terms, triples with positions, the namespaces of W3C and KnowRob, and the resolution of relative IRIs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 
 def resolve(base: str, reference: str) -> str:
-    """Return the IRI that a reference means in a document with this address; an IRI with a scheme is left as it is."""
+    """Resolve a relative IRI against the address of its document; an IRI with a scheme is unchanged."""
     if reference.startswith("#"):
         return base.partition("#")[0] + reference
     if not reference:
@@ -28,13 +28,14 @@ def resolve(base: str, reference: str) -> str:
         joined = urljoin(base, reference)
     except ValueError:
         return reference
-    return joined + "#" if reference.endswith("#") and not joined.endswith("#") else joined  # urljoin drops it
+    # urljoin drops an empty fragment, but namespaces end with "#"
+    return joined + "#" if reference.endswith("#") and not joined.endswith("#") else joined
 
 
 class Namespace(str):
-    """The IRI of a vocabulary of the W3C, with its terms as attributes: ``OWL.Class``; any other name has none.
+    """Namespace IRI of a W3C vocabulary with its terms as attributes, such as ``OWL.Class``.
 
-    ``terms`` are the local names of all terms that it defines.
+    ``terms`` are the local names of all its terms; any other attribute raises AttributeError.
     """
 
     terms: frozenset[str]
@@ -78,7 +79,7 @@ XSD = Namespace(
     """string boolean token decimal float double integer positiveInteger nonNegativeInteger long int short byte
     unsignedLong unsignedInt unsignedShort""",
 )
-"""Here only the datatypes that planlang names; ``terms`` of the others are complete."""
+"""Only the datatypes that planlang uses; the other three namespaces are complete."""
 
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
@@ -91,15 +92,15 @@ VOCABULARIES: dict[str, str] = {
     "motion-constraints": "http://knowrob.org/kb/motion-constraints.owl#",
     "roboearth": ROBOEARTH,
 }
-"""Prefix -> namespace of what the bundled files define; a bare name is looked for in this order."""
+"""Prefix -> namespace of the bundled vocabularies; bare names are looked up in this order."""
 
 PREFIXES: dict[str, str] = {"rdf": RDF, "rdfs": RDFS, "owl": OWL, "xsd": XSD, **VOCABULARIES}
-"""Prefixes that :func:`expand` knows."""
+"""Prefixes that :func:`expand` resolves."""
 
 
 @dataclass(frozen=True, slots=True)
 class BNode:
-    """A node without a name. Labels are unique within an ontology and the same in every run."""
+    """Blank node. Labels are unique within an ontology and the same in every run."""
 
     label: str
 
@@ -109,14 +110,14 @@ class BNode:
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """A value: its text, the IRI of its datatype (None: plain text), its language tag in lower case."""
+    """RDF literal: its text, the IRI of its datatype (None: plain text), its language tag in lower case."""
 
     value: str
     datatype: str | None = None
     language: str | None = None
 
     def number(self) -> float:
-        """Return the value as a number, a whole one exactly. Raises ValueError if it is none, or not finite."""
+        """Convert the text to a number, integers to int. Raises ValueError unless it is a finite number."""
         text = self.value.strip()
         if "_" in text:
             raise ValueError(f"not a number: {text!r}")
@@ -133,12 +134,12 @@ class Literal:
 
 
 Term = str | BNode | Literal
-"""An IRI (a plain ``str``), a nameless node, or a value."""
+"""An IRI (a plain ``str``), a blank node, or a literal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Triple:
-    """A statement and where it stands: RDF/XML at its element, Manchester at the word that says it."""
+    """Statement with its position: of the element in RDF/XML, of the word that states it in Manchester syntax."""
 
     subject: str | BNode
     predicate: str
@@ -148,16 +149,16 @@ class Triple:
 
 _PREFIXED = re.compile(r"([A-Za-z][\w.-]*):(?!//)(.*)", re.DOTALL)
 ABSOLUTE = ("http://", "https://")
-"""The beginnings of full names."""
+"""Schemes of absolute IRIs that :func:`expand` leaves unchanged."""
 _FRAME = re.compile(
     r"^(?:Class|ObjectProperty|DataProperty|AnnotationProperty|Individual|Datatype):[ \t]+(\S+)", re.MULTILINE
 )
 
 
 def expand(name: str) -> str:
-    """Return the IRI of a name: a bare name of the bundled vocabulary, a prefixed name, or an IRI as it is.
+    """Expand a bare name of the bundled vocabulary or a prefixed name to its IRI; an IRI is unchanged.
 
-    A bare name that the vocabulary does not define is taken as one of KnowRob's.
+    A bare name that the vocabulary does not define is put into KnowRob's namespace.
     """
     if name.startswith(ABSOLUTE):
         return name
@@ -172,7 +173,7 @@ def expand(name: str) -> str:
 
 @lru_cache(maxsize=10_000)
 def shorten(iri: str) -> str:
-    """Return the bare name that :func:`expand` turns into this IRI, if there is one; else the IRI."""
+    """Shorten an IRI to the bare name that :func:`expand` maps back to it; other IRIs are unchanged."""
     name = local_name(iri)
     namespace = iri[: len(iri) - len(name)]
     if namespace == KNOWROB:
@@ -181,7 +182,7 @@ def shorten(iri: str) -> str:
 
 
 def is_vocabulary(name: str) -> bool:
-    """Return True if the bundled vocabulary defines this bare name."""
+    """Check whether the bundled vocabulary defines a bare name."""
     return name in _headings()[0] or name in _headings()[1]
 
 
@@ -191,9 +192,9 @@ def _other_names() -> dict[str, str]:
 
 @cache
 def _headings() -> tuple[frozenset[str], dict[str, str]]:
-    """Return KnowRob's names, and bare name -> IRI for what the bundled vocabulary defines in other namespaces.
+    """Collect KnowRob's names, and bare name -> IRI of the names that bundled files define in other namespaces.
 
-    Read from the headings of the bundled files, without parsing them.
+    Only the frame headings of the files are matched: parsing them takes too long for a look-up.
     """
     knowrob: set[str] = set()
     others: dict[str, str] = {}
@@ -208,13 +209,12 @@ def _headings() -> tuple[frozenset[str], dict[str, str]]:
             if not colon or prefix in ("", "knowrob"):
                 knowrob.add(name)
             elif prefix in VOCABULARIES and prefix != "roboearth":
-                order = list(VOCABULARIES)
-                known = others.get(name)
-                iri = VOCABULARIES[prefix] + name
-                if known is None or order.index(prefix) < _rank(known):
+                iri, known = VOCABULARIES[prefix] + name, others.get(name)
+                if known is None or _rank(iri) < _rank(known):
                     others[name] = iri
     return frozenset(knowrob), {name: iri for name, iri in others.items() if name not in knowrob}
 
 
 def _rank(iri: str) -> int:
+    """Position of an IRI's namespace in VOCABULARIES; of equal bare names the first namespace counts."""
     return next((rank for rank, space in enumerate(VOCABULARIES.values()) if iri.startswith(space)), len(VOCABULARIES))

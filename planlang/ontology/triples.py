@@ -1,9 +1,8 @@
-"""Triples as columns of numbers, and what finds them: room for a million where objects would take all there is.
+"""Triple store: columns of term numbers with indexes, small enough for a million triples.
 
-Every term has a number, which stands for it in the columns; a triple, its terms and its position become objects when
-somebody asks for them. Five numbers a triple and what ``terms`` holds once each: 20 MB for the largest file that is
-read, where triples with positions of their own would take 200. Indexes are made when they are first needed: for each
-term the first row in which it stands, for each row the next one with the same term.
+Each term is stored once and has a number, by which the columns refer to it; Triple, Term and Span objects are made on
+access. That is five integers per triple: 20 MB for the largest file that is read, against 200 MB as Triple objects.
+Indexes are built on first use, as chains: for each term its first row, for each row the next row with the same term.
 """
 
 from __future__ import annotations
@@ -22,40 +21,40 @@ from planlang.ontology.terms import OWL, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
 MOST_TRIPLES = 1_000_000
-"""Triples of one file."""
+"""Greatest number of triples of one file; it bounds the memory that a hostile file can take."""
 
 
 @dataclass
 class Parsed:
-    """The content of a file: its triples in document order, the repairs made, the declared prefixes."""
+    """Content of a file: its triples in document order, diagnostics of repairs, declared prefixes."""
 
     triples: Triples
     diagnostics: list[Diagnostic] = field(default_factory=list)
     prefixes: dict[str, str] = field(default_factory=dict)
     others: tuple[bytes, ...] = ()
-    """Contents of further files on which the triples depend."""
+    """Contents of other files that the triples depend on."""
 
 
 def check_room(triples: Triples, line: int, column: int) -> None:
-    """Raise BadInput if these are more than a file may have; the place is that of the last one."""
+    """Raise BadInput if a file has too many triples; line and column are those of the last one."""
     if len(triples.subjects) > MOST_TRIPLES:
         message = f"the file has more than {MOST_TRIPLES:,} triples"
         raise BadInput([error("O003", message, Span(triples.file, line, column))])
 
 
 def counted(shown: list[Diagnostic], more: int) -> list[Diagnostic]:
-    """Return the diagnostics to show; the last states how many more there are, so that nothing is silent."""
+    """Append to the last diagnostic how many more of its kind are not shown, so that none is dropped silently."""
     if more <= 0 or not shown:
         return shown
     return [*shown[:-1], replace(shown[-1], message=f"{shown[-1].message}; {more} more like this are not shown")]
 
 
 class Triples(Sequence[Triple]):
-    """The triples of a file, or of several, in their order.
+    """Triples of one or several files, in document order.
 
-    ``terms`` tells what a number stands for; None is a nameless node of the first file that nobody has asked for, whose
-    label is ``label`` with its number. The columns ``subjects``, ``predicates``, ``objects``, ``lines`` and ``columns``
-    are equally long; rows count from 0. Nothing may be added once an index has been used.
+    ``terms`` maps numbers to terms; None is a blank node of the first file that has not been accessed yet, labelled
+    ``label`` plus its number. The columns ``subjects``, ``predicates``, ``objects``, ``lines`` and ``columns`` have
+    equal length; rows count from 0. Nothing may be added once an index has been used.
     """
 
     def __init__(self, file: str, label: str = "b") -> None:
@@ -65,34 +64,34 @@ class Triples(Sequence[Triple]):
         self.subjects, self.predicates, self.objects = array("i"), array("i"), array("i")
         self.lines, self.columns = array("I"), array("I")
         self.file = file
-        """The file of these triples; the first of several."""
+        """File of these triples; the first of several."""
         self._files = [file]
         self._starts = [0]
         self._first_end = sys.maxsize
-        """The row behind those of the first file."""
+        """First row after those of the first file."""
 
     @classmethod
     def of(cls, triples: Iterable[Triple], file: str = "") -> Triples:
-        """Return the given triples, in their order, as triples of one file."""
-        found = cls(file)
+        """Store triples of one file in the given order."""
+        store = cls(file)
         for triple in triples:
-            found.state(triple.subject, triple.predicate, triple.object, triple.span)
-        return found
+            store.state(triple.subject, triple.predicate, triple.object, triple.span)
+        return store
 
     # adding
 
     def number(self, term: Term) -> int:
-        """Return the number of a term, a new one if it has none yet."""
-        found = self.numbers.get(term)
-        if found is None and type(term) is BNode:  # one that was made by ``fresh`` is not among the numbers
-            found = self.find(term)
-        if found is None:
-            found = self.numbers[term] = len(self.terms)
+        """Number of a term; a new term is added."""
+        number = self.numbers.get(term)
+        if number is None and type(term) is BNode:  # nodes made by ``fresh`` are not in ``numbers``
+            number = self.find(term)
+        if number is None:
+            number = self.numbers[term] = len(self.terms)
             self.terms.append(term)
-        return found
+        return number
 
     def fresh(self) -> int:
-        """Return the number of a new nameless node."""
+        """Add a new blank node and return its number."""
         self.terms.append(None)
         return len(self.terms) - 1
 
@@ -105,7 +104,7 @@ class Triples(Sequence[Triple]):
         self.columns.append(column)
 
     def insert(self, row: int, subject: int, predicate: int, value: int, line: int, column: int) -> None:
-        """Put a triple in front of a row."""
+        """Insert a triple before a row."""
         self.subjects.insert(row, subject)
         self.predicates.insert(row, predicate)
         self.objects.insert(row, value)
@@ -113,11 +112,11 @@ class Triples(Sequence[Triple]):
         self.columns.insert(row, column)
 
     def state(self, subject: str | BNode, predicate: str, value: Term, span: Span) -> None:
-        """Add a triple."""
+        """Add a triple by its terms."""
         self.add(self.number(subject), self.number(predicate), self.number(value), span.line, span.column)
 
     def repeat(self, rows: Iterable[int], predicate: int, value: int) -> None:
-        """Say this of its subject behind each of these rows, too, as if it stood there."""
+        """Insert after each of these rows a triple with the same subject and position."""
         repeated = frozenset(rows)
         order = array("i", [row for row in range(len(self)) for _ in range(2 if row in repeated else 1)])
         for column in (*self._terms_of_rows(), self.lines, self.columns):
@@ -127,19 +126,19 @@ class Triples(Sequence[Triple]):
                 self.predicates[row], self.objects[row] = predicate, value
 
     def rename(self, names: Mapping[str, str]) -> None:
-        """Let other names (IRIs) stand in the place of some, those of other triples among them."""
-        same: dict[int, int] = {}
+        """Replace IRIs (old -> new) in all triples; a new one may already occur in other triples."""
+        merged: dict[int, int] = {}
         for old, new in names.items():
             number = self.numbers.pop(old, None)
             if number is not None:
                 self.terms[number] = new
                 if self.numbers.setdefault(new, number) != number:
-                    same[number] = self.numbers[new]
-        if same:
-            self.renumber(same)
+                    merged[number] = self.numbers[new]
+        if merged:
+            self.renumber(merged)
 
     def renamed(self, names: Mapping[str, str]) -> Triples:
-        """Return a copy in which some names (IRIs) are replaced. The triples are those of one file."""
+        """Copy triples of one file with some IRIs replaced (old -> new)."""
         copy = Triples(self._files[0], self.label)
         copy.terms, copy.numbers = self.terms.copy(), self.numbers.copy()
         for column, own in zip(copy._terms_of_rows(), self._terms_of_rows(), strict=True):
@@ -150,46 +149,46 @@ class Triples(Sequence[Triple]):
         return copy
 
     def renumber(self, changed: Mapping[int, int]) -> None:
-        """Let other terms stand in the place of some."""
+        """Replace terms (old number -> new number) in all triples."""
         for column in self._terms_of_rows():
             column[:] = array("i", [changed.get(number, number) for number in column])
 
     # terms and triples
 
     def find(self, term: Term) -> int | None:
-        """Return the number of a term; None if no triple has it."""
-        found = self.numbers.get(term)
-        if found is None and isinstance(term, BNode):
+        """Number of a term; None if it is unknown."""
+        number = self.numbers.get(term)
+        if number is None and isinstance(term, BNode):
             digits = term.label.removeprefix(self.label)
             if digits.isascii() and digits.isdecimal() and len(digits) < 10 and int(digits) < len(self.terms):
-                number = int(digits)
-                return number if self.term(number) == term else None
-        return found
+                fresh = int(digits)
+                return fresh if self.term(fresh) == term else None
+        return number
 
     def term(self, number: int) -> Term:
-        """Return the term of a number."""
-        found = self.terms[number]
-        if found is None:
-            found = self.terms[number] = BNode(f"{self.label}{number}")
-        return found
+        """Term of a number."""
+        term = self.terms[number]
+        if term is None:
+            term = self.terms[number] = BNode(f"{self.label}{number}")
+        return term
 
     def name(self, number: int) -> str | None:
-        """Return the IRI that a number stands for; None for a node or a value."""
-        found = self.terms[number]
-        return found if isinstance(found, str) else None
+        """IRI of a number; None for a blank node or a literal."""
+        term = self.terms[number]
+        return term if isinstance(term, str) else None
 
     def is_node(self, number: int) -> bool:
-        """Return True for a nameless node."""
-        found = self.terms[number]
-        return found is None or isinstance(found, BNode)
+        """Check whether a number is that of a blank node."""
+        term = self.terms[number]
+        return term is None or isinstance(term, BNode)
 
     def span(self, row: int) -> Span:
-        """Return the position of a triple."""
+        """Position of the triple in a row."""
         file = self.file if row < self._first_end else self._files[bisect_right(self._starts, row) - 1]
         return Span(file, self.lines[row], self.columns[row])
 
     def triple(self, row: int) -> Triple:
-        """Return the triple of a row."""
+        """Triple in a row."""
         terms = self.terms
         subject, value = self.subjects[row], self.objects[row]
         return Triple(
@@ -221,7 +220,7 @@ class Triples(Sequence[Triple]):
     # bytes
 
     def packed(self) -> bytes:
-        """Return the triples of one file as bytes, from which :meth:`unpacked` makes them again."""
+        """Serialize the triples of one file for :meth:`unpacked`."""
         columns = (*self._terms_of_rows(), self.lines, self.columns)
         return json.dumps(
             [self.label, list(map(_packed_term, self.terms)), *(column.tolist() for column in columns)],
@@ -231,28 +230,28 @@ class Triples(Sequence[Triple]):
 
     @classmethod
     def unpacked(cls, packed: bytes, file: str) -> Triples:
-        """Return the triples that were packed, with their positions in ``file``."""
+        """Restore triples from :meth:`packed`, with positions in ``file``."""
         label, terms, *columns = json.loads(packed)
-        found = cls(file, label)
-        found.terms = [
+        store = cls(file, label)
+        store.terms = [
             term if term is None or isinstance(term, str) else BNode(*term) if len(term) == 1 else Literal(*term)
             for term in terms
         ]
-        found.numbers = {term: number for number, term in enumerate(found.terms) if term is not None}
-        for column, numbers in zip((*found._terms_of_rows(), found.lines, found.columns), columns, strict=True):
+        store.numbers = {term: number for number, term in enumerate(store.terms) if term is not None}
+        for column, numbers in zip((*store._terms_of_rows(), store.lines, store.columns), columns, strict=True):
             column.extend(numbers)
-        return found
+        return store
 
     # several files
 
     @property
     def ranges(self) -> list[range]:
-        """The rows of each file."""
+        """Rows of each file."""
         return [range(start, end) for start, end in zip(self._starts, [*self._starts[1:], len(self)], strict=True)]
 
     @classmethod
     def joined(cls, parts: Sequence[Triples]) -> Triples:
-        """Join the triples of several files, one after the other; each part is of one file and stays as it is."""
+        """Concatenate the triples of several files; the parts, each of one file, are not changed."""
         first = parts[0]
         whole = cls(first._files[0], first.label)
         whole.terms, whole.numbers = first.terms.copy(), first.numbers.copy()
@@ -262,12 +261,12 @@ class Triples(Sequence[Triple]):
         for part in parts:
             start = len(whole)
             whole._starts.append(start)
-            into = None if part is first else whole._numbers_of(part)
+            renumbered = None if part is first else whole._numbers_of(part)
             for number, rows in part._by_predicate.items():
-                found = by_predicate.setdefault(number if into is None else into[number], array("i"))
-                found.extend(rows if part is first else [row + start for row in rows])
+                merged = by_predicate.setdefault(number if renumbered is None else renumbered[number], array("i"))
+                merged.extend(rows if part is first else [row + start for row in rows])
             for column, more in zip(whole._terms_of_rows(), part._terms_of_rows(), strict=True):
-                column.extend(more if into is None else map(into.__getitem__, more))
+                column.extend(more if renumbered is None else map(renumbered.__getitem__, more))
             whole._first_end = min(whole._first_end, len(whole))
             whole.lines.extend(part.lines)
             whole.columns.extend(part.columns)
@@ -275,9 +274,9 @@ class Triples(Sequence[Triple]):
         return whole
 
     def _numbers_of(self, part: Triples) -> list[int]:
-        """Return the numbers here of all terms of another, new ones of those that have none yet."""
-        known = map(self.numbers.get, part.terms)  # type: ignore[arg-type]  # no term: not among the numbers
-        return [self.number(part.term(k)) if found is None else found for k, found in enumerate(known)]
+        """Map the term numbers of another store to numbers here; new terms are added."""
+        known = map(self.numbers.get, part.terms)  # type: ignore[arg-type]  # None, a blank node, is never a key
+        return [self.number(part.term(k)) if number is None else number for k, number in enumerate(known)]
 
     def _terms_of_rows(self) -> tuple[array[int], array[int], array[int]]:
         return self.subjects, self.predicates, self.objects
@@ -285,57 +284,47 @@ class Triples(Sequence[Triple]):
     # finding
 
     def about(self, subject: int) -> Sequence[int]:
-        """Return the rows with a subject."""
+        """Rows with a subject, in document order."""
         first, following = self.by_subject
-        row = first[subject]
-        found = []
-        while row >= 0:
-            found.append(row)
-            row = following[row]
-        return found
+        return _chain(first[subject], following)
 
     def with_object(self, value: int) -> Sequence[int]:
-        """Return the rows with an object."""
+        """Rows with an object, in document order."""
         first, following = self.by_object
-        row = first[value]
-        found = []
-        while row >= 0:
-            found.append(row)
-            row = following[row]
-        return found
+        return _chain(first[value], following)
 
     def first_about(self, subject: int) -> int:
-        """Return the first row with a subject; -1 if there is none."""
+        """First row with a subject; -1 if there is none."""
         return self.by_subject[0][subject]
 
     def by(self, *predicates: str) -> Sequence[int]:
-        """Return the rows with one of these predicates (IRIs)."""
+        """Rows with one of these predicates (IRIs), in document order."""
         numbers = (self.numbers.get(predicate, -1) for predicate in predicates)
-        found = [rows for number in numbers if (rows := self._by_predicate.get(number)) is not None]
-        return found[0] if len(found) == 1 else sorted(row for rows in found for row in rows)
+        groups = [rows for number in numbers if (rows := self._by_predicate.get(number)) is not None]
+        return groups[0] if len(groups) == 1 else sorted(row for rows in groups for row in rows)
 
     @property
     def used(self) -> Iterable[int]:
-        """The predicates of all triples, in the order of their first use."""
+        """Predicates of all triples, in order of first use."""
         return self._by_predicate.keys()
 
     @cached_property
     def intersections(self) -> dict[int, int]:
-        """Return the list of members of each nameless node that is an intersection of classes."""
+        """List of members of each blank node that is an intersection of classes."""
         rows = reversed(self.by(OWL.intersectionOf))
         return {self.subjects[row]: self.objects[row] for row in rows if self.is_node(self.subjects[row])}
 
     @cached_property
     def by_subject(self) -> tuple[array[int], array[int]]:
-        """Return for each term (number) its first row as subject, for each row the next with the same; -1: none.
+        """First row of each term as subject, and for each row the next with the same subject; -1: none.
 
-        :meth:`about` tells the same of one term; this is for loops over all.
+        For inner loops; :meth:`about` collects the rows of one term.
         """
         return self._chains(self.subjects)
 
     @cached_property
     def by_object(self) -> tuple[array[int], array[int]]:
-        """The same for objects."""
+        """Like :attr:`by_subject`, for objects."""
         return self._chains(self.objects)
 
     def _chains(self, column: array[int]) -> tuple[array[int], array[int]]:
@@ -348,11 +337,19 @@ class Triples(Sequence[Triple]):
 
     @cached_property
     def _by_predicate(self) -> dict[int, array[int]]:
-        found: dict[int, array[int]] = {number: array("i") for number in dict.fromkeys(self.predicates)}
-        add = {number: rows.append for number, rows in found.items()}
+        rows_of: dict[int, array[int]] = {number: array("i") for number in dict.fromkeys(self.predicates)}
+        add = {number: rows.append for number, rows in rows_of.items()}
         for row, number in enumerate(self.predicates):
             add[number](row)
-        return found
+        return rows_of
+
+
+def _chain(row: int, following: array[int]) -> list[int]:
+    rows = []
+    while row >= 0:
+        rows.append(row)
+        row = following[row]
+    return rows
 
 
 def _packed_term(term: Term | None) -> str | list[str | None] | None:

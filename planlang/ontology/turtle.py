@@ -1,8 +1,8 @@
-"""Turtle and N-Triples, which is a part of it: pyoxigraph parses, fed in lines so that each triple gets its own.
+"""Turtle and its subset N-Triples: pyoxigraph parses, fed line by line, so that each triple gets its line number.
 
-The parser is lenient, as real files have IRIs that the Recommendation forbids (with ``@``, for instance). What it lets
-pass although no reader should (line breaks in short texts, blanks in IRIs) is found before by a scan of the text, which
-also keeps hostile files within bounds.
+The parser is set to lenient, as published files have IRIs that the Recommendation forbids (with ``@``, for instance).
+That also accepts mistakes which should be reported (line breaks in short strings, spaces in IRIs), so a scan of the
+text before finds those, and enforces limits against hostile files.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from planlang.ontology.terms import PREFIXES, XSD, BNode, Literal
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples
 
 DEEPEST = 100
-"""Nameless nodes and lists inside each other."""
+"""Greatest nesting depth of blank nodes and lists."""
 
 LONGEST = 1_000_000
-"""Characters of a text, an IRI or a word: the parser reads one anew whenever it gets more of it."""
+"""Greatest length of a string, IRI or word: the parser starts a token again with each piece, in quadratic time."""
 
 MOST_ERRORS = 20
 """Syntax errors reported of one file."""
@@ -38,24 +38,22 @@ _TOKEN = re.compile(
     r"""|<[^\x00-\x20<>"{}|^`]*+>|#[^\r\n]*+|\[|\]|\(|\)|"|'|<""",
     re.DOTALL,
 )
-"""Texts, IRIs, comments and brackets. Each alternative begins with a character of its own, which makes it fast."""
+"""Strings, IRIs, comments and brackets. Alternatives begin with different characters, which makes matching fast."""
 
 _WORD = re.compile(r"""[^\s"'<>()\[\],;]++""")
 
 _UNDECLARED = "planlang-undeclared:"
-"""Namespaces that stand for well-known prefixes until a file declares these itself."""
+"""Prefix of placeholder namespaces, to which well-known prefixes are bound unless a file declares them."""
 
 _HEAD = "".join(f"@prefix {name}: <{_UNDECLARED}{name}:> . " for name in PREFIXES).encode() + b"\n"
 _LINES_BEFORE = 1
 
 _ANONYMOUS = re.compile(r"[0-9a-f]{20,32}")
-"""The names that the parser gives nodes without a label: random numbers."""
+"""Labels that the parser makes for anonymous blank nodes: random numbers."""
 
 _PROBLEM = re.compile(r"Parser error [^:]*: (.*)", re.DOTALL)
 _NO_PREFIX = re.compile(r"The prefix (.*): has not been declared", re.DOTALL)
-_OBJECTS = (
-    'an <IRI>, a name prefix:name, a node _:name, a "text", a number, true, false, [ or (; where one is open, ] or )'
-)
+_OBJECTS = 'an <IRI>, a name prefix:name, _:name, a "string", a number, true, false, [ or (; or a closing ] or )'
 _EXPECTED = {
     "is not a valid RDF object": _OBJECTS,
     "is not a valid predicate": "'a', an <IRI> or a name prefix:name",
@@ -63,15 +61,15 @@ _EXPECTED = {
     "A dot is expected": "'.', ';' or ','",
     "Unexpected end": "'.' behind the last statement",
 }
-"""Expected tokens, by message of the parser."""
+"""Part of a parser's message -> what was expected there."""
 
 
 def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
-    """Return the triples of a file in Turtle or N-Triples. ``base`` is its address unless it says ``@base``.
+    """Read a file in Turtle or N-Triples. ``base`` is its address unless it has ``@base``.
 
-    ``label`` begins the labels of nameless nodes. A triple stands in the line in which it ends, one with a nested node
-    in the line in which something is first stated of that; columns are 1. What is stated of a nested node comes before
-    the triple that has it. Raises BadInput with all errors found, each with its line and column.
+    ``label`` is the prefix of blank-node labels. The line of a triple is the one in which it ends, or, if its object is
+    a nested node, that of the node's first statement; columns are 1. Statements about a nested node precede the triple
+    that refers to it. Raises BadInput with all errors, each with line and column.
     """
     reader = _Reader(decode(content, file), file, base, label)
     reader.read()
@@ -81,9 +79,9 @@ def read_turtle(content: bytes | str, file: str, *, base: str, label: str = "b")
 
 
 class _Feed:
-    """The text in lines for the parser; a text of several lines in ever larger pieces, as the parser asks for them.
+    """File object that feeds the parser line by line, but a multi-line string in pieces as large as requested.
 
-    ``line`` is the one in which the piece begins that was asked for last; ``long`` are where such texts begin and end.
+    ``line`` is the first line of the piece that was read last; ``long`` are the byte ranges of multi-line strings.
     """
 
     def __init__(self, content: bytes, long: list[tuple[int, int]]) -> None:
@@ -100,7 +98,7 @@ class _Feed:
         if left < 0:
             piece = self._stream.read(min(size, self._end - self._at))
         else:
-            if not self._is_behind:  # what follows a long text on its last line belongs to where that begins
+            if not self._is_behind:  # the rest of the line after a long string keeps the line where that began
                 self.line = self._following
             piece = self._stream.readline(size if size < left else left or 1)
             self._is_behind = False
@@ -125,14 +123,14 @@ class _Reader:
         self._bad_lines: set[int] = set()
         self._unknown: set[str] = set()
         self._numbers: dict[str, int] = {}
-        """IRI, or label of a node, as the parser returns it -> its number; only IRIs contain a colon."""
+        """IRI or blank-node label from the parser -> its number; only IRIs contain a colon."""
         self._lines: dict[int, int] = {}
-        """Number of a node without a label -> the line in which something was first stated of it."""
+        """Number of an anonymous node -> line of the first statement about it."""
 
     # the text
 
     def read(self) -> None:
-        """Read the triples and note what is wrong."""
+        """Read the triples and collect errors and warnings."""
         text, long = self._scanned()
         content = _HEAD + text.encode()
         feed = _Feed(content, _in_bytes(text, long, len(_HEAD)))
@@ -147,16 +145,16 @@ class _Reader:
             try:
                 self._add_all(parser, feed)
                 break
-            except SyntaxError as problem:  # the parser goes on behind the next dot
+            except SyntaxError as problem:  # the parser continues after the next dot
                 self._explain(problem)
             except MemoryError:
                 self.problems.append(error("O008", "a word or a comment is too long", Span(self._file, feed.line)))
                 break
-        found = parser.prefixes.items()
-        self.prefixes = {name: space for name, space in found if not space.startswith(_UNDECLARED)}
+        declared = parser.prefixes.items()
+        self.prefixes = {name: space for name, space in declared if not space.startswith(_UNDECLARED)}
 
     def _scanned(self) -> tuple[str, list[tuple[int, int]]]:
-        """Return the text without what the parser should refuse, and where texts of several lines begin and end."""
+        """Overwrite what the lenient parser would wrongly accept, and find the ranges of multi-line strings."""
         text, start, depth = self._text, 0, 0
         long: list[tuple[int, int]] = []
         pieces: list[str] = []
@@ -172,7 +170,7 @@ class _Reader:
                 if token == "[" or token == "(":
                     depth += 1
                     if depth > DEEPEST:
-                        message = f"more than {DEEPEST} nameless nodes or lists inside each other"
+                        message = f"blank nodes or lists are nested more than {DEEPEST} deep"
                         raise BadInput([error("O008", message, position_of(text, match.start(), self._file))])
                 elif token == "]" or token == ")":
                     depth -= depth > 0
@@ -194,15 +192,15 @@ class _Reader:
 
     def _refuse(self, token: str, span: Span) -> None:
         if token == "<":
-            message = "an <IRI> is not closed, or has a character that it must not have"
-            advice = "write %20 for a blank, and > behind it"
+            message = "an <IRI> is not closed, or has a character that IRIs must not have"
+            advice = "close it with >; write a space as %20"
         else:
-            message = "a text is not closed, or its quotation marks are unexpected here"
-            advice = 'close it on its line, or write """ around a text of several lines'
+            message = "a string is not closed, or its quotation marks are unexpected here"
+            advice = 'close it on the same line, or put a string of several lines between """ and """'
         self._error("O020", message, span, advice)
 
     def _error(self, code: str, message: str, span: Span, advice: str | None = None) -> None:
-        """Note an error unless one is known of its line: what follows on it is mostly its consequence."""
+        """Record an error unless its line has one already: further ones are mostly its consequences."""
         if span.line not in self._bad_lines:
             self._bad_lines.add(span.line)
             self.problems.append(error(code, message, span, advice))
@@ -213,8 +211,8 @@ class _Reader:
         words = _PROBLEM.fullmatch(problem.msg)
         reason = words[1] if words else problem.msg
         if reason.startswith("Unexpected end"):
-            said = re.compile(r"(?:\s|^[ \t]*#[^\n]*)*\Z", re.MULTILINE).search(text)
-            span, found = position_of(text, said.start() if said else len(text), self._file), "the end of the file"
+            blank = re.compile(r"(?:\s|^[ \t]*#[^\n]*)*\Z", re.MULTILINE).search(text)
+            span, found = position_of(text, blank.start() if blank else len(text), self._file), "the end of the file"
         else:
             span = Span(self._file, max(line, 1), column)
             offset = offset_of(text, span)
@@ -223,14 +221,14 @@ class _Reader:
         if unknown := _NO_PREFIX.fullmatch(reason):
             self._unknown_prefix(unknown[1], found, span)
             return
-        expected = next((spoken for said, spoken in _EXPECTED.items() if said in reason), None)
+        expected = next((tokens for part, tokens in _EXPECTED.items() if part in reason), None)
         if expected is not None:
             similar = get_close_matches(found, ("@prefix", "@base"), n=1, cutoff=0.75)
             guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
             self._error("O020", f"unexpected {found}", span, f"{guess}expected: {expected}")
         elif "scape" in reason:
-            advice = r'in a "text" write \\ for a backslash; an IRI has only \uXXXX and \UXXXXXXXX'
-            self._error("O020", f"there is no such escape: {reason}", span, advice)
+            advice = r"write \\ for a backslash in a string; an IRI allows only \uXXXX and \UXXXXXXXX"
+            self._error("O020", f"invalid escape sequence: {reason}", span, advice)
         else:
             self._error("O020", f"{reason[:1].lower()}{reason[1:]}", span)
 
@@ -245,12 +243,12 @@ class _Reader:
     # triples
 
     def _add_all(self, parser: Iterator[Any], feed: _Feed) -> None:
-        """Add the triples up to the next mistake. Raises SyntaxError for that."""
+        """Add the triples up to the next syntax error, which is raised as SyntaxError."""
         numbers, lines = self._numbers, self._lines
         add_subject, add_predicate = self.triples.subjects.append, self.triples.predicates.append
         add_object, add_line = self.triples.objects.append, self.triples.lines.append
         left = MOST_TRIPLES - len(self.triples)
-        for quad in parser:  # its attributes are made when they are asked for: one less than if it were unpacked
+        for quad in parser:  # attributes are converted on access; unpacking would convert the unused graph name, too
             line = feed.line
             left -= 1
             if left < 0:
@@ -277,8 +275,8 @@ class _Reader:
                     third = self._number(value, line)
                 line = lines.get(third, line)
             else:
-                advice = "state it of a node of its own"
-                self._error("O020", "triples inside triples are not read", Span(self._file, line), advice)
+                advice = "make the statement about a blank node instead"
+                self._error("O020", "triples inside triples are not supported", Span(self._file, line), advice)
                 continue
             add_subject(first)
             add_predicate(second)
@@ -287,7 +285,7 @@ class _Reader:
         self.triples.columns.extend(repeat(1, len(self.triples) - len(self.triples.columns)))
 
     def _iri(self, name: str, line: int) -> int:
-        """Return the number of an IRI that occurs for the first time."""
+        """Add an IRI that occurs for the first time and return its number."""
         iri = name
         if name.startswith(_UNDECLARED):
             prefix, _, local = name.removeprefix(_UNDECLARED).partition(":")
@@ -303,7 +301,7 @@ class _Reader:
         return number
 
     def _number(self, node: NamedNode | BlankNode, line: int) -> int:
-        """Return the number of an IRI or a nameless node that occurs for the first time."""
+        """Add an IRI or a blank node that occurs for the first time and return its number."""
         if isinstance(node, NamedNode):
             return self._iri(node.value, line)
         label = node.value
@@ -328,16 +326,16 @@ class _Reader:
 
     def _check(self, text: str, line: int) -> None:
         if "\0" in text:
-            message = "the character with the number 0 is in no text and no IRI"
-            self._error("O020", message, Span(self._file, line), r"leave out \u0000")
+            message = "the null character is not allowed in strings and IRIs"
+            self._error("O020", message, Span(self._file, line), r"remove \u0000")
 
 
 def _in_bytes(text: str, spans: list[tuple[int, int]], shift: int) -> list[tuple[int, int]]:
-    """Return the spans of a text as byte offsets in its encoding, shifted by ``shift`` bytes."""
-    found: list[tuple[int, int]] = []
+    """Convert ranges of characters to ranges of bytes in UTF-8, shifted by ``shift`` bytes."""
+    ranges: list[tuple[int, int]] = []
     done, at = 0, shift
     for begin, end in spans:
         start = at + len(text[done:begin].encode())
         done, at = end, start + len(text[begin:end].encode())
-        found.append((start, at))
-    return found
+        ranges.append((start, at))
+    return ranges

@@ -1,9 +1,9 @@
-"""Reads a world in URDF as the statements of a semantic map: things with classes, boxes and poses, and their joints.
+"""Reads a world in URDF as the statements of a semantic map: objects with classes, boxes and poses, and their joints.
 
-Each link with a shape is a thing: a box, whose pose is that of its shape. What hangs from a link is a part of the
-nearest thing above. A joint that turns or slides is a HingedJoint or PrismaticJoint at its place in the map. What a
-URDF does not say (classes, boxes for meshes that are not there, open sides) is taken from labels: those of the TOML
-file of the same name beside the URDF, else of a bundled one for URDFs of that name, else of words in names of links.
+Each link with a shape becomes an object: a box at the pose of its shape, and a part of the nearest ancestor link that
+is an object. A revolute or prismatic joint becomes a HingedJoint or PrismaticJoint at its pose in the map. Facts that
+a URDF cannot state (classes, boxes of missing meshes, open sides) come from labels: from the TOML file of the same name
+beside the URDF, else from a bundled one for URDFs of that name, else from words in the names of links.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.records import dataclass
 
 NAMESPACE = "http://planlang.org/kb/urdf/"
-"""The name that a URDF gives itself is put behind it; links are names in there."""
+"""Start of the ontology IRI of a URDF, followed by the name of its robot element; links are names in there."""
 MOST_LINKS = 5000
-"""Links of a world: a house has some hundred."""
+"""Greatest number of links of a world; a house has some hundred."""
 FARTHEST = 1000.0
 """Greatest distance from the origin, and greatest length of a box or a label [m]."""
 USUAL = {"prismatic": "Drawer", "revolute": "Door", "continuous": "ControlKnob"}
-"""Class of a link of which no label says one, by the joint that moves it."""
+"""Type of the joint above a link -> class of the link, if no label has one."""
 SOMETHING = "FurniturePiece"
-"""Class of all others."""
+"""Class of all other links."""
 SHOWN = 20
-"""Links without a box that are reported."""
+"""Greatest number of reported links without a box."""
 LARGEST = 1_000_000
-"""Bytes of a file of labels."""
+"""Greatest size of a file of labels [bytes]."""
 MOST_LABELS = 2000
-"""Links and meshes that one file labels."""
+"""Greatest number of labelled links, and of meshes, in a file."""
 SIDES = ("+x", "-x", "+y", "-y", "+z", "-z")
 _KEYS = {"": ("robot", "meshes", "links"), "meshes": ("size", "centre")}
 _KEYS["links"] = ("class", *_KEYS["meshes"], "open", "walls")
@@ -58,12 +58,12 @@ Triplet = tuple[float, float, float]
 @dataclass(frozen=True, slots=True)
 class _Box:
     pose: Pose
-    """Its middle and axes in the frame of the link."""
+    """Pose of its centre in the frame of the link."""
     size: Triplet
 
 
 def read_world(path: Path) -> Parsed:
-    """Return what a URDF and its labels state; raises BadInput with all that is wrong in them."""
+    """Read the statements of a URDF and its labels. Raises BadInput with all errors in them."""
     return _World(read_urdf(path)).read()
 
 
@@ -82,7 +82,7 @@ class _World:
             raise BadInput([error("B009", message, Span(self.file, urdf.tree.line))])
 
     def read(self) -> Parsed:
-        """Return the statements."""
+        """State all objects and joints."""
         self._say(self.iri, RDF.type, OWL.Ontology, self.urdf.tree)
         poses = self._poses()
         things = {name: box for name in poses if (box := self._box(name)) is not None}
@@ -140,7 +140,7 @@ class _World:
     # What links are
 
     def _poses(self) -> dict[str, Array]:
-        """Return the pose (4, 4) of each link in the map, in the order of the file; all joints are at zero."""
+        """Compute the pose (4, 4) of each link in the map with all joints at zero, in the order of the file."""
         poses = {self.urdf.root: np.eye(4)}
         below: dict[str, list[Joint]] = {}
         for joint in self.urdf.joints:
@@ -157,7 +157,7 @@ class _World:
         return {name: poses[name] for name in self.elements}
 
     def _nearest(self, name: str, things: Mapping[str, _Box]) -> str | None:
-        """Return the nearest link above that is a thing."""
+        """Find the nearest ancestor link that is an object."""
         while name in self.above:
             name = self.above[name].parent
             if name in things:
@@ -176,7 +176,7 @@ class _World:
     # Boxes
 
     def _box(self, name: str) -> _Box | None:
-        """Return the box of a link: that of its label, else around its shapes; None, reported, for meshes without."""
+        """Box of a link: from its label, else around its shapes; None, with a warning, if no mesh has a box."""
         label, element = self._label(name), self.elements[name]
         if label is not None and label.size is not None:
             return _Box(Pose(label.centre), label.size)
@@ -185,14 +185,15 @@ class _World:
         if shapes and not boxes:
             files = ", ".join(mesh.get("filename", "")[:80] for shape in shapes for mesh in shape.iter("mesh"))
             help = "label the link or its mesh in a TOML file beside the URDF: size = [x, y, z]"
-            message = f"link {name!r} is left out: nothing tells the box of {files or 'its shape'}"
+            message = f"link {name!r} is ignored: the size of {files or 'its shape'} is unknown"
             self.found.append(warning("M019", message, Span(self.file, element.line), help))
         if not boxes:
             return None
         box = boxes[0] if len(boxes) == 1 else _around(boxes)
         if min(box.size) <= 0 or max(box.size) > FARTHEST:
-            message = f"link {name!r} is left out: its box is {' x '.join(f'{e:g}' for e in box.size)} m"
-            self.found.append(warning("M019", message, Span(self.file, element.line)))
+            message = f"link {name!r} is ignored: its box is {' x '.join(f'{e:g}' for e in box.size)} m"
+            help = f"correct its shape or its label: lengths are greater than 0 and at most {FARTHEST:g} m"
+            self.found.append(warning("M019", message, Span(self.file, element.line), help))
             return None
         return box
 
@@ -215,25 +216,25 @@ class _World:
 
 
 def _extents(tag: str, attributes: Mapping[str, str]) -> Triplet | None:
-    """Return the extents of a primitive shape along its axes."""
+    """Extents of a primitive shape along its axes [m]; None for other shapes."""
 
-    def stated(name: str) -> float:
+    def length(name: str) -> float:
         return numbers(attributes.get(name, "0"))[0]
 
     match tag:
         case "box":
             return _triplet(np.array(numbers(attributes["size"])))
         case "cylinder":
-            return (2 * stated("radius"), 2 * stated("radius"), stated("length"))
+            return (2 * length("radius"), 2 * length("radius"), length("length"))
         case "capsule":
-            return (2 * stated("radius"), 2 * stated("radius"), stated("length") + 2 * stated("radius"))
+            return (2 * length("radius"), 2 * length("radius"), length("length") + 2 * length("radius"))
         case "sphere":
-            return (2 * stated("radius"),) * 3
+            return (2 * length("radius"),) * 3
     return None
 
 
 def _around(boxes: list[_Box]) -> _Box:
-    """Return the box around several, along the axes of the link."""
+    """Bounding box of several boxes along the axes of the link."""
     points = np.vstack([corners(box.pose, box.size) for box in boxes])
     low, high = points.min(axis=0), points.max(axis=0)
     return _Box(Pose(_triplet((low + high) / 2)), _triplet(high - low))
@@ -257,39 +258,39 @@ def _row(values: tuple[float, ...]) -> Literal:
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """The label that a file gives to a link, or to a mesh: then ``size`` and ``centre`` only."""
+    """Label of a link, or of a mesh: then with ``size`` and ``centre`` only."""
 
     span: Span
     cls: str | None = None
-    """Class of the thing: a bare name of the vocabulary, or an IRI."""
+    """Class of the object: a bare name of the vocabulary, or an IRI."""
     size: Triplet | None = None
     """Extents of its box [m]."""
     centre: Triplet = (0.0, 0.0, 0.0)
-    """Middle of the box in the frame of the link, or of the mesh [m]."""
+    """Centre of the box in the frame of the link, or of the mesh [m]."""
     open: tuple[str, ...] = ()
-    """Sides of the box, such as "+x", at which it is open; if there are any, it is hollow."""
+    """Open sides of the box, such as "+x"; a box with open sides is hollow."""
     walls: float | None = None
     """Thickness of its walls [m]."""
 
 
 @dataclass(slots=True)
 class Labels:
-    """The labels of one file; names are patterns as those of a shell, and the first that fits counts."""
+    """Labels of one file; names are shell patterns (fnmatch), of which the first match counts."""
 
     content: bytes
-    """Content of the file."""
+    """Bytes of the file."""
     robot: str | None = None
-    """The name of the URDFs for which it is made."""
+    """Name of the robot element of URDFs that it applies to; None: any."""
     meshes: dict[str, Label] = field(default_factory=dict)
-    """By the name of a mesh's file, without folder and suffix."""
+    """File name of a mesh, without folder and suffix -> label."""
     links: dict[str, Label] = field(default_factory=dict)
 
     def link(self, name: str) -> Label | None:
-        """Return the label of a link, None without one."""
+        """Label of a link, if any."""
         return self.links.get(name) or _first(name, self.links)
 
     def mesh(self, file: str) -> Label | None:
-        """Return the box that stands for a mesh, None without one."""
+        """Label with the box of a mesh, if any."""
         return _first(_stem(file), self.meshes)
 
 
@@ -302,7 +303,7 @@ def _stem(file: str) -> str:
 
 
 def labels_for(urdf: Path, robot: str) -> tuple[Labels, ...]:
-    """Return the labels of a URDF's world, those that count first in front; raises BadInput for a user's bad file."""
+    """Find the labels for a URDF, in order of precedence. Raises BadInput if the file beside it is invalid."""
     beside = urdf.with_suffix(".toml")
     own = (read_labels(beside),) if beside.is_file() else ()
     return (*own, *(one for one in _bundled() if one.robot in (robot, None)))
@@ -310,13 +311,13 @@ def labels_for(urdf: Path, robot: str) -> tuple[Labels, ...]:
 
 @cache
 def _bundled() -> tuple[Labels, ...]:
-    """Return the bundled labels; those for any URDF come last."""
+    """Read the bundled labels; those for any URDF come last."""
     folder = bundled("ontologies") / "environments" / "labels"
     return tuple(sorted(map(read_labels, sorted(folder.glob("*.toml"))), key=lambda one: one.robot is None))
 
 
 def read_labels(path: Path) -> Labels:
-    """Read a file of labels; raises BadInput with all that is wrong in it (M020)."""
+    """Read a file of labels. Raises BadInput with all its errors (M020)."""
     content = read_file(path, "M020", largest=LARGEST)
     try:
         text = content.decode("utf-8")
@@ -338,27 +339,27 @@ class _Reader:
         self.found: list[Diagnostic] = []
 
     def read(self, table: Mapping[str, Any], labels: Labels) -> None:
-        """Read the labels of a table; what is wrong is in ``found``."""
+        """Read the labels of a table; errors are appended to ``found``."""
         self._check_keys("", table, self._span(""))
         robot = table.get("robot")
         if robot is not None and not isinstance(robot, str):
-            self._bad("robot is the name that a URDF gives itself, a text", self._span("robot"))
+            self._bad("robot must be a string: the name of the URDF's robot element", self._span("robot"))
         labels.robot = robot if isinstance(robot, str) else None
         labels.meshes.update(self._entries("meshes", table))
         labels.links.update(self._entries("links", table))
         for label in labels.meshes.values():
             if label.size is None:
-                self._bad("a mesh is labelled with the size of its box", label.span)
+                self._bad("the label of a mesh needs a size = [x, y, z]", label.span)
 
     def _entries(self, kind: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Label]]:
         entries = table.get(kind, {})
         if not isinstance(entries, dict) or len(entries) > MOST_LABELS:
-            self._bad(f"{kind} is a table of up to {MOST_LABELS} names", self._span(kind))
+            self._bad(f"{kind} must be a table of at most {MOST_LABELS} names", self._span(kind))
             return
         for name, entry in entries.items():
             span = self._span(name)
             if not isinstance(entry, dict):
-                self._bad(f"{name} is a table with {', '.join(_KEYS[kind])}", span)
+                self._bad(f"{name} must be a table; its keys are {', '.join(_KEYS[kind])}", span)
                 continue
             self._check_keys(kind, entry, span)
             yield name, self._label(entry, span)
@@ -366,26 +367,26 @@ class _Reader:
     def _label(self, entry: Mapping[str, Any], span: Span) -> Label:
         size, centre = (self._lengths(entry, name, span) for name in ("size", "centre"))
         if size is not None and min(size) <= 0:
-            self._bad("the three lengths of size are greater than 0", span)
+            self._bad("the three lengths of size must be greater than 0", span)
             size = None
         cls = self._of_kind(entry, "class", str, "the name of a class", span)
         if cls is not None and not is_vocabulary(cls) and ":" not in cls:
             self._bad(f"the vocabulary has no class {cls[:60]!r}", span)
         walls = self._of_kind(entry, "walls", (int, float), "a length in metres", span)
         if walls is not None and not 0 < walls <= FARTHEST:
-            self._bad("walls is a length in metres, greater than 0", span)
+            self._bad(f"walls must be a length in metres, greater than 0 and at most {FARTHEST:g}", span)
             walls = None
         sides = entry.get("open", ())
         sides = [sides] if isinstance(sides, str) else sides
         if not isinstance(sides, (list, tuple)) or not all(side in SIDES for side in sides):
-            self._bad(f"open is one or more of {', '.join(SIDES)}", span)
+            self._bad(f"open must be one or more of {', '.join(SIDES)}", span)
             sides = ()
         return Label(span, cls, size, centre or (0.0, 0.0, 0.0), tuple(sides), walls)
 
     def _of_kind(self, entry: Mapping[str, Any], name: str, kind: Any, what: str, span: Span) -> Any:
         value = entry.get(name)
         if value is not None and (not isinstance(value, kind) or isinstance(value, bool) or value == ""):
-            self._bad(f"{name} is {what}", span)
+            self._bad(f"{name} must be {what}", span)
             return None
         return value
 
@@ -396,16 +397,16 @@ class _Reader:
         if isinstance(values, list) and len(values) == 3 and all(map(_is_length, values)):
             x, y, z = map(float, values)
             return (x, y, z)
-        self._bad(f"{name} is three lengths in metres, along x, y and z", span)
+        self._bad(f"{name} must be three lengths in metres, along x, y and z", span)
         return None
 
     def _check_keys(self, kind: str, table: Mapping[str, Any], span: Span) -> None:
         for key in table:
             if key not in _KEYS[kind]:
-                self._bad(f"unknown key {key[:60]!r}; there are {', '.join(_KEYS[kind])}", self._span(key, span))
+                self._bad(f"unknown key {key[:60]!r}; valid keys are {', '.join(_KEYS[kind])}", self._span(key, span))
 
     def _span(self, key: str, otherwise: Span | None = None) -> Span:
-        """Return where a key is written first."""
+        """Position of the first line that defines a key."""
         quoted = re.compile(rf"""\s*(\[?links\.|\[?meshes\.|\[)?["']?{re.escape(key)}["']?\s*[=\].]""")
         line = next((n for n, line in enumerate(self.lines, 1) if key and quoted.match(line)), None)
         return Span(str(self.path), line) if line else otherwise or Span(str(self.path))

@@ -1,6 +1,6 @@
-"""The text of XML files: bounds of entities, expat's errors; and repairs that let expat read it.
+"""Text of XML files: limits of entities, explanations of expat's errors, and repairs that let expat read a file.
 
-The repairs undo mistakes of editors that real files have; each is reported.
+The repairs undo mistakes that published files contain; each is reported.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from planlang.ontology.triples import counted
 from planlang.records import dataclass
 
 LARGEST_EXPANSION = 10_000_000
-"""Characters that all references of a file may expand to together, if the file itself is not longer."""
+"""Characters that all entity references of a file together may expand to, unless the file itself is longer."""
 
 LARGEST_FACTOR = 100
-"""The same in multiples of the file's length."""
+"""Limit of the same expansion in multiples of the file's length, which binds for short files."""
 
 _REFERENCE = re.compile(r"&([^;&\s#]+);")
 
 
 class EntityTable:
-    """The entities that a file declares. Invariant: ``_lengths`` is the length after full expansion, capped.
+    """Entities that a file declares, with their lengths after full expansion (``_lengths``, [characters]).
 
-    XML wants an entity to be declared before the entities that refer to it are used, not before they are declared, so
-    lengths are computed when the document type is complete.
+    XML allows an entity to refer to one that is declared after it, so lengths are computed when the document type is
+    complete.
     """
 
     def __init__(self, text: str, file: str, here: Callable[[], Span]) -> None:
@@ -44,43 +44,47 @@ class EntityTable:
 
     @property
     def limit(self) -> int:
-        """Characters that the references may expand to; a short file may use a few declared prefixes freely."""
+        """Characters that the references may expand to; enough for prefixes even in short files."""
         return min(max(LARGEST_EXPANSION, len(self._text)), LARGEST_FACTOR * len(self._text))
 
     @property
     def names(self) -> frozenset[str]:
-        """Return the entities that may be referred to: declared entities and those of XML itself."""
+        """Entities that may be referred to: declared ones and those of XML itself."""
         return frozenset(self._values) | frozenset(("amp", "lt", "gt", "apos", "quot"))
 
     def begin(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
-        """Refuse a document type in another file; called by expat."""
+        """Refuse a document type in another file (expat handler)."""
         if system or public:
-            advice = "declare the entities in the file itself"
-            raise BadInput([error("O009", f"an external document type is refused: {system}", self._here(), advice)])
+            message = f"external document types are not read: {system}"
+            raise BadInput([error("O009", message, self._here(), "declare the entities in the file itself")])
 
     def declare(
         self, name: str, is_parameter: bool, value: str | None, base: str | None, system: str | None, *_: object
     ) -> None:
-        """Note an entity; of two declarations the first counts, as XML has it; called by expat."""
+        """Record an entity; of several declarations the first counts, as in XML (expat handler)."""
         if is_parameter:
-            raise BadInput([error("O009", f"a parameter entity is refused: %{name};", self._here())])
+            message, advice = f"parameter entities are not supported: %{name};", "declare a general entity instead"
+            raise BadInput([error("O009", message, self._here(), advice)])
         if value is None:
-            advice = "write its value into the file"
-            raise BadInput([error("O009", f"an external entity is refused: &{name}; {system}", self._here(), advice)])
+            message, advice = f"external entities are not read: &{name}; {system}", "write its value into the file"
+            raise BadInput([error("O009", message, self._here(), advice)])
         self._values.setdefault(name, (value, self._here()))
 
     def skip(self, name: str, is_parameter: bool) -> None:
-        """Refuse an entity that is not in the file; called by expat."""
-        raise BadInput([error("O009", f"an entity that is not in the file is refused: &{name};", self._here())])
+        """Refuse an entity that the file does not declare (expat handler)."""
+        message = f"the entity &{name}; is not declared in the file"
+        raise BadInput([error("O009", message, self._here(), "declare it in the DOCTYPE")])
 
     def check(self) -> None:
-        """Raise BadInput if the references of the file expand to more than the limit, or into themselves."""
+        """Raise BadInput if references expand to more than :attr:`limit`, or if an entity contains itself."""
         for name in self._values:
             self._measure(name)
         total, limit, lengths = 0, self.limit, self._lengths
         if self._text.count("&") * max(lengths.values()) <= limit:
             return
-        for match in _REFERENCE.finditer(self._text):  # those between declarations count too: a little too much
+        for match in _REFERENCE.finditer(
+            self._text
+        ):  # counts those inside declarations too, which errs on the safe side
             total += lengths.get(match[1], 0)
             if total > limit:
                 before = match.start()
@@ -89,7 +93,10 @@ class EntityTable:
                 raise BadInput([_too_much(match[1], limit, span)])
 
     def _measure(self, root: str) -> None:
-        """Compute the lengths of an entity and of those it refers to, the innermost first, without recursion."""
+        """Compute the lengths of an entity and of those it refers to, innermost first.
+
+        It does not recurse, as a hostile file can nest entities deeper than Python's stack.
+        """
         if root in self._lengths:
             return
         open_names = {root: iter(self._references(root))}
@@ -101,8 +108,8 @@ class EntityTable:
                 self._close(name)
             elif other in open_names:
                 names = list(open_names)
-                circle = " in ".join((*names[names.index(other) :], other))
-                raise BadInput([error("O008", f"an entity contains itself: {circle[:200]}", self._values[name][1])])
+                cycle = " -> ".join((*names[names.index(other) :], other))
+                raise BadInput([error("O008", f"an entity contains itself: {cycle[:200]}", self._values[name][1])])
             else:
                 open_names[other] = iter(self._references(other))
 
@@ -110,7 +117,7 @@ class EntityTable:
         return _REFERENCE.findall(self._values[name][0]) if name in self._values else []
 
     def _close(self, name: str) -> None:
-        """Note the length of an entity whose references are all known; nothing is the length of an undeclared one."""
+        """Record the length of an entity whose references are all measured; an undeclared one has length 0."""
         value, span = self._values.get(name, ("", Span(self._file)))
         length = len(value) + sum(self._lengths[other] for other in self._references(name))
         if length > self.limit:
@@ -119,15 +126,15 @@ class EntityTable:
 
 
 def _too_much(name: str, limit: int, span: Span) -> Diagnostic:
-    return error("O008", f"entity &{name}; makes the file expand to more than {limit:,} characters", span)
+    return error("O008", f"the entity &{name}; expands the file to more than {limit:,} characters", span)
 
 
 def explain(
     problem: expat.ExpatError, text: str, file: str, opened: Sequence[Span], entities: frozenset[str]
 ) -> Diagnostic:
-    """Return the diagnostic that explains an expat error.
+    """Make the diagnostic of an expat error.
 
-    ``opened`` are where the open elements begin, the innermost last; ``entities`` what may be referred to.
+    ``opened`` are the positions of the open elements, the innermost last; ``entities`` the names of known entities.
     """
     span = Span(file, problem.lineno, problem.offset + 1)
     reason = expat.ErrorString(problem.code) or "not well-formed"
@@ -143,30 +150,30 @@ def explain(
         advice = 'declare the prefix in the first element: xmlns:prefix="http://...#"'
     elif reason in ("no element found", "unclosed token", "unclosed CDATA section"):
         if opened:
-            reason = f"the file ends too early, {len(opened)} elements are not closed"
-        advice = "the file seems to be cut off"
+            reason = f"the file ends too early; {len(opened)} elements are not closed"
+        advice = "the file seems to be truncated; get it again, or close its elements"
     elif reason.startswith("mismatched tag") and opened:
         return _mismatched(text, span, opened)
     return error("O005", f"this is not XML: {reason}", span, advice)
 
 
 def _mismatched(text: str, span: Span, opened: Sequence[Span]) -> Diagnostic:
-    """Return the diagnostic of an end tag that does not fit: at the element that is not closed, if it closes another.
+    """Make the diagnostic of a mismatched end tag, at the unclosed element if the tag closes an outer one.
 
-    Readers of XML notice a missing end tag only at the end of the element around it, which may be far below.
+    XML parsers notice a missing end tag only at the end of the surrounding element, which may be far below.
     """
-    names = [found[1] for one in opened if (found := _OPENS.match(text, offset_of(text, one)))]
-    found = _CLOSES.match(text, text.rfind("</", 0, offset_of(text, span) + 2))
-    if not names or found is None:
+    names = [tag[1] for one in opened if (tag := _OPENS.match(text, offset_of(text, one)))]
+    closing = _CLOSES.match(text, text.rfind("</", 0, offset_of(text, span) + 2))
+    if not names or closing is None:
         return error(
-            "O005", "this is not XML: mismatched tag", span, f"it closes the element of line {opened[-1].line}"
+            "O005", "this is not XML: mismatched tag", span, f"close the element of line {opened[-1].line} first"
         )
-    if found[1] in names[:-1]:
+    if closing[1] in names[:-1]:
         message = f"this is not XML: the element {names[-1]} is not closed"
-        advice = f"add </{names[-1]}>, at the latest in line {span.line}, in which </{found[1]}> closes another element"
+        advice = f"add </{names[-1]}> before </{closing[1]}> in line {span.line}"
         return error("O005", message, opened[-1], advice)
-    message = f"this is not XML: </{found[1]}> closes no element that is open"
-    advice = f"the innermost open element is {names[-1]}, which begins in line {opened[-1].line}"
+    message = f"this is not XML: </{closing[1]}> closes no open element"
+    advice = f"remove it, or close {names[-1]} of line {opened[-1].line}, the innermost open element"
     return error("O005", message, span, advice)
 
 
@@ -174,20 +181,20 @@ _OPENS, _CLOSES = re.compile(r"<([^\s/>]+)"), re.compile(r"</([^\s>]+)")
 
 
 def must_be_rdf(tag: str, span: Span) -> None:
-    """Raise BadInput if the first element of a file, as expat names it, is that of another language."""
+    """Raise BadInput if the root element of a file, as named by expat, is not one of RDF."""
     namespace, _, local = tag.rpartition(" ")
     if tag.replace(" ", "") == OWL.Ontology:
-        message, advice = "this is OWL/XML, another syntax", "save it as RDF/XML or in Manchester syntax"
+        message, advice = "OWL/XML is not supported", "save the ontology as RDF/XML, Turtle or in Manchester syntax"
     elif not namespace or namespace == "http://www.w3.org/1999/xhtml":
-        message = f"this is XML, but not RDF: its first element is {local}"
-        advice = "an ontology begins with rdf:RDF or in Manchester syntax"
+        message = f"this is XML, but not RDF: its root element is {local}"
+        advice = "the root element of an ontology in RDF/XML is rdf:RDF"
     else:
         return
     raise BadInput([error("O001", message, span, advice)])
 
 
 def opening_tag(tag: str, attributes: Sequence[str], *, is_outermost: bool) -> str:
-    """Write an element inside a value again that is XML; the outermost one with its namespace."""
+    """Write the start tag of an element inside an XML literal again; the outermost one with its namespace."""
     namespace, _, local = tag.rpartition(" ")
     parts = [local, *([f"xmlns={quoteattr(namespace)}"] if is_outermost and namespace else [])]
     pairs = zip(attributes[::2], attributes[1::2], strict=True)
@@ -212,20 +219,19 @@ MOST_WARNINGS = 100
 
 @dataclass
 class Repaired:
-    """A text with the same lines, and what was changed. Columns move only where entities were declared."""
+    """Repaired text with the same lines, and the diagnostics. Columns move only where entities were declared."""
 
     text: str
     diagnostics: list[Diagnostic] = field(default_factory=list)
-    unsaid: int = 0
-    """Mistakes beyond those that are shown."""
+    not_shown: int = 0
+    """Number of repairs without a diagnostic."""
 
 
 def repair_xml(text: str, file: str) -> Repaired:
-    """Undo what can be undone without a guess; a text without such mistakes comes back as it is.
+    """Repair mistakes that need no guess; a text without such mistakes is unchanged.
 
-    Comments opened by ``<!-``, hyphens in pairs inside comments, an XML declaration that is not at the start, and an
-    attribute that an element states twice are made blank (of two the later counts). An undeclared entity is declared if
-    it is known.
+    Overwritten with blanks: comments opened by ``<!-``, double hyphens inside comments, an XML declaration that is not
+    at the start, and the first of two equal attributes of an element. A well-known undeclared entity is declared.
     """
     result = Repaired(text)
     blanks = [*_declaration(result, file), *_hyphens(result, file)]
@@ -240,7 +246,7 @@ def repair_xml(text: str, file: str) -> Repaired:
     if entities:
         result.text = _declare(result.text, visible, entities)
     result.diagnostics.sort(key=lambda found: found.span or position_of(text, 0, file))
-    result.diagnostics = counted(result.diagnostics, result.unsaid)
+    result.diagnostics = counted(result.diagnostics, result.not_shown)
     return result
 
 
@@ -248,7 +254,7 @@ def _note(
     result: Repaired, file: str, offset: int, code: str, message: str, advice: str, change: Declaration | None = None
 ) -> None:
     if len(result.diagnostics) >= MOST_WARNINGS:
-        result.unsaid += 1
+        result.not_shown += 1
         return
     result.diagnostics.append(warning(code, message, position_of(result.text, offset, file), advice, change))
 
@@ -257,7 +263,7 @@ def _declaration(result: Repaired, file: str) -> Iterator[tuple[int, int]]:
     match = re.compile(r"\s*(?:<!--.*?-->\s*)*(<\?xml\s[^>]*\?>)", re.DOTALL).match(result.text)
     if match and match.start(1) > 0:
         message = "the XML declaration is not at the start of the file"
-        _note(result, file, match.start(1), "O006", message, "it is skipped; put it in front of everything else")
+        _note(result, file, match.start(1), "O006", message, "it is ignored; move it to the first line")
         yield match.span(1)
 
 
@@ -265,7 +271,8 @@ def _hyphens(result: Repaired, file: str) -> Iterator[tuple[int, int]]:
     for start, end in _sections(result.text):
         words = result.text[start + 4 : end - 3]
         if result.text.startswith("<!--", start) and ("--" in words or words.endswith("-")):
-            _note(result, file, start, "O006", "a comment contains '--'", "the hyphens are skipped; write a single one")
+            advice = "the hyphens are ignored; write single ones"
+            _note(result, file, start, "O006", "a comment contains '--', or ends with '-'", advice)
             yield from ((start + 4 + m.start(), start + 4 + m.end()) for m in re.finditer("-+", words))
 
 
@@ -273,7 +280,7 @@ def _broken_comments(visible: str, body: int, result: Repaired, file: str) -> It
     for match in _BROKEN_COMMENT.finditer(visible, body):
         if match[0].endswith("->"):
             message = f"a comment is opened by '<!-' instead of '<!--': {' '.join(match[0].split())[:60]}"
-            _note(result, file, match.start(), "O006", message, "the words are skipped; write <!-- ... -->")
+            _note(result, file, match.start(), "O006", message, "it is read as a comment; write <!-- ... -->")
             yield match.span()
 
 
@@ -285,40 +292,41 @@ def _repeated_attributes(tag: re.Match[str], result: Repaired, file: str) -> Ite
         if earlier is not None:
             yield tag.start() + earlier.start(), tag.start() + earlier.end()
             same = "with the same value" if earlier[2][1:-1] == attribute[2][1:-1] else f"first as {earlier[2]}"
-            message = f"{attribute[1]} is stated twice in one element, {same}"
-            advice = f"the later one counts: {attribute[2]}; remove one of the two"
+            message = f"an element has the attribute {attribute[1]} twice, {same}"
+            advice = f"the second one is used: {attribute[2]}; remove one of the two"
             _note(result, file, tag.start() + earlier.start(1), "O007", message, advice)
 
 
 def _undeclared_entities(visible: str, result: Repaired, file: str) -> dict[str, str]:
-    """Name -> value of entities that are used without declaration, but are known.
+    """Find well-known entities that are used but not declared, and their values.
 
-    Known are the prefixes of the file, those of the vocabularies, and the entities that KnowRob's files declare.
+    These are the prefixes of the file and of the vocabularies, and the entities that KnowRob's files declare.
     """
     declared = {"amp", "lt", "gt", "apos", "quot", *_DECLARED.findall(visible)}
     used = [one for one in _PREFIX_REFERENCE.finditer(visible) if one[1] not in declared]
     prefixes = PREFIXES | {name: double or single for name, double, single in _PREFIX.findall(visible)} if used else {}
-    found: dict[str, str] = {}
+    entities: dict[str, str] = {}
     for reference in used:
         name = reference[1]
-        values = [str(prefixes[name])] if name in prefixes else _customary().get(name, [])
-        if name in found or not values or not values[0] or "&" in values[0] or "%" in values[0]:
+        values = [str(prefixes[name])] if name in prefixes else _knowrob_entities().get(name, [])
+        if name in entities or not values or not values[0] or "&" in values[0] or "%" in values[0]:
             continue
-        found[name] = values[0]
-        like = "as the prefix of this name" if name in prefixes else "as files of KnowRob declare it"
+        entities[name] = values[0]
+        source = "the prefix of this name" if name in prefixes else "in KnowRob's files"
         if len(values) > 1:
-            like = f"as some files of KnowRob declare it (others: {', '.join(values[1:])})"
+            source = f"in some of KnowRob's files (in others: {', '.join(values[1:])})"
         change = Declaration(name, values[0], is_sure=len(values) == 1)
-        message = f"the entity &{name}; is not declared and is read {like}: {values[0]}"
+        message = f"the entity &{name}; is not declared; it is read like {source}: {values[0]}"
         _note(result, file, reference.start(), "O016", message, f"declare it in the DOCTYPE: {change}", change)
-    return found
+    return entities
 
 
 @cache
-def _customary() -> dict[str, list[str]]:
-    """Return the entities that KnowRob's files declare, each with its values, the most usual first."""
-    found: dict[str, list[str]] = tomllib.loads((bundled("ontologies") / "entities.toml").read_text(encoding="utf-8"))
-    return found
+def _knowrob_entities() -> dict[str, list[str]]:
+    """Entities that KnowRob's files declare, each with its values, the most frequent first."""
+    text = (bundled("ontologies") / "entities.toml").read_text(encoding="utf-8")
+    entities: dict[str, list[str]] = tomllib.loads(text)
+    return entities
 
 
 def _declare(text: str, visible: str, entities: dict[str, str]) -> str:
@@ -328,7 +336,7 @@ def _declare(text: str, visible: str, entities: dict[str, str]) -> str:
 
 
 def place_of_declarations(text: str) -> tuple[int, str, str]:
-    """Return where declarations of entities go in an XML file, and what is to be written before and after them."""
+    """Find the offset for declarations of entities in an XML file, and the text to write before and after them."""
     visible = _without_comments(text)
     doctype = _DOCTYPE.search(visible)
     if doctype is None:
@@ -350,7 +358,7 @@ def _sections(text: str) -> Iterator[tuple[int, int]]:
 
 
 def _without_comments(text: str) -> str:
-    """Return the text with comments, CDATA sections and processing instructions made blank, offsets kept."""
+    """Overwrite comments, CDATA sections and processing instructions with blanks, which keeps offsets."""
     return _blanked(text, list(_sections(text)))
 
 

@@ -231,7 +231,7 @@ def test_a_syntax_error_says_where_it_is_and_what_was_expected(
         ("Class: A SubClassOf: B )\n", 5, 24, "unexpected )"),
         ('Class: A\n  Annotations: p "one\n  SubClassOf: B\nClass: B\n  Annotations: p "two"\n', 6, 18, "not closed"),
         ('Class: A\n  Annotations: p "one, p "two"\n', 6, 18, "not closed"),
-        ('Class: A\n  Annotations: p "one\n  SubClassOf: B\n', 6, 18, "a text is not closed"),
+        ('Class: A\n  Annotations: p "one\n  SubClassOf: B\n', 6, 18, "not closed"),
         ('Class: A\n  Annotations: p "Class: in words\n" q r\n', 7, 3, "unexpected q"),
     ],
 )

@@ -97,7 +97,7 @@ Individual: towel
     assert [one.code for one in found.diagnostics if one.code != "O062"] == []
     assert "'thin', Meter, Small, date" in found.diagnostics[0].message
     text = "ObjectProperty: on\n    Characteristics: Transitive\n\nClass: Pile\n    SubClassOf: on max 1 Pile\n"
-    with pytest.raises(BadInput, match=r"HermiT cannot take the ontology: .*Non-simple property '<on>'"):
+    with pytest.raises(BadInput, match=r"HermiT cannot .*Non-simple property '<on>'"):
         reason(load(written(tmp_path, text), builtin=False))
 
 
@@ -124,7 +124,7 @@ def test_without_java_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @needs_reasoner
 def test_a_reasoner_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     begun = time.monotonic()
-    with pytest.raises(BadInput, match="HermiT has not ended after"):
+    with pytest.raises(BadInput, match="--reason-seconds"):
         reason(load(written(tmp_path, "")), seconds=0.2)
     assert time.monotonic() - begun < 20
 
