@@ -103,10 +103,18 @@ WHOLE_HEAP = ("kernel", "language", "testing")
 """Folders of tests of what a run leaves in memory: there all of it is looked through, what was imported, too."""
 
 
+class Frozen:
+    """Whether collections of garbage pass over what was there before: counting the objects would take long."""
+
+    now = False
+
+
 @pytest.fixture(scope="module", autouse=True)
 def own_garbage(request: pytest.FixtureRequest) -> None:
     """Elsewhere collections of garbage pass over what was there before: tests, libraries, and what they hold."""
-    if request.path.is_relative_to(TESTS / "planlang") and request.path.parent.name in WHOLE_HEAP:
+    whole = request.path.is_relative_to(TESTS / "planlang") and request.path.parent.name in WHOLE_HEAP
+    if whole and Frozen.now:
         gc.unfreeze()
-    elif not gc.get_freeze_count():
+    elif not whole and not Frozen.now:
         gc.freeze()
+    Frozen.now = not whole
