@@ -148,6 +148,7 @@ def test_a_hostile_world_gives_a_diagnostic(tmp_path: Path, text: str, code: str
     assert code in [one.code for one in found]
 
 
+@pytest.mark.long
 def test_a_chain_of_20000_links_is_refused_at_once(tmp_path: Path) -> None:
     links = "".join(f"<link name='l{k}'/>" for k in range(20000))
     joints = "".join(
