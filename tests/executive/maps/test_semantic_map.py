@@ -18,7 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.geometry import Pose
 from planlang.ontology import expand, load
 from sim import PlanningWorld
-from tests.support.examples import some
+from tests.support.examples import examples, some
 
 Read = Callable[..., SemanticMap]
 Write = Callable[..., str]
@@ -250,7 +250,7 @@ def test_two_things_of_one_local_name_keep_names_of_their_own(map_of: Read, thin
     assert [box.name for box in semantic_map.objects] == ["box1", "box1_2"]
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.floats(-2, 2), min_size=9, max_size=9))
 def test_whatever_the_matrix_a_rotation_comes_out(entries: list[float]) -> None:
     found: list[Diagnostic] = []
