@@ -67,6 +67,12 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory, pytestconfig: pytest.Con
         os.environ["XDG_CACHE_HOME"] = before
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_certificates(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No test asks a server by HTTPS, and each client would read all certificates of authorities, 25 ms."""
+    os.environ["SSL_CERT_DIR"] = str(tmp_path_factory.mktemp("certificates"))
+
+
 LONGEST = (
     "executive/report/test_page_in_browser.py",
     "executive/report/test_command.py",
