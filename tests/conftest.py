@@ -74,21 +74,23 @@ def no_certificates(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 LONGEST = (
-    "executive/report/test_page_in_browser.py",
-    "executive/report/test_command.py",
-    "executive/test_resuming.py",
-    "executive/test_locate.py",
     "repository/test_documentation.py",
-    "executive/serving/test_page.py",
-    "executive/serving/test_commands.py",
-    "executive/serving/test_security.py",
-    "executive/test_running.py",
+    "executive/test_locate.py",
+    "executive/library/test_functions.py",
+    "executive/test_resuming.py",
+    "executive/report/test_page_in_browser.py",
     "executive/pictures/test_recording.py",
+    "diagnostics/test_diagnostic_files.py",
+    "executive/cli/test_show.py",
+    "executive/modules/test_containers.py",
     "planlang/recipe/test_fixes.py",
     "executive/modules/test_grasping.py",
     "executive/robots/test_matching.py",
-    "executive/modules/test_containers.py",
-    "executive/serving/test_entries.py",
+    "executive/serving/test_commands.py",
+    "executive/test_running.py",
+    "executive/locations/test_base_places.py",
+    "executive/serving/test_page.py",
+    "executive/enabling/test_alternatives.py",
 )
 """Files that take longest: begun first, so that at the end no worker waits for another."""
 
