@@ -239,16 +239,19 @@ def of_no_place(phrase: str, of: str | None = None) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("phrase", "said"),
-    [
-        ("near the bed and not near the bed", "requires and excludes 'near the bed'"),
-        (
-            "within 30 cm of the bed and not within 50 cm of the bed",
-            "'within 50 cm of the bed' holds wherever 'within 30 cm of the bed' does",
-        ),
-        ("within 30 cm of the bed and beyond 1 m of the bed", "leave no possible distance"),
-        ("left of the bed and right of the bed", "'left of the bed' and 'right of the bed' are opposite sides"),
-        ("in reach of a place (above the bed and not above the bed)", "requires and excludes"),
-    ],
+    some(
+        [
+            ("near the bed and not near the bed", "requires and excludes 'near the bed'"),
+            (
+                "within 30 cm of the bed and not within 50 cm of the bed",
+                "'within 50 cm of the bed' holds wherever 'within 30 cm of the bed' does",
+            ),
+            ("within 30 cm of the bed and beyond 1 m of the bed", "leave no possible distance"),
+            ("left of the bed and right of the bed", "'left of the bed' and 'right of the bed' are opposite sides"),
+            ("in reach of a place (above the bed and not above the bed)", "requires and excludes"),
+        ],
+        every=2,
+    ),
 )
 def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phrase: str, said: str) -> None:
     message = of_no_place(phrase)["message"]

@@ -26,8 +26,8 @@ def planlang(*words: str) -> Any:
 
 
 @pytest.mark.parametrize(
-    "kind",  # the map of what a new robot reaches takes a minute
-    [pytest.param(kind, marks=pytest.mark.long) if kind == "robot" else kind for kind in FIRST_RUNS],
+    "kind",  # the map of what a new robot reaches takes a minute, a first run of a recipe seconds
+    [pytest.param(kind, marks=pytest.mark.long) if kind in ("robot", "recipe") else kind for kind in FIRST_RUNS],
 )
 def test_a_template_runs_as_it_is(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
@@ -37,6 +37,7 @@ def test_a_template_runs_as_it_is(kind: str, tmp_path: Path, monkeypatch: pytest
     assert not [path for path in tmp_path.iterdir() if "template" in path.read_text("utf-8").lower()]
 
 
+@pytest.mark.long
 def test_the_tests_of_a_project_and_of_a_plan_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert planlang("new", "project", "bring_cup").exit_code == 0

@@ -227,6 +227,7 @@ def test_a_urdf_that_is_no_robots_is_refused() -> None:
     assert inspected("amigo", "--urdf", other).exit_code == 2
 
 
+@pytest.mark.long
 def test_a_recording_has_the_robot_and_a_cloud_for_each_arm_and_class_of_grasp(tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="the extra [record] is not installed")
     result = inspected("amigo", "--record", tmp_path / "reach.rrd")

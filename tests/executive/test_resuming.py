@@ -216,23 +216,24 @@ def test_a_run_killed_before_any_step_has_completed_begins_anew(whole: Path, tmp
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "named"),
     some(
         [
-            (("--seed", "4"), "the seed differs: 3 in the trace, 4 now"),
-            (("--schedule", "1"), "the schedule differs: None in the trace, 1 now"),
-            (("--start", "0.5,0,0"), "the robot's start differs: [0.0, 0.0, 0.0] in the trace, [0.5, 0.0, 0.0] now"),
+            (("--seed", "4"), ("seed", "3", "4")),
+            (("--schedule", "1"), ("schedule", "None", "1")),
+            (("--start", "0.5,0,0"), ("start", "[0.0, 0.0, 0.0]", "[0.5, 0.0, 0.0]")),
         ],
         every=3,
     ),
 )
 def test_what_must_agree_is_told_when_it_differs(
-    options: tuple[str, ...], told: str, whole: Path, tmp_path: Path
+    options: tuple[str, ...], named: tuple[str, ...], whole: Path, tmp_path: Path
 ) -> None:
     part = killed(whole, tmp_path / "run.jsonl", completions(whole)[0])
     ended = answer("run", "--resume", part, *options)
     assert ended["exit_code"] == 2
-    assert [one["message"] for one in ended["diagnostics"] if one["code"] == "X022"] == [told]
+    (message,) = (one["message"] for one in ended["diagnostics"] if one["code"] == "X022")
+    assert all(word in message for word in named), message
     assert part.read_bytes() == killed(whole, tmp_path / "same.jsonl", completions(whole)[0]).read_bytes()
 
 

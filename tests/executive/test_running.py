@@ -248,6 +248,7 @@ def test_what_would_do_is_a_command(
     assert (problem.code, problem.help) == ("X031", f"planlang run serve_a_drink --robot amigo {where}{said}")
 
 
+@pytest.mark.long
 def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
     path = changed_map(tmp_path, ("knowrob:m03 -2.72", "knowrob:m03 -8.0"))
     result = run_plan_file(replace(BUNDLED, environment=path, picture=tmp_path / "failed.png"))

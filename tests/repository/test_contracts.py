@@ -135,6 +135,7 @@ def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
                 yield from ((node.module or "", one.name), (f"{node.module}.{one.name}", ""))
 
 
+@pytest.mark.long
 def test_no_process_module_is_imported_but_by_the_registry() -> None:
     advice = "ask for the action by perform(), or move what is shared to a class that is no process module"
     assert process_modules_imported(CHECKOUT) == [], advice

@@ -23,19 +23,19 @@ PAGES = {str(page.relative_to(CHECKOUT)): page.read_text(encoding="utf-8") for p
 PACKAGES = ("planlang", "executive", "sim")
 CODES = re.findall(r"^\| `([A-Z]\d{3})` \| .+? \|$", PAGES["docs/reference/codes.md"], flags=re.MULTILINE)
 """The codes of diagnostics that are explained."""
-LONG = tuple(
-    f"docs/{name}.md"
-    for name in (
-        *(
-            f"guides/{one}"
-            for one in ("ci", "compiling", "cooking", "knowledge", "library_use", "modules", "published_recipes")
-        ),
-        *(
-            f"guides/{one}"
-            for one in ("reasoning", "recording", "report", "resuming", "running", "searching", "sweeping", "testing")
-        ),
-        *("first_steps/first_plan", "first_steps/own_robot", "reference/formats", "reference/gallery"),
-    )
+LONG = (
+    "README.md",
+    *(
+        f"docs/guides/{name}.md"
+        for name in ("ci", "compiling", "cooking", "debugging_a_failed_run", "knowledge", "library_use", "modules")
+    ),
+    *(
+        f"docs/guides/{name}.md"
+        for name in ("published_recipes", "reasoning", "recording", "report", "resuming", "running", "searching")
+    ),
+    *("docs/guides/sweeping.md", "docs/guides/testing.md"),
+    *("docs/first_steps/first_plan.md", "docs/first_steps/own_robot.md"),
+    *("docs/reference/formats.md", "docs/reference/gallery.md"),
 )
 """Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""
 WITH_NOTHING: dict[str, tuple[str, ...]] = {

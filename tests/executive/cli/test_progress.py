@@ -8,6 +8,7 @@ import pytest
 from cli_runs import invoke
 
 from executive.cli.progress import Progress
+from tests.support.examples import some
 
 
 class Clock:
@@ -91,7 +92,7 @@ def test_inner_work_is_shown_until_it_ends(
     assert capsys.readouterr().err.splitlines() == ["building: 50%, 10 s left", "searching: 21 s"]
 
 
-@pytest.mark.parametrize("option", ["--quiet", "--json"])
+@pytest.mark.parametrize("option", some(["--quiet", "--json"]))
 def test_quiet_and_json_silence_it(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[object] = []
     monkeypatch.setattr(Progress, "_push", lambda self, work: shown.append(work))

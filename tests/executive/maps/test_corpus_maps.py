@@ -18,6 +18,7 @@ from planlang.diagnostics import Diagnostic, Severity
 from planlang.files import bundled
 from planlang.knowledge.places import holders, levels_of, places
 from planlang.ontology import Ontology, load
+from tests.support.examples import examples
 
 CORPUS = Path(__file__).parents[4] / "shared" / "corpus"
 TRUTHS = (
@@ -124,7 +125,7 @@ def placed(name: str, text: str) -> tuple[SemanticMap, set[str], list[Diagnostic
 
 
 @pytest.mark.long
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(data=st.data(), bad=st.sampled_from(BAD))
 def test_a_bad_number_costs_one_thing_and_a_warning_never_the_map(data: st.DataObject, bad: str) -> None:
     every = texts()

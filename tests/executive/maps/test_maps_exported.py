@@ -13,7 +13,7 @@ from planlang.files import bundled
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from sim import Body, Scene
-from tests.support.examples import some
+from tests.support.examples import examples, some
 
 CORPUS = Path(__file__).parents[4] / "shared" / "corpus"
 REAL = tuple(
@@ -119,7 +119,7 @@ def individual(name: str, cls: str, facts: list[str]) -> str:
 
 
 @pytest.mark.long
-@settings(max_examples=60, deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
+@settings(max_examples=examples(60), deadline=None, phases=[Phase.explicit, Phase.reuse, Phase.generate])
 @given(text=maps(), target=st.sampled_from([*Target]))
 def test_a_generated_map_is_the_same_world_when_exported(
     text: str, target: Target, tmp_path_factory: pytest.TempPathFactory

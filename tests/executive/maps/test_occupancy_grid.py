@@ -21,6 +21,7 @@ from planlang.files import bundled
 from planlang.geometry.matrices import moved
 from planlang.ontology import load
 from sim import Body, Scene
+from tests.support.examples import examples
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 YAML = "image: grid.pgm\nresolution: {resolution}\norigin: [{x}, {y}, {yaw}]\nnegate: 0\n"
@@ -86,7 +87,7 @@ def test_an_invalid_grid_is_refused_with_the_reason(kind: str, tmp_path: Path) -
     assert [one.code for one in problem.value.diagnostics] == ["M024"]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     content=st.binary(max_size=80)
     | st.binary(max_size=20).map(lambda tail: b"P5 3 2 255\n" + tail)

@@ -18,7 +18,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.geometry import Pose
 from planlang.ontology import expand, load
 from sim import PlanningWorld
-from tests.support.examples import some
+from tests.support.examples import examples, some
 
 Read = Callable[..., SemanticMap]
 Write = Callable[..., str]
@@ -248,7 +248,7 @@ def test_two_objects_of_one_local_name_get_unique_names(map_of: Read, thing: Wri
     assert [box.name for box in semantic_map.objects] == ["box1", "box1_2"]
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.floats(-2, 2), min_size=9, max_size=9))
 def test_any_matrix_is_repaired_to_a_rotation(entries: list[float]) -> None:
     found: list[Diagnostic] = []

@@ -22,6 +22,7 @@ from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from planlang.ontology import load
 from sim import Body
+from tests.support.examples import examples
 
 ROOM = bundled("ontologies") / "environments" / "hospital_room.omn"
 HALF = 1 << DEPTH - 1
@@ -122,7 +123,7 @@ key = st.tuples(*3 * [st.integers(-3, 4)])
 
 
 @pytest.mark.parametrize("full", [False, True])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(cells=st.sets(key, min_size=1, max_size=40), cube=st.booleans())
 def test_an_octree_has_the_cells_that_were_written(
     full: bool, cells: set[Key], cube: bool, tmp_path_factory: pytest.TempPathFactory
@@ -183,7 +184,7 @@ def test_a_file_that_contradicts_its_header_is_refused_with_the_reason(name: str
     assert codes(tmp_path / name) == ["M024"]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(data=st.data())
 def test_any_corrupted_file_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
     points = np.arange(9.0).reshape(3, 3)
@@ -208,7 +209,7 @@ def covers(boxes: list[tuple[Pose, tuple[float, float, float]]], points: Array) 
     return np.any(inside, axis=0) if inside else np.zeros(len(points), dtype=bool)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(cells=st.sets(st.tuples(*2 * [st.integers(-20, 20)], st.integers(1, 20)), min_size=1, max_size=60))
 def test_boxes_cover_exactly_the_cells_with_points(cells: set[Key]) -> None:
     points = (np.array(sorted(cells)) + 0.5) * 0.1

@@ -22,6 +22,7 @@ from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration, Trajectory
 from sim import Body, PlanningWorld, Scene
 from tests.executive.conftest import MakeStage
+from tests.support.examples import examples
 
 
 @pytest.fixture(scope="module")
@@ -209,7 +210,7 @@ def world() -> PlanningWorld:
     return PlanningWorld(Scene(()), ROBOT.body())
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(40))
 @given(away=st.floats(0.6, 3.0), bearing=st.floats(-1.2, 1.2), height=st.floats(0.0, 1.8))
 def test_the_camera_misses_a_point_by_what_is_said(
     gaze: Gaze, world: PlanningWorld, away: float, bearing: float, height: float

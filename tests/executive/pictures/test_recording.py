@@ -83,6 +83,7 @@ def test_a_recording_has_lanes_graphs_truth_belief_and_candidates(recorded: Path
     assert "plan time" in printed
 
 
+@pytest.mark.long
 def test_a_recorded_run_has_the_trace_of_one_that_is_not(recorded: Path, served: Served) -> None:
     assert served.trace.read_bytes() == (recorded / "run.jsonl").read_bytes()
 

@@ -30,6 +30,7 @@ def model_in(page: Path) -> dict[str, Any]:
     return dict(json.loads(found[1]))
 
 
+@pytest.mark.long
 def test_a_repeated_run_has_the_page_of_the_run_itself(reported: Reported, tmp_path: Path) -> None:
     page = tmp_path / "run.html"
     assert called("report", reported.trace, "-o", page)["repeated"] is True

@@ -204,6 +204,7 @@ def test_markup_in_a_map_and_in_labels_of_a_recipe_is_text(browser: Any, tmp_pat
     assert (watched.said, watched.asked) == ([], [])
 
 
+@pytest.mark.long
 def test_ten_thousand_steps_are_there_within_a_second(browser: Any, tmp_path: Path) -> None:
     async def step() -> None:
         await sleep(0.01)

@@ -68,6 +68,7 @@ def test_places_have_the_reasons_for_which_they_were_rejected(reported: Reported
     assert {nodes[one["node"]]["kind"] for one in model["questions"]} == {"at_location"}
 
 
+@pytest.mark.long
 def test_a_page_changes_nothing_in_the_run(reported: Reported, served: Served) -> None:
     assert served.trace.read_bytes() == reported.trace.read_bytes()
     assert served.result.final_state == reported.result.final_state

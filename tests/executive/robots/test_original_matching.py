@@ -19,7 +19,6 @@ from planlang.ontology import Ontology, load
 from planlang.recipe import Actions
 from planlang.recipe.reading import stated_tasks
 from tests.support.corpus_recipes import RECIPES
-from tests.support.examples import some
 from tests.support.original_matcher import Answer, OriginalMatcher, read
 
 ROBOTS = ("PR2@hydro.owl", "amigo@hydro.owl", "amigo@re_stack.owl.in", "baxter@hydro.owl", "pioneer@hydro.owl")
@@ -94,7 +93,8 @@ def test_the_oracle_gives_the_known_answers_for_serving_a_drink(files: Corpus) -
         assert found == Answer(*(frozenset(row["original"][field]) for field in Answer._fields)), robot
 
 
-@pytest.mark.parametrize("recipe", some(RECIPES[::-1], len(RECIPES)))
+@pytest.mark.long
+@pytest.mark.parametrize("recipe", RECIPES)
 def test_every_task_of_a_recipe_is_matched_as_by_the_original(files: Corpus, recipe: str) -> None:
     path = files.corpus / "recipes" / recipe
     assert files.compare(files.load(path), stated_tasks(Actions(load(path))))

@@ -317,7 +317,7 @@ def test_a_damaged_form_is_read_or_refused(start: int, length: int, written: byt
 
 
 @given(st.sampled_from(("expression", "label", "kind", "robot", "room", "limit", "after")), st.text(max_size=40))
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_question_has_an_answer(client: TestClient, field: str, text: str) -> None:
     assert client.get("/search", params={"label": "a", field: text}).status_code == 200
     assert client.post("/search", data={"label": "a", field: text}).status_code == 200

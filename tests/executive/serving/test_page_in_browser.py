@@ -32,6 +32,7 @@ def server(tmp_path: Path) -> Iterator[RunningServer]:
         yield running
 
 
+@pytest.mark.long
 def test_a_recipe_is_uploaded_mended_found_and_rated(browser: Any, server: RunningServer, tmp_path: Path) -> None:
     watched = Watched(browser, server.url)
     page, key = watched.page, server.key("ada")

@@ -46,6 +46,7 @@ def test_contents_that_cannot_be_kept_somewhere_are_refused(contents: str) -> No
     assert f"error K020 cannot store contents at {contents}: " in refused.stderr
 
 
+@pytest.mark.long
 def test_an_endpoint_that_does_not_answer_is_no_error_of_planlang(tmp_path: Path) -> None:
     pytest.importorskip("obstore", reason="object storage is in the extra serve")
     store = ("--store", "sparql+http://127.0.0.1:9/", "--contents", tmp_path.as_uri())

@@ -176,7 +176,7 @@ def changes(folder: Path) -> str:
 
 
 def test_formatter_leaves_plans_of_long_names_as_they_are(actions: tuple[Ontology, Actions], tmp_path: Path) -> None:
-    @settings(max_examples=40)
+    @settings(max_examples=examples(40))
     @given(st.integers(0, 1_000_000))
     def write(seed: int) -> None:
         recipes = canonical(Writer(random.Random(seed)).recipes())

@@ -378,6 +378,7 @@ def test_raising_evaporated_by_hand_is_refused() -> None:
         go(partial(par, plan))
 
 
+@pytest.mark.long
 def test_evaporating_ten_thousand_nested_constructs_works() -> None:
     async def nest(depth: int) -> None:
         if depth:

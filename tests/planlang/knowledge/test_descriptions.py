@@ -63,6 +63,7 @@ def test_what_reaches_too_much_is_refused_in_time() -> None:
     assert time.process_time() - began < 30
 
 
+@pytest.mark.long
 def test_long_chains_and_wide_classes_are_described() -> None:
     own = Axioms(chains=[("urn:part",) * 3])
     for number in range(400):

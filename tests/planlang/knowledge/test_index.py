@@ -22,7 +22,7 @@ from planlang.knowledge.questions import read_question
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from planlang.ontology.expressions import Expression
-from tests.support.examples import some
+from tests.support.examples import examples, some
 
 
 def ask_elk(whole: str, entries: Iterable[str], questions: int, folder: Path) -> list[set[str]]:
@@ -143,7 +143,7 @@ NAMES = Names({name: [f"urn:{name}"] for name in "ABCDEpqi"})
 QUESTIONS = ("A", "B and p some A", "p some (B or E)", "q some (p some owl:Thing)", "{i}", "p value i", "owl:Thing")
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(CHANGES)
 def test_answers_are_the_same_however_entries_came_and_went(changes: list[tuple[str, Description | None]]) -> None:
     changed, kept = Index(VOCABULARY), dict[str, Description]()

@@ -24,6 +24,7 @@ from planlang.failures import (
     TransitionMissing,
 )
 from planlang.runs import with_paths
+from tests.support.examples import examples
 
 
 async def nothing() -> None: ...
@@ -326,7 +327,7 @@ def test_each_visit_is_a_node_and_each_transition_an_event_of_the_trace() -> Non
     assert steps == [("look", "lost", "look"), ("look", "found", "grasp"), ("grasp", "GraspMissed", "end")]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @hypothesis.given(
     table=st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=5, max_size=5), flips=st.data()
 )

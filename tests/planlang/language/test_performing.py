@@ -14,6 +14,7 @@ from virtual_time import go
 from planlang import *
 from planlang.failures import ActionUnresolvable, GraspMissed, ManipulationFailure, ObjectNotFound
 from planlang.runs import with_paths
+from tests.support.examples import examples
 
 REACH = action("Reaching")
 
@@ -327,7 +328,7 @@ def test_resources_are_in_the_trace_when_granted_and_released_on_evaporation_too
     ]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @hypothesis.given(
     users=st.lists(
         st.tuples(st.integers(0, 3), st.integers(1, 3), st.lists(st.sampled_from("abc"), min_size=1, max_size=3)),

@@ -15,6 +15,7 @@ from virtual_time import go
 from planlang import *
 from planlang.failures import GraspMissed, GraspSlipped, ObjectNotFound, PolicyViolated
 from planlang.runs import with_paths
+from tests.support.examples import examples
 
 
 def notes(log: list[str], word: str, failure: Exception | None = None) -> Callable[[], Any]:
@@ -376,7 +377,7 @@ def test_parts_and_violation_are_in_the_trace() -> None:
     assert [e["policy"] for e in trace.events if e["event"] == "policy violated"] == ["a"]
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @hypothesis.given(
     checks=st.lists(st.one_of(st.none(), st.integers(0, 5)), max_size=4),
     ends=st.integers(0, 5),

@@ -40,6 +40,7 @@ from planlang.failures import (
     ObjectUnfetchable,
 )
 from planlang.language.recovery import matches
+from tests.support.examples import examples
 
 
 class Body:
@@ -369,7 +370,7 @@ def test_a_recovery_may_raise_the_failure_itself_again() -> None:
 KINDS = (GraspMissed, NavigationFailure, taxonomy.ManipulationFailure, taxonomy.ObjectNotFound)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @hypothesis.given(
     recoveries=st.lists(
         st.tuples(st.sampled_from(KINDS), st.integers(0, 3), st.sampled_from(["retry", "propagate", "return"])),

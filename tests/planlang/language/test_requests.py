@@ -14,6 +14,7 @@ from virtual_time import go
 from planlang import *
 from planlang.failures import ActionUnresolvable, BranchEvaporated, GraspMissed, GraspSlipped, Timeout
 from planlang.runs import with_paths
+from tests.support.examples import examples
 
 FAILURES = {"missed": GraspMissed, "slipped": GraspSlipped, "broken": KeyError}
 
@@ -263,7 +264,7 @@ def test_requests_are_nodes_of_the_tree(robot: Any) -> None:
     assert paths == [f"{base}/request/Left/Left", f"{base}/request#2/wave/Right"]
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @hypothesis.given(
     requests=st.lists(st.tuples(st.booleans(), st.integers(1, 4), st.booleans()), min_size=1, max_size=6),
     order=st.randoms(use_true_random=False),

@@ -19,6 +19,7 @@ from planlang import *
 from planlang.failures import GraspMissed, Timeout
 from planlang.runs import Past, RecordedRun
 from planlang.testing import replay, run_plan
+from tests.support.examples import examples
 
 # Random plans: the steps of the top-level plan, each of which leaves a mark when it is done
 
@@ -105,7 +106,7 @@ def plan_of(steps: list[tuple[Any, float]], done: list[str]) -> Any:
 
 
 @hypothesis.given(steps=STEPS, data=st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_a_run_cut_anywhere_and_resumed_is_as_if_it_had_not_been_cut(steps: Any, data: st.DataObject) -> None:
     done: list[str] = []
     whole = run_plan(plan_of(steps, done), resumable=True)
@@ -156,7 +157,7 @@ def test_each_step_that_completed_has_its_effect_exactly_once(steps: Any) -> Non
     limit=st.sampled_from([None, 1, 2]),
     data=st.data(),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_completed_steps_of_a_partial_order_are_not_run_again_and_open_ones_are(
     edges: set[tuple[str, str]], seconds: tuple[float, ...], limit: int | None, data: st.DataObject
 ) -> None:

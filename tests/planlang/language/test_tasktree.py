@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from planlang import *
 from planlang.failures import BranchEvaporated, GraspMissed
 from planlang.testing import Script, run_plan
+from tests.support.examples import examples
 
 
 async def grasp() -> None:
@@ -234,7 +235,7 @@ def branches(depth: int) -> st.SearchStrategy[Any]:
     return st.one_of(leaf, st.builds(lambda c, b: partial(c, *b), constructs, st.lists(inner, max_size=3)))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @hypothesis.given(body=branches(3), schedule=st.one_of(st.none(), st.integers(0, 99)))
 def test_every_node_ends_with_status_start_and_end_within_its_parent_and_is_in_all_exports(
     body: Any, schedule: int | None

@@ -13,6 +13,7 @@ from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import load
 from sim import Scene
 from sim.joints import JointKind
+from tests.support.examples import examples
 
 KITCHEN = "IAI_kitchen@iai_maps.urdf"
 CUPBOARD = """
@@ -148,6 +149,7 @@ def test_a_hostile_world_gives_a_diagnostic(tmp_path: Path, text: str, code: str
     assert code in [one.code for one in found]
 
 
+@pytest.mark.long
 def test_a_chain_of_20000_links_is_refused_at_once(tmp_path: Path) -> None:
     links = "".join(f"<link name='l{k}'/>" for k in range(20000))
     joints = "".join(
@@ -177,7 +179,7 @@ def written(value: object) -> str:
     return str(value)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(table=st.dictionaries(KEYS, VALUES, max_size=3))
 def test_labels_of_any_kind_are_read_or_refused(tmp_path: Path, table: dict[str, object]) -> None:
     lines = "".join(f"{key} = {written(value)}\n" for key, value in table.items())

@@ -17,6 +17,7 @@ from planlang import *
 from planlang import plan as a_plan
 from planlang.failures import GraspMissed, GraspSlipped, ObjectLost
 from planlang.testing import Fault, PlanRun, Script, explore, run_plan
+from tests.support.examples import examples
 
 log: list[str] = []
 
@@ -233,7 +234,7 @@ def check_tree(run: PlanRun[object]) -> None:
         assert step.parent is None or (step.parent.first < step.first and step.last < step.parent.last), step
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @hypothesis.given(over(LEAVES))
 def test_branches_that_share_nothing_have_one_outcome_under_random_schedules_and_priorities(plan: Branch) -> None:
     async def main() -> object:
@@ -242,7 +243,7 @@ def test_branches_that_share_nothing_have_one_outcome_under_random_schedules_and
     explore(main, schedules=8)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @hypothesis.given(over(st.one_of(LEAVES, st.just(acting))), FAULTS)
 def test_whatever_fails_every_step_ends_inside_its_parent_and_nothing_is_left(
     plan: Branch, faults: list[Fault]
