@@ -89,6 +89,10 @@ def commands(block: Block) -> list[Command]:
             raise ValueError(f"line {begun}: no command prints this")
         text = line.removeprefix(prompt)
         while text.endswith("\\"):
+            if text.count("'") % 2:
+                raise ValueError(
+                    f"line {begun}: within '...' a shell takes the backslash at the end of a line as it is"
+                )
             text = text[:-1].rstrip() + " " + lines.pop(0)[1].strip()
         output_line, shown = lines[0][0] if lines else begun + 1, ""
         while lines and prompt and not lines[0][1].startswith(prompt):
