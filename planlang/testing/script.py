@@ -128,7 +128,7 @@ class Belief:
         return what != result and what in visited
 
     def destroy(self, *things: str) -> None:
-        """Destroy objects."""
+        """Remove objects from the world."""
         self.gone.extend(thing for thing in things if thing not in self.gone)
         for thing in things:
             self.drop(thing)
@@ -284,7 +284,10 @@ class Script:
         return self
 
     def places(self, location: str | Object, *bases: Base) -> Script:
-        """Set the base poses, maybe none, for a location, which is given by its name or its reference object."""
+        """Set the base poses for a location, given by its name or its reference object.
+
+        Without poses, the location cannot be reached.
+        """
         name = location if isinstance(location, str) else location.name
         self._initial_changes.append(lambda belief: belief.places.update({name: bases}))
         return self
