@@ -91,8 +91,8 @@ class Belief:
     def holds(self, condition: Condition) -> bool:
         """Evaluate a condition: a fact if there is one, otherwise by the state of the objects.
 
-        ``holding(x)`` always depends on the held objects. ``baked`` without a time is true if both sides were heated at
-        all.
+        ``holding(x)`` always depends on the held objects. ``baked`` compares the heating time of the side that was
+        heated less; without seconds, it holds if both sides were heated.
         """
         if str(condition) in self.facts and condition.predicate != "holding":
             return self.facts[str(condition)]
