@@ -1,4 +1,4 @@
-"""``planlang list``: bundled robots, rooms and recipes; classes, actions that modules perform, relations and failures that may be named."""
+"""``planlang list``: bundled robots, rooms and recipes; classes, actions, relations and failures that may be named."""
 
 from __future__ import annotations
 

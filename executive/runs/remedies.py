@@ -10,8 +10,7 @@ from pathlib import Path
 from executive.maps import MapObject, SemanticMap
 from executive.maps.class_names import is_kind
 from executive.maps.environments import environments_for
-from executive.robots import Robot, bind_robot
-from executive.robots.matching import FindingKind, Missing
+from executive.robots import FindingKind, Missing, Robot, bind_robot
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, PlanParameter, things_of
 from executive.runs.settings import in_header
