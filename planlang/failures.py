@@ -26,7 +26,7 @@ class LowLevelFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class NavigationFailure(LowLevelFailure):
-    """The base did not reach its target; ``target`` is (x, y, yaw) in the map [m, rad]."""
+    """The base did not reach its target. ``target`` is (x, y, yaw) in the map [m, rad]."""
 
     target: tuple[float, float, float] | None = field(default=None, kw_only=True)
     blocked_by: str | None = field(default=None, kw_only=True)
@@ -54,7 +54,7 @@ class NavigationGoalInCollision(NavigationFailure):
 
 @dataclass(eq=False, repr=False)
 class PerceptionFailure(LowLevelFailure):
-    """Perception did not deliver what was requested; ``what`` names the object."""
+    """Perception did not deliver what was requested. ``what`` names the object."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -90,7 +90,7 @@ class AmbiguousPerception(PerceptionFailure):
 
 @dataclass(eq=False, repr=False)
 class LookingFailure(LowLevelFailure):
-    """The camera could not be pointed at its target; ``what`` names the target."""
+    """The camera could not be pointed at its target. ``what`` names the target."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -105,7 +105,7 @@ class LookingGoalUnreachable(LookingFailure):
 
 @dataclass(eq=False, repr=False)
 class ManipulationFailure(LowLevelFailure):
-    """A motion of an arm failed; ``what`` names the object concerned, ``blocked_by`` the obstacle."""
+    """A motion of an arm failed. ``what`` names the object concerned, ``blocked_by`` the obstacle."""
 
     arm: str | None = field(default=None, kw_only=True)
     what: str | None = field(default=None, kw_only=True)
@@ -139,7 +139,7 @@ class ObjectNotTurned(ManipulationFailure):
 
 
 class VesselEmpty(ManipulationFailure):
-    """The vessel to pour from or stir in has no known contents; ``what`` names it."""
+    """The vessel to pour from or stir in has no known contents. ``what`` names it."""
 
     text: ClassVar[str] = "the vessel is empty"
 
@@ -180,7 +180,7 @@ class GripperGoalNotReached(GripperFailure):
 
 @dataclass(eq=False, repr=False)
 class TorsoFailure(ManipulationFailure):
-    """A motion of the torso failed; ``height`` is the commanded joint position [m]."""
+    """A motion of the torso failed. ``height`` is the commanded joint position [m]."""
 
     height: float | None = field(default=None, kw_only=True)
 
@@ -235,7 +235,7 @@ class HandoverNotTaken(CommunicationFailure):
 
 @dataclass(eq=False, repr=False)
 class HighLevelFailure(PlanFailure):
-    """The plan cannot achieve a purpose; ``what`` names the object concerned."""
+    """The plan cannot achieve a purpose. ``what`` names the object concerned."""
 
     what: str | None = field(default=None, kw_only=True)
 
@@ -277,7 +277,7 @@ class EnvironmentUnreachable(HighLevelFailure):
 
 @dataclass(eq=False, repr=False)
 class DesignatorFailure(PlanFailure):
-    """A description matches nothing in the world; ``designator`` is its text."""
+    """A description matches nothing in the world. ``designator`` is its text."""
 
     designator: str | None = field(default=None, kw_only=True)
 
@@ -292,7 +292,7 @@ class DesignatorFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class LocationUnresolvable(DesignatorFailure):
-    """Every candidate was rejected; ``counts`` has their number by reason, ``blocking`` by body in the way.
+    """Every candidate was rejected. ``counts`` has their number by reason, ``blocking`` by body in the way.
 
     ``figures`` is a sentence about the most frequent reason: the measured value and the value that is needed. ``after``
     is the number of places that were found before and failed as well.
@@ -323,7 +323,7 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The target is behind a closed door or in a closed drawer; ``door`` names it."""
+    """The target is behind a closed door or in a closed drawer. ``door`` names it."""
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
@@ -335,7 +335,7 @@ class BehindClosedDoor(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class TooHeavy(LocationUnresolvable):
-    """The object is heavier than the payload of ``hands`` free hands, 1 or 2; ``mass`` and ``payload`` in kg."""
+    """The object is heavier than the payload of ``hands`` free hands, 1 or 2. ``mass`` and ``payload`` in kg."""
 
     what: str | None = field(default=None, kw_only=True)
     mass: float = field(default=0.0, kw_only=True)
@@ -370,7 +370,7 @@ class HandsLacking(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class HandsFull(LocationUnresolvable):
-    """No hand that may grasp the object is free; ``held`` maps each hand to the object in it."""
+    """No hand that may grasp the object is free. ``held`` maps each hand to the object in it."""
 
     what: str | None = field(default=None, kw_only=True)
     held: Mapping[str, Object] = field(default_factory=dict, kw_only=True)
@@ -407,7 +407,7 @@ class MissingCapability(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class CompositeFailure(PlanFailure):
-    """Several branches failed; ``failures`` and ``names`` are in textual order."""
+    """Several branches failed. ``failures`` and ``names`` are in textual order."""
 
     failures: tuple[PlanFailure, ...] = field(default=(), kw_only=True)
     names: tuple[str, ...] = field(default=(), kw_only=True)
@@ -435,7 +435,7 @@ class Timeout(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class BudgetExceeded(PlanFailure):
-    """A budget is used up; ``spent`` is the time by action [s], ``used`` the number of attempts by construct."""
+    """A budget is used up. ``spent`` is the time by action [s], ``used`` the number of attempts by construct."""
 
     seconds: float | None = field(default=None, kw_only=True)
     attempts: int | None = field(default=None, kw_only=True)

@@ -51,6 +51,13 @@ def _made(cls: Any, *, eq: bool = True, repr: bool = True, frozen: bool = False,
     return made
 
 
+class _FromFactory:
+    """Default of a parameter whose value a factory makes, in signatures."""
+
+    def __repr__(self) -> str:
+        return "<factory>"
+
+
 class _FirstInit:
     """Placeholder for a constructor until the first instance, or the first look at its signature."""
 
@@ -77,7 +84,7 @@ def _compiled_init(made: Any, frozen: bool) -> Any:
     """Compile the constructor of a class, with defaults, factories and ``__post_init__``."""
     every: Sequence[Field[Any]] = dataclasses.fields(made)
     # these cannot clash with names made from fields, which begin with _default_ and _make_
-    known: dict[str, Any] = {"__name__": __name__, "_set": _set, "_given": (given := object())}
+    known: dict[str, Any] = {"__name__": __name__, "_set": _set, "_given": (given := _FromFactory())}
     parameters, keywords, body = ["self"], list[str](), list[str]()
     for one in every:
         value = one.name

@@ -53,6 +53,7 @@ class Listed(Enum):
     ROOMS = "rooms"
     RECIPES = "recipes"
     CLASSES = "classes"
+    ACTIONS = "actions"
     RELATIONS = "relations"
     FAILURES = "failures"
 
@@ -60,6 +61,8 @@ class Listed(Enum):
 @dataclass(frozen=True, kw_only=True)
 class ListArguments(Arguments):
     """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
+
+    The actions are those that bundled process modules perform.
 
     Exit code 1: WORD is in no name, label or description.
     """

@@ -1,4 +1,4 @@
-"""``planlang list``: bundled robots, rooms and recipes; classes, relations and failures that may be named."""
+"""``planlang list``: bundled robots, rooms and recipes; classes, actions, relations and failures that may be named."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 from executive.cli.arguments import ListArguments, Listed
 from executive.commands.answers import Answer, ExitCode
+from executive.modules.bundled import bundled_registry
 from planlang import failures
 from planlang.closure import reached
 from planlang.designators import local_name
@@ -110,6 +111,12 @@ def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[
     return Entry(local_name(iri), words, more, tuple(parents), iri)
 
 
+def actions() -> list[Entry]:
+    """Action classes that bundled process modules perform, with their labels, by name."""
+    ontology = load(bundled("ontologies") / "primitives.omn")
+    return [Entry(name, ontology.label(expand(name)) or "") for name in sorted(bundled_registry().actions)]
+
+
 def relations() -> list[Entry]:
     """Location relations, in the order of their table."""
     return [
@@ -145,6 +152,7 @@ _LISTS: Mapping[Listed, Callable[[], list[Entry]]] = {
     Listed.ROOMS: lambda: files(Bundled.ENVIRONMENT),
     Listed.RECIPES: lambda: files(Bundled.RECIPE, bundled("recipes") / "library"),
     Listed.CLASSES: classes,
+    Listed.ACTIONS: actions,
     Listed.RELATIONS: relations,
     Listed.FAILURES: plan_failures,
 }

@@ -15,11 +15,14 @@ from executive.commands.arguments import CheckArguments
 from executive.commands.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
-from planlang.files import SUFFIXES
+from planlang.files import SUFFIXES, bundled
+from planlang.ontology import expand, load, shorten
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.plan_versions import compiled_before
 from planlang.progress import Report, Waiting, unreported, unwatched
+from planlang.recipe.actions import Performed
 from planlang.recipe.fixes import Fix
 from planlang.recipe.fixes.fixing import Fixed
 from planlang.records import dataclass
@@ -49,11 +52,14 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
 
         return reasoned(file.path, arguments, lambda: _recipe_or_map(file, arguments), waiting)
     fresh = freshness(file, folders=arguments.folders)
-    diagnostics = (*fresh.diagnostics, *misspelt_roles(file))
+    diagnostics = [*fresh.diagnostics, *misspelt_roles(file)]
+    if file.header is None:
+        performed = performed_by_modules(arguments.modules, diagnostics, trust=arguments.trust)
+        diagnostics += unperformed_actions(file, performed)
     code = ExitCode.BAD_INPUT if has_errors(diagnostics) else ExitCode.DONE
     text = "\n".join(filter(None, (f"{file.path}: {fresh.state}", fresh.edits, fresh.difference)))
     data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
-    return Answer(code, diagnostics, text, data)
+    return Answer(code, tuple(diagnostics), text, data)
 
 
 def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
@@ -254,13 +260,37 @@ def _difference(old: str, new: str, old_name: str, new_name: str) -> str:
     return "\n".join(difflib.unified_diff(old.splitlines(), new.splitlines(), old_name, new_name, lineterm=""))
 
 
+def unperformed_actions(plan: PlanFile, performed: Performed) -> Iterator[Diagnostic]:
+    """Warn of actions of a plan written by hand whose class, stated as a string without ``below``, no module performs.
+
+    A plan with ``otherwise`` may perform its actions itself and is not examined.
+    """
+    from executive.modules.bundled import bundled_registry  # slow, and most plans are compiled
+
+    calls = list(_calls(plan, "action"))
+    if any(keyword.arg == "otherwise" for call in _calls(plan, "perform") for keyword in call.keywords) or not calls:
+        return
+    ontology, classes = load(bundled("ontologies") / "knowrob.omn"), bundled_registry().actions | performed()
+    for call in calls:
+        match call.args:
+            case [ast.Constant(value=str(cls)), *_] if not any(keyword.arg == "below" for keyword in call.keywords):
+                if classes.isdisjoint((local_name(cls), *map(shorten, ontology.ancestors(expand(cls))))):
+                    span = Span(str(plan.path), call.lineno, call.col_offset + 1)
+                    advice = "name a module with --modules FILE.py, or perform steps that planlang list actions lists"
+                    yield warning("R021", f"no process module performs {local_name(cls)}", span, advice)
+
+
+def _calls(plan: PlanFile, function: str) -> Iterator[ast.Call]:
+    """Yield the calls of a function of this name in a plan."""
+    for node in ast.walk(ast.parse(plan.source)):
+        if isinstance(node, ast.Call) and function in (getattr(node.func, "attr", ""), getattr(node.func, "id", "")):
+            yield node
+
+
 def misspelt_roles(plan: PlanFile) -> Iterator[Diagnostic]:
     """Find misspelt roles of actions: unusual ones that resemble exactly one usual role."""
-    for node in ast.walk(ast.parse(plan.source)):
-        if not isinstance(node, ast.Call):
-            continue
-        name = getattr(node.func, "attr", None) or getattr(node.func, "id", None)
-        for keyword in node.keywords if name == "action" else ():
+    for node in _calls(plan, "action"):
+        for keyword in node.keywords:
             meant = meant_role(keyword.arg) if keyword.arg is not None else None
             if meant is not None:
                 span = Span(str(plan.path), keyword.lineno, keyword.col_offset + 1)

@@ -102,7 +102,7 @@ class RunResult:
     """Plan time [s]."""
     failure: Failure | None = None
     """Why the run failed; ``str(run.failure)`` is a sentence. None if it succeeded or was interrupted."""
-    tilts: Tilts = field(default_factory=Tilts)
+    tilts: Tilts = field(default_factory=Tilts, repr=False)
     """Largest tilts of carried things from upright, in the true world."""
     seed: int = 0
     ended: Ended | None = field(default=None, repr=False, compare=False)

@@ -54,7 +54,7 @@ from executive.runs.plan_files import (
     stated_waiting,
     without_module,
 )
-from executive.runs.remedies import able_robots, absent_things, command_of
+from executive.runs.remedies import able_robots, absent_things, command_of, performing
 from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
@@ -336,7 +336,9 @@ class Run:
         """Result of a run that does not begin, as robot or process modules lack something."""
         kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
         message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
-        advice = next((f"{one.message}; {one.help}" for one in self.found if one.code == "X013"), None)
+        actions = performing(missing, by_hand=self.options.plan is not None)
+        message += f"\n    help: {actions}" if actions is not None else ""
+        advice = next((f"{one.message}; {one.help}" for one in self.found if one.code == "X013"), actions)
         failure = Failure(kinds[0].__name__, "\n".join(map(str, missing)), advice=advice)
         seed = self.options.seed
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)

@@ -10,15 +10,46 @@ from pathlib import Path
 from executive.maps import MapObject, SemanticMap
 from executive.maps.class_names import is_kind
 from executive.maps.environments import environments_for
-from executive.robots import Robot, bind_robot
+from executive.robots import FindingKind, Missing, Robot, bind_robot
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, PlanParameter, things_of
 from executive.runs.settings import in_header
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note
 from planlang.failures import AmbiguousPerception, PlanFailure
-from planlang.files import Bundled
-from planlang.ontology import expand
+from planlang.files import Bundled, bundled
+from planlang.ontology import expand, load
+from planlang.recipe.actions import read_library
+
+
+def performing(missing: Sequence[Missing], *, by_hand: bool) -> str | None:
+    """Advice for the action classes among ``missing``, which no module performs; None if there are none.
+
+    In a plan written ``by_hand`` the compiler cannot expand an action of the library.
+    """
+    classes = [one.name for one in missing if one.kind is FindingKind.ACTION]
+    if not classes:
+        return None
+    advice = "name process modules of your own with --modules FILE.py"
+    stated = _library_files() if by_hand else {}
+    if expanded := [f"{cls} ({stated[cls]})" for cls in classes if cls in stated]:
+        advice += (
+            f"; planlang compile expands {', '.join(expanded)} in a recipe, a plan written by hand performs the steps"
+            " of it (planlang list actions)"
+        )
+    return advice
+
+
+def _library_files() -> dict[str, str]:
+    """Map local names of action classes to the names of the library's files with a recipe for them."""
+    files: dict[str, str] = {}
+    for file in sorted((bundled("recipes") / "library").glob("*.omn")):
+        ontology = load(file)
+        for cls, recipes in read_library(ontology).items():
+            span = ontology.span(recipes[0])
+            if span is not None:
+                files[local_name(cls)] = Path(span.file).stem
+    return files
 
 
 def command_of(

@@ -189,11 +189,11 @@ async def _performed(action: Action, name: str | None, once: bool, otherwise: Br
 
 
 def _unresolvable(action: Action, executive: Executive) -> ActionUnresolvable:
-    """Failure of an action without a module, with a suggestion if its class is misspelt."""
-    failure = ActionUnresolvable(designator=str(action))
+    """Failure of an action without a module, with a suggestion if its class is misspelt, or what to register."""
+    failure, cls = ActionUnresolvable(designator=str(action)), local_name(action.type)
     classes = {cls for module in executive.modules for cls in module.actions}
-    if hint := did_you_mean(local_name(action.type), classes, alike=0.8):
-        failure.message = f"{failure}{hint}"
+    advice = f"; in a test, script.performs({cls!r}) adds it; in a run, a module in --modules FILE.py performs it"
+    failure.message = f"{failure}{did_you_mean(cls, classes, alike=0.8) or advice}"
     return failure
 
 

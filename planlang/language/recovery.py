@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from dataclasses import field
 from enum import Enum
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import CompositeFailure, LocationUnresolvable, PlanFailure
@@ -309,20 +310,34 @@ def _otherwise(otherwise: Otherwise | None, failure: PlanFailure) -> Return[Any]
 def explain(failure: BaseException) -> str:
     """Format a failure in several lines: where it arose in the plan, its causes, and its simultaneous failures.
 
-    If the cause is a location that could not be found, the first line says why. A failure that was raised again on its
-    way to the caller is listed once.
+    A failure that was raised while an earlier one was handled, as in a cleanup, is followed by the earlier one with
+    ``after``, since that is not its cause. If the cause is a location that could not be found, the first line says why.
+    A failure that was raised again on its way to the caller is listed once.
     """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
     lines: list[str] = []
-    links = list(failure.chain()) if isinstance(failure, PlanFailure) else [failure]
-    distinct = list({(type(link), str(link)): link for link in reversed(links)}.values())[::-1]
-    for number, link in enumerate(distinct):
-        lead = "" if number == 0 else "because of "
-        lines.extend(_explain_one(link, lead, "  " * number))
-    reasons = (link.because() for link in distinct[1:] if isinstance(link, LocationUnresolvable))
+    runs = _causal_runs(list(failure.chain()) if isinstance(failure, PlanFailure) else [failure])
+    depth = 0
+    for run in runs:
+        for link in run:
+            lead = "because of " if link is not run[0] else "after " if depth else ""
+            lines.extend(_explain_one(link, lead, "  " * depth))
+            depth += 1
+    reasons = (link.because() for link in runs[0][1:] if isinstance(link, LocationUnresolvable))
     if sentence := next(filter(None, reasons), ""):
         lines[0] += f"; {sentence}"
     return "\n".join(lines)
+
+
+def _causal_runs(links: list[BaseException]) -> list[list[BaseException]]:
+    """Split a chain of failures where one did not cause the next; in each run, a failure raised again counts once."""
+    runs = [links[:1]]
+    for above, link in pairwise(links):
+        if above.__cause__ is link:
+            runs[-1].append(link)
+        else:
+            runs.append([link])
+    return [list({(type(link), str(link)): link for link in reversed(run)}.values())[::-1] for run in runs]
 
 
 def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:

@@ -69,7 +69,8 @@ class History:
             for step in steps
             for line in ([f"{time:g} s" for time in step.repeats] if step.repeats else [step.summary()])
         ]
-        return Count(_name(what), lines)
+        hint = self._did_you_mean(what) if not steps and isinstance(what, str) else ""
+        return Count(_name(what), lines, hint)
 
     def evaporated(self, what: What) -> Verdict:
         """Check whether an execution of the step was evaporated."""
@@ -126,8 +127,22 @@ class History:
         steps = self.steps(what)
         if not steps:
             assert isinstance(what, str)
-            raise NoSuchStep(what, self.names())
+            raise NoSuchStep(what, self.names(), self._did_you_mean(what))
         return steps
+
+    def _did_you_mean(self, query: str) -> str:
+        """Suggest the step whose path has the parts of a query and further levels between them, or a similar name."""
+        *above, last = query.split("/")
+        for step in self.steps(last) if above else ():
+            path, wanted = step.path.split("/"), above.copy()
+            first = len(path) - 1
+            while wanted and first:
+                first -= 1
+                if wanted[-1] in (path[first], path[first].partition("#")[0]):
+                    wanted.pop()
+            if not wanted:
+                return f"; did you mean {'/'.join((*path[first:-1], last))!r}?"
+        return did_you_mean(query, self.names())
 
     def names(self) -> list[str]:
         """Names of the steps and classes of their actions, in order of their start."""
@@ -204,9 +219,9 @@ def _caused(failure: Event, kind: type[PlanFailure]) -> bool:
 class NoSuchStep(AssertionError):
     """A query names a step that did not run. An error, as the name may be misspelt."""
 
-    def __init__(self, step: str, names: Iterable[str]) -> None:
+    def __init__(self, step: str, names: Iterable[str], hint: str = "") -> None:
         known = list(dict.fromkeys(names))
-        hint = did_you_mean(step, known) or f"; steps that did: {', '.join(known)}"
+        hint = hint or did_you_mean(step, known) or f"; steps that did: {', '.join(known)}"
         super().__init__(f"no step {step!r} ran{hint}")
 
 
@@ -232,12 +247,14 @@ class Count(int):
 
     step: str
     attempts: Sequence[str]
+    hint: str
 
-    def __new__(cls, step: str, attempts: Sequence[str]) -> Count:
-        """Make a count from one line for each attempt."""
+    def __new__(cls, step: str, attempts: Sequence[str], hint: str = "") -> Count:
+        """Make a count from one line for each attempt; ``hint`` is a suggestion for a step without any."""
         count = super().__new__(cls, len(attempts))
         count.step = step
         count.attempts = tuple(attempts)
+        count.hint = hint
         return count
 
     def __repr__(self) -> str:
@@ -249,5 +266,5 @@ class Count(int):
     def explained(self) -> list[str]:
         """Format the attempts, one per line."""
         if not self.attempts:
-            return [f"{self.step} never began"]
+            return [f"{self.step} never began{self.hint}"]
         return [f"{self.step}, attempt {number}: {line}" for number, line in enumerate(self.attempts, 1)]

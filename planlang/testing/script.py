@@ -91,8 +91,8 @@ class Belief:
     def holds(self, condition: Condition) -> bool:
         """Evaluate a condition: a fact if there is one, otherwise by the state of the objects.
 
-        ``holding(x)`` always depends on the held objects. ``baked`` without a time is true if both sides were heated at
-        all.
+        ``holding(x)`` always depends on the held objects. ``baked`` compares the heating time of the side that was
+        heated less; without seconds, it holds if both sides were heated.
         """
         if str(condition) in self.facts and condition.predicate != "holding":
             return self.facts[str(condition)]
@@ -128,7 +128,7 @@ class Belief:
         return what != result and what in visited
 
     def destroy(self, *things: str) -> None:
-        """Destroy objects."""
+        """Remove objects from the world."""
         self.gone.extend(thing for thing in things if thing not in self.gone)
         for thing in things:
             self.drop(thing)
@@ -284,7 +284,10 @@ class Script:
         return self
 
     def places(self, location: str | Object, *bases: Base) -> Script:
-        """Set the base poses, maybe none, for a location, which is given by its name or its reference object."""
+        """Set the base poses for a location, given by its name or its reference object.
+
+        Without poses, the location cannot be reached.
+        """
         name = location if isinstance(location, str) else location.name
         self._initial_changes.append(lambda belief: belief.places.update({name: bases}))
         return self

@@ -16,7 +16,7 @@ from planlang.records import dataclass
 from planlang.testing.script import Belief, names_of
 
 _OF_THE_HAND = ("in_center_of", "in_front_of")
-"""Relations of poses of the hand, where no object is put down."""
+"""Relations of poses of the hand. An object that the hand moves is not there; one that is put down may be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class ActionVocabulary:
             case Pattern(predicate="located", properties=(where, _)):
                 filler = action.get(where)
                 for what in _things(action, pattern) or tuple(belief.holding):
-                    place = _place(filler, what)
+                    place = _place(filler, what, of_hand="holding" in given)
                     if place is not None and (what in belief.holding or "holding" not in given):
                         belief.put(what, place)
             case Pattern(predicate=predicate) if predicate in self._facts:
@@ -134,15 +134,16 @@ def _inside_hand(location: object) -> str | None:
     return next((relation.reference.name for relation in relations if relation.name == "in_center_of"), None)
 
 
-def _place(filler: object, what: str) -> str | None:
-    """Name of the place where an object is put; None for a pose of the hand, or if only the object itself is named."""
+def _place(filler: object, what: str, *, of_hand: bool) -> str | None:
+    """Name of the place where an object is put; None for a pose ``of_hand``, or if only the object itself is named."""
     if isinstance(filler, Object):
         return filler.name if filler.name != what else None
     if not isinstance(filler, Location):
         return None if filler is None else str(filler)
-    names = [name for relation in filler.relations if relation.name not in _OF_THE_HAND
-             for name in names_of(Location((relation,))) if name != what]  # fmt: skip
-    return names[0] if names else filler.name if not isinstance(filler, Posture) else None
+    supports = [relation for relation in filler.relations if relation.name not in _OF_THE_HAND]
+    others = () if of_hand else filler.relations
+    names = (name for relation in (*supports, *others) for name in names_of(Location((relation,))) if name != what)
+    return next(names, filler.name if not isinstance(filler, Posture) else None)
 
 
 @cache

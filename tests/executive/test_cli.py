@@ -176,6 +176,17 @@ def test_checking_a_plan_does_not_execute_it(tmp_path: Path) -> None:
     assert "written by hand" in result.stdout
 
 
+def test_an_action_that_no_module_performs_is_a_warning_in_a_plan_by_hand(tmp_path: Path) -> None:
+    path = tmp_path / "take.py"
+    text = 'from planlang import *\n\n@plan\nasync def take():\n    await perform(action("Reaching"))\n'
+    path.write_text(text + '    await perform(action("PickingUpAnObject"))\n', encoding="utf-8")
+    result = invoke("check", path)
+    assert result.exit_code == 0
+    assert f"{path}:6:19: warning R021 no process module performs PickingUpAnObject\n" in result.stderr
+    path.write_text(text + '    await perform(action("Greeting"), otherwise=take)\n', encoding="utf-8")
+    assert "R021" not in invoke("check", path).stderr
+
+
 def test_a_plan_whose_recipe_is_gone_is_a_warning(plan: Path) -> None:
     result = invoke("check", plan, "--json")
     answer = json.loads(result.stdout)

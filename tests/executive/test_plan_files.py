@@ -381,6 +381,15 @@ def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_p
     assert (refused.outcome, refused.failures) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
     assert refused.message.startswith("ActionUnresolvable: action ")
     assert "no process module is registered" in refused.message
+    assert "--modules FILE.py" in refused.message
+
+
+def test_an_action_of_the_library_in_a_plan_by_hand_is_refused_with_its_recipe(tmp_path: Path) -> None:
+    plan = tmp_path / "take.py"
+    body = 'await perform(action("PickingUpAnObject"))'
+    plan.write_text(f"from planlang import action, perform, plan\n\n@plan\nasync def take():\n    {body}\n", "utf-8")
+    refused = run_plan_file(replace(AMIGO, robot=tmp_path / "absent.omn", plan=plan))
+    assert "PickingUpAnObject (pick_up)" in refused.message
 
 
 SCANNER = "\n    SubClassOf: srdl2-comp:dependsOnComponent some srdl2-comp:Tilting2DLaserScanner\n"

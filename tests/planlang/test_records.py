@@ -147,6 +147,7 @@ def test_the_signature_is_that_of_the_constructor_before_the_first_instance() ->
         other: int = 2
 
     assert str(inspect.signature(Untouched)).startswith("(one, other=")
+    assert " at 0x" not in str(inspect.signature(Untouched))
     with pytest.raises(TypeError):
         inspect.signature(Untouched).bind()
     assert Untouched(1).other == 2

@@ -24,6 +24,9 @@ class GraphDrawing:
 
     graph: TaskGraph
 
+    def __repr__(self) -> str:
+        return f"<GraphDrawing of {self.graph.title}>"
+
     @property
     def svg(self) -> str:
         """The drawing as SVG."""

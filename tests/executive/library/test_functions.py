@@ -128,12 +128,14 @@ def test_a_compiled_plan_is_saved_drawn_shown_and_run(tmp_path: Path) -> None:
     assert (unset.help or "").endswith('set={"Nap.duration": X}')
     assert plan.save(tmp_path / "rest.py").read_text(encoding="utf-8") == plan.source == str(plan)
     assert plan.graph._repr_svg_().startswith("<svg")
+    assert repr(plan.graph) == "<GraphDrawing of Rest>"
     assert plan.graph.save(tmp_path / "rest.mmd").read_text(encoding="utf-8").startswith("flowchart")
     with pytest.raises(BadInput, match="C014"):
         plan.graph.save(tmp_path / "rest.jpg")
     assert '<span style="color' in plan._repr_mimebundle_()["text/html"]
     run = planlang.simulate(plan, **WARD, set={"Nap.duration": 1}, start="0,0,0")
     assert run.duration == 1.0
+    assert " at 0x" not in repr(run)
 
 
 def test_options_of_the_compiler_are_those_of_the_command(tmp_path: Path) -> None:

@@ -112,6 +112,18 @@ def test_an_explanation_shows_chain_places_siblings_and_members() -> None:
     assert lines[4] == "    at the same time, right: GraspMissed: the gripper closed on nothing: arm right"
 
 
+def test_the_failure_before_a_failing_cleanup_is_explained_as_what_went_before() -> None:
+    async def fails(failure: PlanFailure) -> None:
+        raise failure
+
+    for first in (GraspMissed(arm="left"), PlanFailure("odd")):  # the second has the text of the cleanup's failure
+        body, cleanup = partial(fails, first), partial(fails, PlanFailure("odd"))
+        with pytest.raises(PlanFailure) as caught:
+            run(partial(unwind_protect, body, cleanup), host=VirtualHost())
+        leads = [line for line in explain(caught.value).splitlines() if not line.strip().startswith("in ")]
+        assert leads == ["PlanFailure: odd", f"  after {type(first).__name__}: {first}"]
+
+
 def test_an_explanation_of_a_composite_failure_lists_its_branches() -> None:
     both = CompositeFailure(failures=(GraspMissed(), PlanFailure("odd")), names=("grasp", "other"))
     assert explain(both).splitlines()[1:] == [

@@ -69,6 +69,18 @@ def test_attempts_are_counted_with_how_they_went(run: PlanRun[None]) -> None:
     assert (str(count), repr(count), f"{count}") == ("3", "3", "3")
 
 
+def test_a_path_that_leaves_levels_out_is_answered_with_the_whole_path() -> None:
+    async def wipe() -> None:
+        await perform(action("Wiping"), name="Wipe", recoveries=[Recovery(GraspMissed)])
+
+    ended = run_plan(partial(par, left=wipe), script=Script().performs("Wiping"))
+    whole = "left/with_failure_handling/Wipe"
+    assert ended.attempts(whole) == 1
+    assert ended.attempts("left/Wipe").explained() == [f"left/Wipe never began; did you mean {whole!r}?"]
+    with pytest.raises(AssertionError, match=f"no step 'left/Wipe' ran; did you mean '{whole}'?"):
+        ended.succeeded("left/Wipe")
+
+
 def test_steps_end_evaporated_succeeded_or_failed(run: PlanRun[None]) -> None:
     assert run.evaporated("slow")
     assert not run.evaporated("fast")

@@ -47,6 +47,17 @@ def test_the_goal_of_a_task_that_puts_something_down_holds_at_its_end(
     assert not belief.holds(located(~ON_TABLE, CUP))
 
 
+@pytest.mark.parametrize(
+    "where", [{"in_center_of": TABLE}, {"in_front_of": GUEST}, {"in_front_of": GUEST, "on": TABLE}]
+)
+def test_an_object_put_down_is_wherever_the_location_says(where: dict[str, Object]) -> None:
+    put = action("PuttingDownAnObject", object_acted_on=CUP, to_location=a_location(**where))
+    script = Script().performs("PuttingDownAnObject").holding(CUP)
+    assert run_plan(performs_in_turn(put), script=script).belief.at == {
+        "Cup": where.get("on", next(iter(where.values()))).name
+    }
+
+
 def test_a_thing_of_which_nobody_said_where_it_is_is_located_nowhere() -> None:
     belief = run_plan(performs_in_turn(), script=Script()).belief
     assert not belief.holds(located(ON_TABLE, CUP))
