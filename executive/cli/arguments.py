@@ -192,7 +192,7 @@ class EnableArguments(OntologyArguments):
     """Find out what a robot lacks for a task, download exactly that from a knowledge base, and run the task.
 
     Downloads the recipe, recognition models of the things among its parameters, a map that has them, and their
-    dependencies. Exit code 3: neither side has what is needed; nothing is downloaded.
+    dependencies. Exit code 3: something needed is available on neither side; nothing is downloaded.
     """
 
     recipe: Annotated[

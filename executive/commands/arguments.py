@@ -98,7 +98,8 @@ class CompileArguments(TaskArguments):
 class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
-    Recipe: lists all problems, one for each advice. Folder: prints a table of its recipes. Map: counts its contents.
+    Recipe: lists all problems; only the first of several with the same advice. Folder: prints a table of its recipes.
+    Map: counts its contents; with --verbose lists them.
     Plan: shows whether its recipe or the compiler has changed since it was compiled, and what was edited by hand.
     """
 

@@ -42,7 +42,12 @@ def contents_in_words(ontology: Ontology) -> str | None:
 
 
 def _in_words(counts: Mapping[str, tuple[str, str, int]]) -> str:
-    kinds = (f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
+    graspable = counts["graspable"][2]
+    kinds = (
+        f"{number} {one if number == 1 else many}{f' ({graspable} graspable)' if kind == 'things' and graspable else ''}"
+        for kind, (one, many, number) in counts.items()
+        if number and kind != "graspable"
+    )
     return ", ".join(kinds) or "nothing with a pose"
 
 
@@ -53,7 +58,7 @@ def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:
     solid = sum(shape in (BodyShape.BOX, BodyShape.CYLINDER) for shape in shapes) - mapped
     leaves = sum(not joint.is_knob for joint in scene.joints)
     return {
-        "things": ("thing", "things", solid),
+        "things": ("object", "objects", solid),
         "graspable": ("graspable", "graspable", sum(body.graspable for body in scene.bodies)),
         "leaves": ("door, drawer or lid", "doors, drawers and lids", leaves),
         "devices": ("device with a switch", "devices with switches", len({one.device for one in scene.controls})),

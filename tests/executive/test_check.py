@@ -276,7 +276,7 @@ def test_a_map_in_a_folder_of_recipes_is_no_recipe_that_is_refused(tmp_path: Pat
     result = CliRunner().invoke(app, ["check", str(tmp_path), "--json"])
     (row,) = json.loads(result.stdout)["recipes"]
     assert (result.exit_code, row["refused"]) == (0, None)
-    assert row["map"].startswith("7 things, 1 graspable")
+    assert row["map"].startswith("7 objects (1 graspable), 1 person, 1 room")
 
 
 @pytest.mark.long
@@ -307,7 +307,7 @@ def test_a_map_is_told_as_what_it_holds() -> None:
         "persons": 1,
         "rooms": 1,
     }
-    assert "a map of 7 things, 1 graspable" in CliRunner().invoke(app, ["check", path]).stdout
+    assert "a map of 7 objects (1 graspable), 1 person, 1 room" in CliRunner().invoke(app, ["check", path]).stdout
 
 
 def test_an_error_in_a_map_is_told_and_not_that_it_is_no_recipe(tmp_path: Path) -> None:

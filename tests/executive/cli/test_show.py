@@ -55,7 +55,7 @@ def test_a_plan_is_shown_by_its_functions_and_what_they_perform(tmp_path: Path) 
 def test_a_map_says_what_it_holds_and_is_seen_from_where_one_likes(tmp_path: Path) -> None:
     for view in ("overview", "top"):
         file = tmp_path / f"{view}.png"
-        assert "a map of 7 things" in lines("hospital_room", "-o", file, "--view", view)[0]
+        assert "a map of 7 objects (1 graspable)" in lines("hospital_room", "-o", file, "--view", view)[0]
         assert len(set(Image.open(file).convert("L").tobytes())) > 20, "something is in the picture"
     assert (tmp_path / "top.png").read_bytes() != (tmp_path / "overview.png").read_bytes()
 
