@@ -61,13 +61,14 @@ class Listed(Enum):
 class ListArguments(Arguments):
     """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
 
-    Exit code 1: WORD is in no name, label or description.
+    Lists of classes and failures are trees: with WORD, an asterisk marks the hits among their ancestors and subclasses.
+    Exit code 1: no word of a name, label or description begins with WORD.
     """
 
     kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only those with this in name, label or description."),
+        typer.Argument(metavar="WORD", help="List only those with a word of their name or description that begins so."),
     ] = None
 
 
