@@ -21,7 +21,6 @@ from planlang.records import dataclass
 from planlang.relations import RELATIONS
 from planlang.spelling import similar
 
-
 _ALIKE = 0.8
 """Minimum similarity of a suggestion: a search is often for a word that no name has, so a rhyme is no help."""
 _BEFORE_WORD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")

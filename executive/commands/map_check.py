@@ -43,8 +43,9 @@ def contents_in_words(ontology: Ontology) -> str | None:
 
 def _in_words(counts: Mapping[str, tuple[str, str, int]]) -> str:
     graspable = counts["graspable"][2]
+    of_things = f" ({graspable} graspable)" if graspable else ""
     kinds = (
-        f"{number} {one if number == 1 else many}{f' ({graspable} graspable)' if kind == 'things' and graspable else ''}"
+        f"{number} {one if number == 1 else many}{of_things if kind == 'things' else ''}"
         for kind, (one, many, number) in counts.items()
         if number and kind != "graspable"
     )
