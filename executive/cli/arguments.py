@@ -21,7 +21,7 @@ from executive.commands.arguments import (
     Trust,
     Units,
 )
-from executive.commands.base_arguments import Arguments, OntologyArguments, TaskArguments
+from executive.commands.base_arguments import Arguments, Detail, OntologyArguments, TaskArguments
 from executive.runs.settings import Modules, Urdf
 from planlang.records import dataclass
 
@@ -289,6 +289,11 @@ class MakeArguments(Arguments):
     ] = None
     output: Output = None
     force: Force = False
+
+    @property
+    def summed(self) -> Detail:
+        """Print every missing part: the user has to complete the file."""
+        return Detail.ADVICE
 
 
 @dataclass(frozen=True, kw_only=True)

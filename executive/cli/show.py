@@ -81,12 +81,11 @@ def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
 def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
     """Find a file by its name, and the function that shows it. Raises BadInput."""
     path = Path(name)
-    if not os.path.exists(name):  # False also for a text that cannot be a path
-        kind = next((one for one in Bundled if name in one.names()), None)
-        if kind is None:
-            advice = guess(name, (other for one in Bundled for other in one.names()))
-            help = f"{advice}planlang list robots, rooms or recipes lists the bundled ones"
-            raise BadInput([error("C001", f"no such file: {name[:80]}", help=help)])
+    if (kind := Bundled.of(name)) is None and not os.path.exists(name):  # False also for a text that cannot be a path
+        advice = guess(name, (other for one in Bundled for other in one.names()))
+        help = f"{advice}planlang list robots, rooms or recipes lists the bundled ones"
+        raise BadInput([error("C001", f"no such file: {name[:80]}", help=help)])
+    if kind is not None:
         return kind.find(name), _robot if kind is Bundled.ROBOT else _recipe_or_other
     if path.suffix.lower() in (".toml", ".urdf"):
         return Bundled.ROBOT.find(name), _robot

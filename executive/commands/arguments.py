@@ -103,7 +103,10 @@ class CheckArguments(TaskArguments):
     Plan: shows whether its recipe or the compiler has changed since it was compiled, and what was edited by hand.
     """
 
-    file: RecipeOrPlan
+    file: Annotated[
+        str,
+        typer.Argument(metavar="RECIPE|PLAN|MAP", help="A file or a folder, or the name of a bundled recipe or map."),
+    ]
     modules: Modules = None
     trust: Trust = False
     fix: Annotated[

@@ -6,6 +6,7 @@ import ast
 import difflib
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace as changed
 from pathlib import Path
 
 import typer
@@ -16,7 +17,7 @@ from executive.commands.inputs import PlanFile, RecipeFile, read, read_recipe_fi
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
-from planlang.files import SUFFIXES
+from planlang.files import SUFFIXES, Bundled
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.plan_versions import compiled_before
 from planlang.progress import Report, Waiting, unreported, unwatched
@@ -33,15 +34,30 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
     """
     if not arguments.fix and (arguments.accept or arguments.output):
         raise typer.BadParameter("--accept and --output need --fix")
-    if arguments.reason and (arguments.fix or os.path.isdir(arguments.file)):
+    if arguments.reason and (arguments.fix or (os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None)):
         raise typer.BadParameter("--reason is for one file, without --fix")
     if arguments.fix:
         return _fix(read_recipe_file(arguments.file), arguments)
-    if os.path.isdir(arguments.file):  # False also for a text that cannot be a path
+    kind, is_folder = Bundled.of(arguments.file), os.path.isdir(arguments.file)  # False for what cannot be a path
+    if is_folder and kind is None:
         from executive.commands.recipe_table import check_folder
 
         return check_folder(Path(arguments.file), arguments.folders, report)
-    file = read(arguments.file)
+    answer = _check_file(str(find_checked(arguments.file)), arguments, waiting)
+    if not is_folder or kind is None:
+        return answer
+    beside = note("C001", f"{arguments.file} is a folder, too; this is the bundled {kind.value}")
+    return changed(answer, diagnostics=(beside, *answer.diagnostics))
+
+
+def find_checked(name: str) -> Path:
+    """Find a recipe, plan or map: an existing path, or a bundled recipe or environment. Raises BadInput."""
+    return (Bundled.ENVIRONMENT if Bundled.of(name) is Bundled.ENVIRONMENT else Bundled.RECIPE).find(name)
+
+
+def _check_file(name: str, arguments: CheckArguments, waiting: Waiting) -> Answer:
+    """Check a recipe, a plan or a map. Raises BadInput."""
+    file = read(name)
     if isinstance(file, RecipeFile):
         if not arguments.reason:
             return _recipe_or_map(file, arguments)
@@ -67,7 +83,7 @@ def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
             raise
         from executive.commands.map_check import check_map  # most files are recipes
 
-        return check_map(recipe.path, arguments.folders, problem)
+        return check_map(recipe.path, arguments.folders, problem, lists_contents=arguments.verbose)
     text = f"{recipe.path}: {plan.task} compiles"
     diagnostics = (*plan.diagnostics, *problems)
     code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE

@@ -338,3 +338,21 @@ def test_a_fix_that_would_do_harm_is_refused_and_says_what_to_write_instead(tmp_
     assert "`GiveBottle` needs holding(bottle1), which `CloseHand`" in told["message"]
     assert (told["help"], told["span"]["file"]) == ("order `CloseHand` before `GiveBottle`", str(path))
     assert answer["fixed"] is None
+
+
+def test_a_bundled_map_is_checked_by_its_name_and_its_contents_are_listed_on_request() -> None:
+    shown = CliRunner().invoke(app, ["check", "hospital_room", "--verbose"]).stdout
+    assert "  bottle1  DrinkingBottle\n" in shown
+    assert "bottle1" not in CliRunner().invoke(app, ["check", "hospital_room"]).stdout
+
+
+def test_a_folder_named_like_a_bundled_recipe_hides_it_from_no_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wipe_table").mkdir()
+    checked = CliRunner().invoke(app, ["check", "wipe_table"])
+    assert checked.stdout.endswith("wipe_table.omn: CleanTheTable compiles\n")
+    assert "wipe_table is a folder, too; this is the bundled recipe" in checked.stderr
+    assert "the recipe CleanTheTable" in CliRunner().invoke(app, ["show", "wipe_table"]).stdout
+    assert "no recipes in the folder" in CliRunner().invoke(app, ["check", "wipe_table/"]).stderr
