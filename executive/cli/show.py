@@ -18,7 +18,7 @@ from executive.cli.arguments import ReportArguments, ShowArguments
 from executive.commands.answers import Answer
 from executive.commands.arguments import CheckArguments
 from executive.commands.check import check
-from executive.commands.inputs import PlanFile, read, refuse
+from executive.commands.inputs import PlanFile, folders_beside, read, refuse
 from planlang import explain
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
@@ -54,6 +54,8 @@ def command(arguments: ShowArguments) -> Answer:
     output = arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
     shown = show(path, arguments)
+    diagnostics = (*folders_beside(arguments.file), *shown.answer.diagnostics)
+    shown = changed(shown, answer=changed(shown.answer, diagnostics=diagnostics))
     if output is None and arguments.view is None:
         return shown.answer
     _check_drawn(shown, arguments)

@@ -13,7 +13,7 @@ import typer
 
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import CheckArguments
-from executive.commands.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
+from executive.commands.inputs import PlanFile, RecipeFile, folders_beside, read, read_recipe_file, unacceptable
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
@@ -38,16 +38,12 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
         raise typer.BadParameter("--reason is for one file, without --fix")
     if arguments.fix:
         return _fix(read_recipe_file(arguments.file), arguments)
-    kind, is_folder = Bundled.of(arguments.file), os.path.isdir(arguments.file)  # False for what cannot be a path
-    if is_folder and kind is None:
+    if os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None:  # False for what cannot be a path
         from executive.commands.recipe_table import check_folder
 
         return check_folder(Path(arguments.file), arguments.folders, report)
     answer = _check_file(str(find_checked(arguments.file)), arguments, waiting)
-    if not is_folder or kind is None:
-        return answer
-    beside = note("C001", f"{arguments.file} is a folder, too; this is the bundled {kind.value}")
-    return changed(answer, diagnostics=(beside, *answer.diagnostics))
+    return changed(answer, diagnostics=(*folders_beside(arguments.file), *answer.diagnostics))
 
 
 def find_checked(name: str) -> Path:

@@ -353,6 +353,8 @@ def test_a_folder_named_like_a_bundled_recipe_hides_it_from_no_command(
     (tmp_path / "wipe_table").mkdir()
     checked = CliRunner().invoke(app, ["check", "wipe_table"])
     assert checked.stdout.endswith("wipe_table.omn: CleanTheTable compiles\n")
-    assert "wipe_table is a folder, too; this is the bundled recipe" in checked.stderr
     assert "the recipe CleanTheTable" in CliRunner().invoke(app, ["show", "wipe_table"]).stdout
+    for command in ("check", "show", "compile"):
+        stderr = CliRunner().invoke(app, [command, "wipe_table"]).stderr
+        assert "note C001 wipe_table is a folder, too; this is the bundled recipe" in stderr, command
     assert "no recipes in the folder" in CliRunner().invoke(app, ["check", "wipe_table/"]).stderr
