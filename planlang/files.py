@@ -207,6 +207,12 @@ class Bundled(Enum):
         advice = guess(name, self.names()) + self._advice()
         raise BadInput([error("C001", f"no such {self.value}: {name}", help=advice)])
 
+    @classmethod
+    def of(cls, name: str) -> Bundled | None:
+        """Kind of the bundled file ``name``; None if there is none, or if ``name`` is a file of the user."""
+        is_own = os.path.isfile(name)  # False also for a text that cannot be a path; a folder is no file
+        return None if is_own else next((one for one in cls if name in one.names()), None)
+
     def _advice(self) -> str:
         known = ", ".join(self.names()) or "none"
         return f"give the path of a file, or the name of a bundled {self.value}: {known}"

@@ -224,7 +224,7 @@ _CLEARANCE = 0.01
 _RIM = 0.005
 """Distance of a thing from the edge of its support [m], so that it cannot fall."""
 _SUPPORTED = 0.025
-"""Gap or penetration between things and their supports in real maps [m]."""
+"""Tolerated gap or penetration between a thing and its support, as found in real maps [m]."""
 
 
 def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.6) -> Scene:

@@ -21,7 +21,7 @@ from executive.commands.arguments import (
     Trust,
     Units,
 )
-from executive.commands.base_arguments import Arguments, OntologyArguments, TaskArguments
+from executive.commands.base_arguments import Arguments, Detail, OntologyArguments, TaskArguments
 from executive.runs.settings import Modules, Urdf
 from planlang.records import dataclass
 
@@ -63,14 +63,14 @@ class ListArguments(Arguments):
     """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
 
     The actions are those that bundled process modules perform.
-
-    Exit code 1: WORD is in no name, label or description.
+    Lists of classes and failures are trees: with WORD, an asterisk marks the hits among their ancestors and subclasses.
+    Exit code 1: no word of a name, label or description begins with WORD.
     """
 
     kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only those with this in name, label or description."),
+        typer.Argument(metavar="WORD", help="List only those with a word of their name or description that begins so."),
     ] = None
 
 
@@ -195,7 +195,7 @@ class EnableArguments(OntologyArguments):
     """Find out what a robot lacks for a task, download exactly that from a knowledge base, and run the task.
 
     Downloads the recipe, recognition models of the things among its parameters, a map that has them, and their
-    dependencies. Exit code 3: neither side has what is needed; nothing is downloaded.
+    dependencies. Exit code 3: something needed is available on neither side; nothing is downloaded.
     """
 
     recipe: Annotated[
@@ -291,6 +291,11 @@ class MakeArguments(Arguments):
     ] = None
     output: Output = None
     force: Force = False
+
+    @property
+    def summed(self) -> Detail:
+        """Print every missing part: the user has to complete the file."""
+        return Detail.ADVICE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,11 @@ from planlang.ontology import Literal, Ontology, expand, load
 from planlang.plan_failure import PlanFailure
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
-from planlang.spelling import guess
+from planlang.spelling import similar
+
+_ALIKE = 0.8
+"""Minimum similarity of a suggestion: a search is often for a word that no name has, so a rhyme is no help."""
+_BEFORE_WORD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +46,13 @@ class Entry:
         return self.key or self.name
 
     def has(self, word: str) -> bool:
-        """Check whether a word is in a name or in the description, in whatever case."""
-        folded = word.casefold()
-        return any(folded in text.casefold() for text in (self.name, self.words, *self.also))
+        """Check whether a word of a name or of the description begins with a word, in whatever case.
+
+        Words of names begin with capitals, so ``bottle`` finds DrinkingBottle, but ``waving`` not MicrowavingSomething.
+        """
+        begins = re.compile(rf"(?<![^\W\d_]){re.escape(word)}", re.IGNORECASE)
+        names = (_BEFORE_WORD.sub(" ", text) for text in (self.name, *self.also))
+        return any(begins.search(text) for text in (self.name, self.words, *self.also, *names))
 
     def as_json(self) -> dict[str, Any]:
         """Name, words and further data."""
@@ -58,13 +66,15 @@ def command(arguments: ListArguments) -> Answer:
     matching = [one for one in entries if word is None or one.has(word)]
     data = {"kind": kind.value, "entries": [one.as_json() for one in matching]}
     if not matching:
-        advice = guess(word or "", (one.name for one in entries))
-        text = (
-            f"none of the {len(entries)} {kind.value} has {word!r} in its name or description{advice and '; '}{advice}"
-        )
-        return Answer(ExitCode.FAILED, text=text.rstrip(), data=data)
-    is_tree = kind in (Listed.CLASSES, Listed.FAILURES)
-    lines = tree(entries, {one.id for one in matching}) if is_tree else table(matching)
+        folded = {one.name.casefold(): one.name for one in entries}
+        alike = similar((word or "").casefold(), folded, least=_ALIKE)
+        advice = f"; did you mean {folded[alike[0]]}?" if alike else ""
+        text = f"none of the {len(entries)} {kind.value} has a word that begins with {word!r}{advice}"
+        return Answer(ExitCode.FAILED, text=text, data=data)
+    if kind in (Listed.CLASSES, Listed.FAILURES):
+        lines = tree(entries, {one.id for one in matching}, mark="" if word is None else "* ")
+    else:
+        lines = table(matching, verbose=arguments.verbose)
     return Answer(text="\n".join(lines), data=data)
 
 
@@ -161,16 +171,19 @@ _LISTS: Mapping[Listed, Callable[[], list[Entry]]] = {
 # Output
 
 
-def table(entries: Sequence[Entry]) -> Iterator[str]:
-    """Yield a line for each entry: name, words, and its file if there is one."""
+def table(entries: Sequence[Entry], *, verbose: bool) -> Iterator[str]:
+    """Yield a line for each entry: name, words, and if ``verbose`` its file if there is one."""
     wide = max(len(one.name) for one in entries)
     for one in entries:
-        file = (one.more or {}).get("file")
+        file = (one.more or {}).get("file") if verbose else None
         yield "  ".join(filter(None, (f"{one.name:{wide}}", one.words, f"({file})" if file else ""))).rstrip()
 
 
-def tree(entries: Sequence[Entry], matching: Collection[str]) -> Iterator[str]:
-    """Yield matching entries with their ancestors and descendants as a tree; ``...`` marks a repeated subtree."""
+def tree(entries: Sequence[Entry], matching: Collection[str], *, mark: str = "") -> Iterator[str]:
+    """Yield matching entries with their ancestors and descendants as a tree; ``...`` marks a repeated subtree.
+
+    The lines of matching entries begin with ``mark``, the others are indented by as much.
+    """
     by_id = {one.id: one for one in entries}
     below: dict[str, list[Entry]] = {}
     for one in entries:
@@ -184,7 +197,8 @@ def tree(entries: Sequence[Entry], matching: Collection[str]) -> Iterator[str]:
         inside = [other for other in below.get(one.id, ()) if other.id in shown]
         is_repeated = bool(inside) and one.id in drawn
         drawn.add(one.id)
-        yield f"{'  ' * depth}{one.name}{' ...' if is_repeated else ''}{one.words and '  '}{one.words}"
+        margin = mark if one.id in matching else " " * len(mark)
+        yield f"{margin}{'  ' * depth}{one.name}{' ...' if is_repeated else ''}{one.words and '  '}{one.words}"
         for other in () if is_repeated else inside:
             yield from lines(other, depth + 1)
 

@@ -161,7 +161,7 @@ class WatchArguments(AuthorArguments):
 class ServeArguments(OntologyArguments):
     """Serve a knowledge base over HTTP: recipes, object models, maps, self-models (needs planlang[serve]).
 
-    Changes need a key. Ctrl-C stops the server after pending requests.
+    Changes need a key. Ctrl-C stops the server once pending requests are answered.
     """
 
     store: Annotated[

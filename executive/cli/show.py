@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ast
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace as changed
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -17,7 +18,8 @@ from executive.cli.arguments import ReportArguments, ShowArguments
 from executive.commands.answers import Answer
 from executive.commands.arguments import CheckArguments
 from executive.commands.check import check
-from executive.commands.inputs import PlanFile, read, refuse
+from executive.commands.inputs import PlanFile, folders_beside, read, refuse
+from planlang import explain
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
@@ -26,6 +28,8 @@ from planlang.outputs import PNG, check_outputs, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
 from planlang.records import dataclass
+from planlang.report import Told
+from planlang.runs.codec import load_failure
 from planlang.spelling import guess
 from sim import PyBulletWorld, Scene
 from sim.scene import RobotBody
@@ -50,6 +54,8 @@ def command(arguments: ShowArguments) -> Answer:
     output = arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
     shown = show(path, arguments)
+    diagnostics = (*folders_beside(arguments.file), *shown.answer.diagnostics)
+    shown = changed(shown, answer=changed(shown.answer, diagnostics=diagnostics))
     if output is None and arguments.view is None:
         return shown.answer
     _check_drawn(shown, arguments)
@@ -77,12 +83,11 @@ def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
 def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
     """Find a file by its name, and the function that shows it. Raises BadInput."""
     path = Path(name)
-    if not os.path.exists(name):  # False also for a text that cannot be a path
-        kind = next((one for one in Bundled if name in one.names()), None)
-        if kind is None:
-            advice = guess(name, (other for one in Bundled for other in one.names()))
-            help = f"{advice}planlang list robots, rooms or recipes lists the bundled ones"
-            raise BadInput([error("C001", f"no such file: {name[:80]}", help=help)])
+    if (kind := Bundled.of(name)) is None and not os.path.exists(name):  # False also for a text that cannot be a path
+        advice = guess(name, (other for one in Bundled for other in one.names()))
+        help = f"{advice}planlang list robots, rooms or recipes lists the bundled ones"
+        raise BadInput([error("C001", f"no such file: {name[:80]}", help=help)])
+    if kind is not None:
         return kind.find(name), _robot if kind is Bundled.ROBOT else _recipe_or_other
     if path.suffix.lower() in (".toml", ".urdf"):
         return Bundled.ROBOT.find(name), _robot
@@ -202,13 +207,35 @@ def _function_lines(
     names = ", ".join(one.arg for one in (*function.args.args, *function.args.kwonlyargs))
     words = (ast.get_docstring(function) or "").partition("\n")[0]
     yield f"{function.name}({names})  {words}".rstrip()
-    calls = [one for one in ast.walk(function) if isinstance(one, ast.Call)]
-    for call in sorted(calls, key=lambda one: (one.lineno, one.col_offset)):
-        name = _called(call)
-        if name == "action" and call.args:
-            yield f"  {_class_of(call.args[0], classes)}  line {call.lineno}"
-        elif name in plans:
-            yield f"  {name}()  line {call.lineno}"
+    nodes = [one for one in ast.walk(function) if isinstance(one, (ast.Call, ast.Name))]
+    steps = _step_names(function)
+    for node in sorted(nodes, key=lambda one: (one.lineno, one.col_offset)):
+        if isinstance(node, ast.Name):
+            if node.id in plans:  # called, or passed on: par(left), partial(right, BOTTLE)
+                yield f"  {node.id}()  line {node.lineno}"
+        elif _called(node) == "action" and node.args:
+            step = f"{steps[node]}: " if node in steps else ""
+            yield f"  {step}{_class_of(node.args[0], classes)}  line {node.lineno}"
+
+
+def _step_names(function: ast.AsyncFunctionDef) -> dict[ast.expr, str]:
+    """Names (``name=``) of actions that are performed where they are made, or by a variable of the function."""
+    nodes = list(ast.walk(function))
+    assigned = {
+        target.id: one.value
+        for one in nodes
+        if isinstance(one, ast.Assign)
+        for target in one.targets
+        if isinstance(target, ast.Name)
+    }
+    return {
+        assigned.get(passed.id, passed) if isinstance(passed, ast.Name) else passed: str(keyword.value.value)
+        for one in nodes
+        if isinstance(one, ast.Call)
+        for keyword in one.keywords
+        if keyword.arg == "name" and isinstance(keyword.value, ast.Constant)
+        for passed in one.args
+    }
 
 
 def _called(node: ast.expr) -> str | None:
@@ -234,7 +261,6 @@ def _class_of(node: ast.expr, classes: Mapping[str, str]) -> str:
 def _trace(path: Path, arguments: ShowArguments) -> Shown:
     from executive.live.terminal import TerminalTree
     from executive.runs.ending import ending_of
-    from planlang.report import Told
 
     recorded = report.recorded_run(path)
     told, tree = Told.of(line.record for line in recorded.lines), TerminalTree(inner=arguments.verbose)
@@ -244,11 +270,13 @@ def _trace(path: Path, arguments: ShowArguments) -> Shown:
     where = ", ".join(str(header[name]) for name in ("robot", "map") if name in header)
     seconds = recorded.last / float(header.get("rate", 1))
     message = next((one.reason for one in told.tree.roots if one.failure is not None), "")
+    ending = ending_of(told, outcome, message, seconds, ())
+    explained = _explained(told, (line.record for line in recorded.lines)) if outcome == "failed" else None
     text = "\n".join(
         (
             f"{path}: a run of {header.get('plan', 'a plan')}{where and ' with '}{where}",
             *(f"  {line}" for line in tree.lines()),
-            *ending_of(told, outcome, message, seconds, ()),
+            *(ending if explained is None else (ending[0], explained)),
         )
     )
     to_report = ReportArguments(
@@ -256,3 +284,14 @@ def _trace(path: Path, arguments: ShowArguments) -> Shown:
     )
     answer = Answer(text=text, data={"kind": "trace", "outcome": outcome, "seconds": seconds})
     return Shown(answer, _PAGE, lambda output: report.command(changed(to_report, output=output)))
+
+
+def _explained(told: Told, records: Iterable[Mapping[str, Any]]) -> str | None:
+    """The failure that ended the run, as ``planlang run`` prints it; None if the trace does not keep all of it."""
+    messages = {one.failure["message"] for one in told.tree.roots if one.failure is not None}
+    text = None
+    for record in records:
+        if "fields" in (record.get("failure") or ()):
+            failure = load_failure(record["failure"])
+            text = explain(failure) if str(failure) in messages else text
+    return text

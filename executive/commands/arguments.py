@@ -98,11 +98,15 @@ class CompileArguments(TaskArguments):
 class CheckArguments(TaskArguments):
     """Check a recipe, a plan or a map; nothing is run.
 
-    Recipe: lists all problems, one for each advice. Folder: prints a table of its recipes. Map: counts its contents.
+    Recipe: lists all problems; only the first of several with the same advice. Folder: prints a table of its recipes.
+    Map: counts its contents; with --verbose lists them.
     Plan: shows whether its recipe or the compiler has changed since it was compiled, and what was edited by hand.
     """
 
-    file: RecipeOrPlan
+    file: Annotated[
+        str,
+        typer.Argument(metavar="RECIPE|PLAN|MAP", help="A file or a folder, or the name of a bundled recipe or map."),
+    ]
     modules: Modules = None
     trust: Trust = False
     fix: Annotated[

@@ -6,18 +6,19 @@ import ast
 import difflib
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace as changed
 from pathlib import Path
 
 import typer
 
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import CheckArguments
-from executive.commands.inputs import PlanFile, RecipeFile, read, read_recipe_file, unacceptable
+from executive.commands.inputs import PlanFile, RecipeFile, folders_beside, read, read_recipe_file, unacceptable
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
-from planlang.files import SUFFIXES, bundled
+from planlang.files import SUFFIXES, Bundled, bundled
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.plan_versions import compiled_before
@@ -36,15 +37,26 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
     """
     if not arguments.fix and (arguments.accept or arguments.output):
         raise typer.BadParameter("--accept and --output need --fix")
-    if arguments.reason and (arguments.fix or os.path.isdir(arguments.file)):
+    if arguments.reason and (arguments.fix or (os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None)):
         raise typer.BadParameter("--reason is for one file, without --fix")
     if arguments.fix:
         return _fix(read_recipe_file(arguments.file), arguments)
-    if os.path.isdir(arguments.file):  # False also for a text that cannot be a path
+    if os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None:  # False for what cannot be a path
         from executive.commands.recipe_table import check_folder
 
         return check_folder(Path(arguments.file), arguments.folders, report)
-    file = read(arguments.file)
+    answer = _check_file(str(find_checked(arguments.file)), arguments, waiting)
+    return changed(answer, diagnostics=(*folders_beside(arguments.file), *answer.diagnostics))
+
+
+def find_checked(name: str) -> Path:
+    """Find a recipe, plan or map: an existing path, or a bundled recipe or environment. Raises BadInput."""
+    return (Bundled.ENVIRONMENT if Bundled.of(name) is Bundled.ENVIRONMENT else Bundled.RECIPE).find(name)
+
+
+def _check_file(name: str, arguments: CheckArguments, waiting: Waiting) -> Answer:
+    """Check a recipe, a plan or a map. Raises BadInput."""
+    file = read(name)
     if isinstance(file, RecipeFile):
         if not arguments.reason:
             return _recipe_or_map(file, arguments)
@@ -73,7 +85,7 @@ def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
             raise
         from executive.commands.map_check import check_map  # most files are recipes
 
-        return check_map(recipe.path, arguments.folders, problem)
+        return check_map(recipe.path, arguments.folders, problem, lists_contents=arguments.verbose)
     text = f"{recipe.path}: {plan.task} compiles"
     diagnostics = (*plan.diagnostics, *problems)
     code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE

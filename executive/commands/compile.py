@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from executive.commands.arguments import CompileArguments
-from executive.commands.inputs import read_recipe_file, refuse
+from executive.commands.inputs import folders_beside, read_recipe_file, refuse
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.diagnostics import Diagnostic, Span, error
@@ -31,7 +31,7 @@ def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
         problems += unknown_format(graph)
     refuse(problems)
     before = _merged_header(arguments)
-    diagnostics: list[Diagnostic] = []
+    diagnostics = folders_beside(arguments.recipe)
     excluded = before.options if before is not None else ()
     plan = compile_recipe(
         file.path,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ast
 import math
+import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import typer
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.files import Bundled, open_regular, read_at_most
 from planlang.outputs import LARGEST_PLAN, PlanHeader, header
 from planlang.plan_versions import unresolved
@@ -32,6 +33,12 @@ def chosen(
     except BadInput as bad:
         problems.extend(bad.diagnostics)
         return None
+
+
+def folders_beside(name: str) -> list[Diagnostic]:
+    """Note that ``name`` means a bundled file although there is a folder of that name; empty otherwise."""
+    kind = Bundled.of(name) if os.path.isdir(name) else None
+    return [note("C001", f"{name} is a folder, too; this is the bundled {kind.value}")] if kind is not None else []
 
 
 def environments(given: Sequence[str | None] | None, problems: list[Diagnostic]) -> tuple[Path, ...]:

@@ -8,13 +8,14 @@ from pathlib import Path
 from executive.commands.answers import Answer
 from executive.maps import read_map, scene_of
 from executive.maps.files import OBSTACLE
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
 from sim import Scene
 from sim.scene import BodyShape
 
 
-def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answer:
+def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput, *, lists_contents: bool) -> Answer:
     """Check a file without a recipe as a map. Raises BadInput; ``no_recipe`` if it is no map either."""
     ontology = load(path, folders=folders)
     try:
@@ -28,7 +29,8 @@ def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput) -> Answe
     use = f"planlang run RECIPE --environment {path} runs a recipe in it"
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
         use = f"planlang run RECIPE --environment MAP --environment {path} drives around its obstacles"
-    text = f"{path}: a map of {_in_words(counts)}\n{use}"
+    contents = [f"  {one.name}  {', '.join(map(local_name, one.types))}" for one in semantic_map.objects]
+    text = "\n".join((f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
     return Answer(diagnostics=tuple(diagnostics), text=text, data=data)
 
@@ -42,7 +44,13 @@ def contents_in_words(ontology: Ontology) -> str | None:
 
 
 def _in_words(counts: Mapping[str, tuple[str, str, int]]) -> str:
-    kinds = (f"{number} {one if number == 1 else many}" for one, many, number in counts.values() if number)
+    graspable = counts["graspable"][2]
+    of_things = f" ({graspable} graspable)" if graspable else ""
+    kinds = (
+        f"{number} {one if number == 1 else many}{of_things if kind == 'things' else ''}"
+        for kind, (one, many, number) in counts.items()
+        if number and kind != "graspable"
+    )
     return ", ".join(kinds) or "nothing with a pose"
 
 
@@ -53,7 +61,7 @@ def _counts(scene: Scene) -> dict[str, tuple[str, str, int]]:
     solid = sum(shape in (BodyShape.BOX, BodyShape.CYLINDER) for shape in shapes) - mapped
     leaves = sum(not joint.is_knob for joint in scene.joints)
     return {
-        "things": ("thing", "things", solid),
+        "things": ("object", "objects", solid),
         "graspable": ("graspable", "graspable", sum(body.graspable for body in scene.bodies)),
         "leaves": ("door, drawer or lid", "doors, drawers and lids", leaves),
         "devices": ("device with a switch", "devices with switches", len({one.device for one in scene.controls})),

@@ -44,10 +44,10 @@ class Shelf(Protocol):
         """Look up a revision of an entry, by default the latest."""
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
-        """Read the content of a revision. Raises BadInput if it differs from the entry's checksum."""
+        """Read the content of a revision. Raises BadInput if its checksum differs from the entry's."""
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
-        """Read an attached file of an entry. Raises BadInput if it differs from the entry's checksum."""
+        """Read an attached file of an entry. Raises BadInput if its checksum differs from the entry's."""
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Warnings for the user about the results so far."""
@@ -90,12 +90,12 @@ class LocalShelf:
         return next((one for one in self._store.revisions(entry.uid) if one.number == number), entry.revision)
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
-        """Read the content of a revision. Raises BadInput if it differs from the entry's checksum."""
+        """Read the content of a revision. Raises BadInput if its checksum differs from the entry's."""
         wanted = self.revision(entry, revision)
         return verified(self._store.content(entry.uid, wanted.number), wanted.sha256, entry.uid)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
-        """Read an attached file of an entry. Raises BadInput if it differs from the entry's checksum."""
+        """Read an attached file of an entry. Raises BadInput if its checksum differs from the entry's."""
         _, data = self._store.attachment(entry.uid, attachment.name)
         return verified(data, attachment.sha256, f"{entry.uid}/{attachment.name}")
 
@@ -163,12 +163,12 @@ class RemoteShelf:
             return self._client.revision(entry, number)
 
     def content(self, entry: Entry, revision: int | None = None) -> bytes:
-        """Read the content of a revision. Raises BadInput if it differs from the entry's checksum."""
+        """Read the content of a revision. Raises BadInput if its checksum differs from the entry's."""
         with self._as_bad_input():
             return self._client.content(entry, revision)
 
     def attachment(self, entry: Entry, attachment: Attachment) -> bytes:
-        """Read an attached file of an entry. Raises BadInput if it differs from the entry's checksum."""
+        """Read an attached file of an entry. Raises BadInput if its checksum differs from the entry's."""
         with self._as_bad_input():
             return self._client.attachment(entry, attachment)
 

@@ -9,13 +9,13 @@ from typing import Any
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import CheckArguments, CompileArguments
 from executive.commands.check import check as checked_file
+from executive.commands.check import find_checked
 from executive.commands.compile import compiled
 from executive.library.arguments import arguments_of, in_python, reworded, with_options_of
 from executive.library.checked import CheckResult
 from executive.library.sources import Source, file_of
 from planlang.compiler import CompiledPlan
 from planlang.diagnostics import BadInput, Severity
-from planlang.files import Bundled
 
 
 @with_options_of(CompileArguments)
@@ -35,14 +35,14 @@ def compile(recipe: Source, *, task: str | None = None, **options: Any) -> Compi
 def check(file: Source, **options: Any) -> CheckResult:
     """Check a recipe, a plan, a map or a folder of recipes, as ``planlang check`` does; nothing is run.
 
-    ``file`` is the name of a bundled recipe, a path, or a text. The result has all ``diagnostics``; ``ok`` is True
-    without errors. Raises BadInput only if the file cannot be read, or an option is invalid.
+    ``file`` is the name of a bundled recipe or map, a path, or a text. The result has all ``diagnostics``; ``ok`` is
+    True without errors. Raises BadInput only if the file cannot be read, or an option is invalid.
     """
     with file_of(file) as named, in_python(CheckArguments):
         path = named.path or ""
         arguments = arguments_of(CheckArguments, {"file": path}, options)
         if not os.path.isdir(path):
-            Bundled.RECIPE.find(path)
+            find_checked(path)
         try:
             answer = checked_file(arguments)
         except BadInput as problem:

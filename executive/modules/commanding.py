@@ -253,7 +253,10 @@ class Hands:
         return None if point is None else self._control.scene.bodies.graspable_at(point)
 
     def grasp(self, arm: ArmModel, name: str) -> None:
-        """Grip the object between the fingers, believed to be ``name``, which moves with the hand from now on."""
+        """Close the grip on the object between the fingers.
+
+        The object believed to be ``name`` moves with the hand from now on.
+        """
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.grip(link)
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)

@@ -270,8 +270,8 @@ class ArmShapes:
     ) -> ArmBodies:
         """Freeze all that moves with one or more chains of a robot, in its present posture but for ``joints``.
 
-        It moves with the base and is checked against other bodies only, not against the robot, so no answer is ever
-        sure.
+        It moves with the base. It is checked against other bodies but not against the robot, so the result is never
+        conclusive.
         """
         first = several[0]
         there, from_base, placed = first._placed(world, joints)

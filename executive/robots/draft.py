@@ -126,7 +126,12 @@ class Draft:
                 entries = [entry for entry in table.entries if entry.status is status]
                 if entries:
                     reasons = "; ".join(f"{entry.key}: {entry.why}" if entry.why else entry.key for entry in entries)
-                    diagnostics.append(severity(code, f"{subject} {status.value}: {reasons}", Span(str(self.urdf))))
+                    help = (
+                        f"if it has that, state it in {subject} of the robot file" if status is Status.MISSING else None
+                    )
+                    diagnostics.append(
+                        severity(code, f"{subject} {status.value}: {reasons}", Span(str(self.urdf)), help)
+                    )
         return diagnostics
 
 

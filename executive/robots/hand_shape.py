@@ -44,7 +44,7 @@ LEAST_CLOSED_GAP = -0.02
 STEPS = [k / 20 for k in range(21)]
 """Fractions of the travel from closed to opened at which the gap is measured."""
 NEAR_GRIP = 0.05
-"""Greatest distance of a tool link from the measured grip point to be used as tip [m]."""
+"""Maximum distance of a tool link from the measured grip point for the link to be used as the tip [m]."""
 
 FIXED = ""
 """Name of the jaw that does not move, in place of a finger joint."""

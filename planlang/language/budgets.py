@@ -73,7 +73,8 @@ class _Timeout(Limited):
 async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
     """Run a body; if it has not ended after ``seconds`` of plan time, evaporate it and raise Timeout.
 
-    A body that ends in the same step as the deadline is in time.
+    A body that finishes in the same step as the deadline, once all other tasks of that step have settled, counts as in
+    time.
     """
     if amount(body) is not None and callable(seconds):
         code, right = f"await timeout({written(seconds)}, {body})", f"await timeout({body}, {written(seconds)})"

@@ -95,7 +95,7 @@ class Absence(Enum):
     PARAMETER = "requires"
     """The filler is a parameter of the plan."""
     CONSTRAINED = "requiresIfConstrained"
-    """The filler is a parameter of the plan if a constraint of the motion refers to it."""
+    """The filler becomes a parameter of the plan if a motion constraint refers to it."""
     EXPECTED = "expects"
     """The action works without a filler, but a recipe should state one."""
     ALLOWED = "accepts"

@@ -276,7 +276,7 @@ def test_a_map_in_a_folder_of_recipes_is_no_recipe_that_is_refused(tmp_path: Pat
     result = CliRunner().invoke(app, ["check", str(tmp_path), "--json"])
     (row,) = json.loads(result.stdout)["recipes"]
     assert (result.exit_code, row["refused"]) == (0, None)
-    assert row["map"].startswith("7 things, 1 graspable")
+    assert row["map"].startswith("7 objects (1 graspable), 1 person, 1 room")
 
 
 @pytest.mark.long
@@ -307,7 +307,7 @@ def test_a_map_is_told_as_what_it_holds() -> None:
         "persons": 1,
         "rooms": 1,
     }
-    assert "a map of 7 things, 1 graspable" in CliRunner().invoke(app, ["check", path]).stdout
+    assert "a map of 7 objects (1 graspable), 1 person, 1 room" in CliRunner().invoke(app, ["check", path]).stdout
 
 
 def test_an_error_in_a_map_is_told_and_not_that_it_is_no_recipe(tmp_path: Path) -> None:
@@ -338,3 +338,23 @@ def test_a_fix_that_would_do_harm_is_refused_and_says_what_to_write_instead(tmp_
     assert "`GiveBottle` needs holding(bottle1), which `CloseHand`" in told["message"]
     assert (told["help"], told["span"]["file"]) == ("order `CloseHand` before `GiveBottle`", str(path))
     assert answer["fixed"] is None
+
+
+def test_a_bundled_map_is_checked_by_its_name_and_its_contents_are_listed_on_request() -> None:
+    shown = CliRunner().invoke(app, ["check", "hospital_room", "--verbose"]).stdout
+    assert "  bottle1  DrinkingBottle\n" in shown
+    assert "bottle1" not in CliRunner().invoke(app, ["check", "hospital_room"]).stdout
+
+
+def test_a_folder_named_like_a_bundled_recipe_hides_it_from_no_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wipe_table").mkdir()
+    checked = CliRunner().invoke(app, ["check", "wipe_table"])
+    assert checked.stdout.endswith("wipe_table.omn: CleanTheTable compiles\n")
+    assert "the recipe CleanTheTable" in CliRunner().invoke(app, ["show", "wipe_table"]).stdout
+    for command in ("check", "show", "compile"):
+        stderr = CliRunner().invoke(app, [command, "wipe_table"]).stderr
+        assert "note C001 wipe_table is a folder, too; this is the bundled recipe" in stderr, command
+    assert "no recipes in the folder" in CliRunner().invoke(app, ["check", "wipe_table/"]).stderr

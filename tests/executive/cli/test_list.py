@@ -39,7 +39,10 @@ def test_a_word_is_looked_for_in_names_labels_and_other_names_whatever_its_case(
 
 
 def test_classes_are_a_tree_with_what_is_above_and_below_a_word() -> None:
-    lines = invoke("list", "classes", "OpeningABottle").stdout.splitlines()
+    shown = invoke("list", "classes", "OpeningABottle").stdout.splitlines()
+    marked = [line.split()[1] for line in shown if line.startswith("* ")]
+    assert marked == ["OpeningABottleCapability", "OpeningABottle"], "not their ancestors"
+    lines = [line[2:] for line in shown]
     names = [line.split()[0] for line in lines]
     depth = {line.split()[0]: len(line) - len(line.lstrip()) for line in lines}
     assert depth["OpeningABottle"] == depth["OpeningAContainerArtifact"] + 2
@@ -62,7 +65,7 @@ def test_relations_are_listed_as_they_are_spoken_and_written() -> None:
 
 
 def test_failures_are_a_tree_with_their_first_sentences() -> None:
-    lines = invoke("list", "failures", "GraspMissed").stdout.splitlines()
+    lines = [line[2:] for line in invoke("list", "failures", "GraspMissed").stdout.splitlines()]
     assert [line.split()[0] for line in lines] == [
         "PlanFailure",
         "LowLevelFailure",
@@ -77,6 +80,18 @@ def test_a_word_that_nothing_has_ends_with_1_and_a_suggestion() -> None:
     result = invoke("list", "classes", "DrinkingBotle")
     assert (result.exit_code, result.stdout.rstrip().endswith("did you mean DrinkingBottle?")) == (1, True)
     assert listed("rooms", "zzz") == []
+    assert "did you mean" not in invoke("list", "classes", "song").stdout, "Tongs is no help"
+
+
+def test_a_word_is_looked_for_at_beginnings_of_words() -> None:
+    assert listed("classes", "waving") == []
+    assert "DrinkingBottle" in [one["name"] for one in listed("classes", "bottle")]
+
+
+def test_files_are_listed_by_name_and_with_their_paths_if_verbose() -> None:
+    path = str(Bundled.ENVIRONMENT.folder)
+    assert path not in invoke("list", "rooms").stdout
+    assert path in invoke("list", "rooms", "--verbose").stdout
 
 
 def test_lists_are_the_same_each_time() -> None:

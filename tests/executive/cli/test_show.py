@@ -14,6 +14,33 @@ from planlang.files import Bundled
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink")
 
+TIDY = """from functools import partial
+
+from planlang import par, perform, plan
+from planlang.designators import action
+
+
+@plan
+async def wipe(what):
+    async def one():
+        wiping = action("WipingSomething", object_acted_on=what)
+        await perform(wiping, name="Wipe")
+        await perform(action("Waiting"), name="Wait")
+
+
+@plan
+async def tidy():
+    await par(left=partial(wipe, "left"), right=lambda: wipe("right"))
+"""
+REACH = """from planlang import perform, plan
+from planlang.designators import a_location, action, an_object
+
+
+@plan
+async def reach():
+    await perform(action("Reaching", to_location=a_location(in_front_of=an_object("Bed-PieceOfFurniture"))))
+"""
+
 
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -52,10 +79,32 @@ def test_a_plan_is_shown_by_its_functions_and_what_they_perform(tmp_path: Path) 
     assert any(line.startswith("  HandOverBottle  line ") for line in shown), "named by a constant"
 
 
+def test_branches_and_names_of_steps_are_shown_wherever_a_plan_passes_them(tmp_path: Path) -> None:
+    plan = tmp_path / "tidy.py"
+    plan.write_text(TIDY)
+    assert [line.strip() for line in lines(plan)[1:]] == [
+        "wipe(what)",
+        "Wipe: WipingSomething  line 10",
+        "Wait: Waiting  line 12",
+        "tidy()",
+        "wipe()  line 17",
+        "wipe()  line 17",
+    ]
+
+
+def test_a_failed_run_is_shown_with_the_sentences_that_it_ended_with(tmp_path: Path) -> None:
+    plan, trace = tmp_path / "reach.py", tmp_path / "reach.jsonl"
+    plan.write_text(REACH)
+    ran = invoke("run", plan, "--robot", "amigo", "--environment", "hospital_room", "--trace", trace)
+    ended = ran.stdout.splitlines()
+    assert (ran.exit_code, "because of" in ran.stdout) == (1, True)
+    assert lines(trace)[-len(ended) :] == ended
+
+
 def test_a_map_says_what_it_holds_and_is_seen_from_where_one_likes(tmp_path: Path) -> None:
     for view in ("overview", "top"):
         file = tmp_path / f"{view}.png"
-        assert "a map of 7 things" in lines("hospital_room", "-o", file, "--view", view)[0]
+        assert "a map of 7 objects (1 graspable)" in lines("hospital_room", "-o", file, "--view", view)[0]
         assert len(set(Image.open(file).convert("L").tobytes())) > 20, "something is in the picture"
     assert (tmp_path / "top.png").read_bytes() != (tmp_path / "overview.png").read_bytes()
 

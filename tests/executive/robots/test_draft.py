@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
+from cli_runs import invoke
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -289,3 +290,9 @@ def test_names_of_any_kind_give_a_file_that_can_be_read(tmp_path: Path, names: l
         text = text.replace(f'"{old}"', f'"{new}_"')
     (tmp_path / "named.urdf").write_text(text, encoding="utf-8")
     assert made(tmp_path / "named.urdf")["arms"]
+
+
+def test_each_missing_part_of_a_new_robot_file_is_printed(tmp_path: Path) -> None:
+    printed = invoke("robot", "make", ARMS / "xarm" / "xarm6_with_gripper.urdf", "-o", tmp_path / "arm.toml").stderr
+    assert "[mount] missing" in printed
+    assert "[camera] missing" in printed
