@@ -16,7 +16,7 @@ from executive.locations.base_poses import AROUND, floor_near
 from executive.locations.changes import MOST_TRIED, Changes, IsFeasible
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Stage, candidates_of, narrowest
+from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
 from executive.locations.rejections import (
@@ -253,12 +253,13 @@ class _Explanation:
         """Compare the width of the thing with the opening of the hands."""
         if self.reach.kind is not ReachKind.GRASP:
             return ""
-        wide = min(narrowest(grip) for grip in self.scene.bodies.grips(self.reach.body))
+        part, grip = narrowest_grip(self.reach.body, self.scene.bodies.grips(self.reach.body))
+        wide = narrowest(grip)
         opening, arm = max((min(arm.max_opening, arm.openings.gap), arm.name) for arm in self.arms)
         if wide < opening - BETWEEN_FINGERS:
             return ""
         return (
-            f"{self.reach.body} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
+            f"{part} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
             f"{BETWEEN_FINGERS:g} m of that to get around it"
         )
 

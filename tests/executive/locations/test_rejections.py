@@ -20,6 +20,7 @@ from planlang.designators import Location, a_device, a_location, a_person, a_pos
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
 from sim import Body
+from sim.scene import Handle
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, PLACE, THE_BOTTLE, MakeStage, Stage
 from tests.support.examples import some
 from tests.support.leaves import drawn, room
@@ -109,6 +110,13 @@ def test_a_plate_that_fits_between_the_fingers_is_not_called_too_wide(refused: R
     failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.06, 0.06, 0.003), pose=Pose((1.5, 0.0, 0.8015))))
     assert "too wide for the gripper" not in failure.counts
     assert "bottle is 0.060 m wide and fits between the fingers" in str(failure)
+
+
+def test_the_width_of_a_handle_is_called_that_of_the_handle(refused: Refused) -> None:
+    handle = Handle(Pose((0.0, 0.0, 0.0)), (0.2, 0.03, 0.02))
+    hammer = replace(BOTTLE, size=(0.3, 0.2, 0.03), pose=Pose((1.5, 0.0, 0.815)), handles=(handle,))
+    said = str(refused(TO_GRASP, CABINET, hammer))
+    assert "the handle of bottle is 0.030 m wide and fits between the fingers" in said
 
 
 def test_the_body_without_which_the_base_would_get_nearer_is_named(refused: Refused) -> None:
