@@ -357,9 +357,10 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
         reason, figures = "too wide for the gripper", f"{part} is {wide:.3f} m wide, {opening}"
     else:
         reason = "no room for the hand around it"
+        high = grip.high - grip.low
         figures = (
-            f"{part} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {grip.high - grip.low:.3f} m "
-            f"high, and the palm or the tips of the fingers would touch {body} or what it stands on"
+            f"{part} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and "
+            f"the palm or the tips of the fingers would touch {body} or what it stands on"
         )
     rejections.add(reason)
     rejections.figures[reason] = figures

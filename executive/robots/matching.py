@@ -72,8 +72,8 @@ def _without_gripper(robot: Robot) -> str:
         return sentence
     table = f"[arms.{robot.arms[0].name}.gripper]"
     return (
-        f"{sentence}: {robot.file.name} has no table {table}. If fingers of the URDF move, state there opened and closed "
-        "(positions of their joints), fingers (their links) and max_opening (the widest object between them [m])"
+        f"{sentence}: {robot.file.name} has no table {table}. If fingers of the URDF move, state there opened and "
+        "closed (positions of their joints), fingers (their links) and max_opening (the widest object between them [m])"
     )
 
 
