@@ -382,6 +382,10 @@ class Robot:
         turns = rotations(frames[:, 3:])
         return [rotated(turn, self._spanning(k)) + at[:3] for k, turn, at in zip(numbers, turns, frames, strict=True)]
 
+    def ground_points(self) -> Array:
+        """Points (n, 3) in the map on the links that no joint moves."""
+        return np.concatenate([np.zeros((0, 3)), *self.points(sorted(self.grounded))])
+
     def _spanning(self, number: int) -> Array:
         """Points of one link in its own frame."""
         if number not in self._points:

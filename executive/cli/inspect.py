@@ -17,6 +17,7 @@ from executive.pictures.drawn import drawn_in, missing
 from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
+from executive.robots.draft import sunk_in_floor
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace
@@ -69,7 +70,7 @@ def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspect
     if picture is not None:
         radius = robot.base.radius
         replace(picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
-    lacking = list(_lacking(bare))
+    lacking = [*_lacking(bare), *filter(None, [sunk_in_floor(world)])]
     lines = [*_body_lines(robot, file)]
     for arm in robot.arms:
         lines += _arm_lines(robot, arm, maps[arm.name], bounds)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 
@@ -16,7 +17,7 @@ from executive.locations.base_poses import AROUND, floor_near
 from executive.locations.changes import MOST_TRIED, Changes, IsFeasible
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Stage, candidates_of, narrowest
+from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
 from executive.locations.rejections import (
@@ -80,7 +81,8 @@ def explain_bases(
         if slips and (slippery := explanation.no_hold()):
             sentences = [slippery]
         else:
-            sentences += [explanation.nearer(), "" if changes is None else changes.in_vain()]
+            blocked = explanation.hands_blocked() if reason == NO_ROOM else ""
+            sentences = [blocked, measured, explanation.nearer(), "" if changes is None else changes.in_vain()]
     if any(sentences):
         log.figures[reason] = "; ".join(filter(None, sentences))
 
@@ -253,12 +255,13 @@ class _Explanation:
         """Compare the width of the thing with the opening of the hands."""
         if self.reach.kind is not ReachKind.GRASP:
             return ""
-        wide = min(narrowest(grip) for grip in self.scene.bodies.grips(self.reach.body))
+        part, grip = narrowest_grip(self.reach.body, self.scene.bodies.grips(self.reach.body))
+        wide = narrowest(grip)
         opening, arm = max((min(arm.max_opening, arm.openings.gap), arm.name) for arm in self.arms)
         if wide < opening - BETWEEN_FINGERS:
             return ""
         return (
-            f"{self.reach.body} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
+            f"{part} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
             f"{BETWEEN_FINGERS:g} m of that to get around it"
         )
 
@@ -277,6 +280,29 @@ class _Explanation:
             return f"{sentence}; {beyond}"
         gap = self._beside(body)
         return sentence if gap is None else f"{sentence}, {gap:.2f} m away from it"
+
+    def hands_blocked(self) -> str:
+        """Name the body that most collisions are with, and the link of the hand; "" if nothing collides."""
+        collisions, by_body = self.log.counts[COLLISION], self.log.ordered_blocking()
+        body, number = next(((one, k) for one, k in by_body.items() if k <= collisions), ("", 0))
+        if not body:
+            return ""
+        itself = f"{body} itself" if body == self.reach.body else body
+        if body not in self.scene.bodies.names():
+            return f"the robot's own {body} is in the way in {number} of the {collisions} places in collision"
+        link = self._link_touching(body)
+        who = f"the hand ({link})" if link else "the hand or the arm"
+        return f"{who} would touch {itself} in {number} of the {collisions} places in collision"
+
+    def _link_touching(self, body: str) -> str:
+        """Find the link that most often touches a body when the hand is at the grasp candidates; "" if none does."""
+        touching = Counter[str]()
+        for arm in self.arms:
+            for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
+                tips = table.poses(np.arange(len(table))).reshape(-1, 4, 4)
+                check = self.scene.collisions.arm_check(arm, table.touches, table.fingers)
+                touching.update(check.hand_parts(tips, body))
+        return min(touching, key=lambda link: (-touching[link], link), default="")
 
     def _from_the_side(self) -> str:
         """Describe the heights at which arms put something into furniture from the side, if these decide."""

@@ -351,18 +351,25 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
         rejections.add("no gripper")
         return
     body, opening = reach.body, f"{arm.name} opens to {arm.max_opening:.3f} m"
-    wide = min(narrowest(grip) for grip in grips)
+    part, grip = narrowest_grip(body, grips)
+    wide = narrowest(grip)
     if wide > arm.max_opening:
-        reason, figures = "too wide for the gripper", f"{body} is {wide:.3f} m wide, {opening}"
+        reason, figures = "too wide for the gripper", f"{part} is {wide:.3f} m wide, {opening}"
     else:
-        high = max(grip.high - grip.low for grip in grips)
         reason = "no room for the hand around it"
+        high = grip.high - grip.low
         figures = (
-            f"{body} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and "
-            "the palm or the tips of the fingers would touch it or what it stands on"
+            f"{part} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and "
+            f"the palm or the tips of the fingers would touch {body} or what it stands on"
         )
     rejections.add(reason)
     rejections.figures[reason] = figures
+
+
+def narrowest_grip(body: str, grips: Sequence[Block]) -> tuple[str, Block]:
+    """Find the grip of a body (itself, then its handles) that needs the smallest opening, and name it."""
+    number = min(range(len(grips)), key=lambda row: narrowest(grips[row]))
+    return f"the handle of {body}" if number else body, grips[number]
 
 
 def narrowest(grip: Block) -> float:

@@ -106,10 +106,19 @@ class QuickCheck:
 
         All movers in the frame of the hand count, wherever the rest of the chain is.
         """
+        return self._first(self._limit, self._hand_frames(tips), self._hand_pairs)
+
+    def hand_parts(self, tips: Array, obstacle: str) -> list[str]:
+        """List the links of the hand that hit an obstacle with the tip at poses (n, 4, 4), once for each pose."""
+        pairs, rows, *_ = self._near(self._limit, self._hand_frames(tips), self._hand_pairs)
+        hits = dict.fromkeys(zip(pairs.tolist(), rows.tolist(), strict=True))
+        return [part for part, name in (self._pair(pair) for pair, _ in hits) if name == obstacle]
+
+    def _hand_frames(self, tips: Array) -> Array:
         frames = np.zeros((FIRST_JOINT + len(self._chain.carriers), 3, 4, len(tips)))
         frames[MAP] = np.eye(3, 4)[..., None]
         frames[self._hand] = np.moveaxis(product(tips[:, :3], self._to_hand), 0, -1)
-        return self._first(self._limit, frames, self._hand_pairs)
+        return frames
 
     def has_same_hand(self, other: QuickCheck) -> bool:
         """Check whether another check's hand hits the same at equal tip poses: arms mostly come in pairs."""

@@ -79,7 +79,7 @@ def _bind_urdf(path: Path) -> Robot:
     robot = bind_draft(draft, path)
     advice = f"planlang robot make {path} -o {path.stem}.toml writes a robot file to complete"
     origin = note("B010", f"{robot.name} is derived from its URDF alone", Span(str(path)), advice)
-    return replace(robot, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics))
+    return replace(robot, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics), file=None)
 
 
 def bind_draft(draft: Draft, path: Path) -> Robot:
@@ -243,6 +243,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         claims=claims,
         model=model,
         diagnostics=tuple(diagnostics),
+        file=numbers.path if numbers is not None and model is None else None,
     )
 
 

@@ -27,7 +27,6 @@ from executive.robots.mechanism import Mechanism
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.geometry import Array
 from planlang.geometry.urdf import BadXml, Element, numbers, read_tree, read_urdf
 from planlang.records import dataclass
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
@@ -37,6 +36,8 @@ LONGEST = 120
 """Greatest length of a line; a longer reason is written above its value."""
 MARGIN = 0.02
 """Margin added to the radius of the base [m]."""
+SUNK = 0.02
+"""Depth in the floor that is reported [m]."""
 PAYLOAD = 1.0
 """Default payload of an arm [kg], which any arm should carry: URDFs state none."""
 USUAL_OPENING = 0.07
@@ -171,6 +172,14 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
         world.close()
 
 
+def sunk_in_floor(world: PlanningWorld) -> str:
+    """Word how deep the links that no joint moves are in the floor; "" up to 2 cm: the root link is on the floor."""
+    depth = -float(world.robot.ground_points()[:, 2].min(initial=0.0))
+    if depth <= SUNK:
+        return ""
+    return f"the robot stands {depth:.2f} m in the floor: [mount] size raises its root link to the height of the mount"
+
+
 class _Maker:
     """Fills a draft, table by table."""
 
@@ -237,22 +246,19 @@ class _Maker:
 
     def _radius(self) -> tuple[float, str, Status]:
         """Radius of the base, its reason and its status: that of a circle around all links that no joint moves."""
-        points = self._ground()
+        points = self.world.robot.ground_points()
         if not len(points):
             return DEFAULT_BASE.radius, "no link of the base has a shape", Status.ASSUMED
         reach = float(np.hypot(points[:, 0], points[:, 1]).max()) + MARGIN
         return round(reach, 3), "around the links that no joint moves", Status.DERIVED
 
-    def _ground(self) -> Array:
-        """Points (n, 3) on the links that no joint moves, in the root frame."""
-        return np.concatenate([np.zeros((0, 3)), *self.world.robot.points(sorted(self.world.robot.grounded))])
-
     def _mount(self) -> None:
-        if self.limbs and not self._drives()[0]:
-            table = self.draft.table("mount")
-            lowest = round(float(self._ground()[:, 2].min(initial=0.0)), 3) + 0.0
+        sunk = sunk_in_floor(self.world)
+        if sunk or (self.limbs and not self._drives()[0]):
+            lowest = round(float(self.world.robot.ground_points()[:, 2].min(initial=0.0)), 3) + 0.0
             why = f"if it does not stand on the floor: what it stands on; its lowest shape is at z = {lowest}"
-            table.add("size", [0.4, 0.4, 0.6], why, Status.MISSING)
+            size = [0.4, 0.4, max(0.6, -lowest)]
+            self.draft.table("mount").add("size", size, sunk or why, Status.MISSING)
 
     # Arms
 

@@ -57,12 +57,24 @@ def possessions_of(robot: Robot) -> Possessions:
         lacks |= dict.fromkeys(("ArmMotionCapability", "ManipulationCapability"), f"{robot.name} has no arm")
     if not any(arm.gripper for arm in robot.arms):
         grasping = ("GripperMotionCapability", "GraspingCapability", "PickingUpAnObjectCapability")
-        lacks |= dict.fromkeys(grasping, f"{robot.name} has no gripper")
+        lacks |= dict.fromkeys(grasping, _without_gripper(robot))
     if robot.base.fixed:
         lacks["BaseMotionCapability"] = f"the base of {robot.name} is fixed"
     classes = robot.camera.recognises if robot.camera is not None else None
     recognises = None if classes is None else tuple(map(expand, classes))
     return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks, recognises)
+
+
+def _without_gripper(robot: Robot) -> str:
+    """Word that no arm has a gripper, and what to state in the robot file if the URDF has fingers."""
+    sentence = f"{robot.name} has no gripper"
+    if robot.file is None or not robot.arms:
+        return sentence
+    table = f"[arms.{robot.arms[0].name}.gripper]"
+    return (
+        f"{sentence}: {robot.file.name} has no table {table}. If fingers of the URDF move, state there opened and "
+        "closed (positions of their joints), fingers (their links) and max_opening (the widest object between them [m])"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -341,6 +341,8 @@ class Robot:
     """The self-model, if there is one."""
     diagnostics: tuple[Diagnostic, ...] = field(default=(), compare=False)
     """Repairs, assumptions and omissions of the binding."""
+    file: Path | None = field(default=None, compare=False)
+    """The robot file that describes the arms, if no self-model does."""
 
     def arm(self, name: str) -> Arm:
         """Find the arm with this name. Raises KeyError, which lists the arms."""

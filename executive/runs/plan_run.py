@@ -181,12 +181,12 @@ class Run:
         if self._lacks(assessment):
             found += able_robots(options, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
-        if self._lacks(assessment):
-            return self._refuse(assessment.missing)
         platform, truth = self._assemble(subject, robot, given, held)
         executive = RobotExecutive(platform, self._modules)
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
+        if self._lacks(assessment):  # after the map: another robot would not help
+            return self._refuse(assessment.missing)
         options.around(executive)
         take(platform, truth, held)
         platform.scene.collisions.prepare()

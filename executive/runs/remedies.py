@@ -109,8 +109,8 @@ def absent_things(
     """Yield an error for each parameter that means no thing of the map, or several, with a command line as advice.
 
     ``failures`` explains each such parameter; ``bound`` has all parameters. The advice is, in this order, a thing of
-    the map, a bundled environment with all things of the plan, or an addition to the map. If the map is bundled itself,
-    another environment comes first.
+    the map, or an addition to the map. If the map is bundled, a bundled environment with all things of the plan comes
+    first; a user who draws a map does not mean another room.
     """
     fitting = {
         name: _fitting(parameters[name], failure, bound[name], semantic_map)
@@ -118,19 +118,24 @@ def absent_things(
         if name in parameters
     }
     things = [what for value in bound.values() for what in things_of(value)]
-    elsewhere = _elsewhere(options, environments_for(lambda one: all(_is_there(one, what) for what in things)))
     sets = {parameters[name].setting: names[0] for name, names in fitting.items() if names}
     here = _command(options, {**(options.bindings or {}), **sets})
     is_bundled = options.environment is not None and options.environment.parent == Bundled.ENVIRONMENT.folder
+    rooms = environments_for(lambda one: all(_is_there(one, what) for what in things)) if is_bundled else ()
+    elsewhere = _elsewhere(options, rooms)
     for name, failure in failures.items():
         things_that_fit = fitting.get(name, [])
         advice = here + _others(things_that_fit) if things_that_fit else elsewhere
-        if is_bundled and elsewhere and not isinstance(failure, AmbiguousPerception):
+        if elsewhere and not isinstance(failure, AmbiguousPerception):
             advice = elsewhere
         if not advice:
             cls = next((what.type for what in things_of(bound[name]) if not _is_there(semantic_map, what)), "thing")
-            added = _command(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
-            advice = f"where MAP has a {local_name(cls)} with its pose (docs/formats.md): {added}"
+            if is_bundled or options.environment is None:
+                added = _command(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
+                advice = f"where MAP has a {local_name(cls)} with its pose (docs/reference/formats.md): {added}"
+            else:
+                where = options.environment.name
+                advice = f"add a {local_name(cls)} with its pose to {where}, or name a thing of {where} in the recipe"
         yield error("X031", str(failure), help=advice)
 
 

@@ -386,3 +386,28 @@ def test_near_the_bed_a_thing_is_on_the_floor_and_not_on_the_top_of_the_room() -
 def test_bounds_of_a_height_count() -> None:
     (place,) = located("in reach of a place at least 30 cm above the bed", "--count", "1")["solutions"]
     assert place["reaches"][0].startswith("above bed1")
+
+
+TOOLS = (("Hammer", 0.815), ("Wrench", 0.806), ("Pliers", 0.81), ("PowerDrill", 0.895), ("TapeMeasure", 0.835))
+"""Classes, with the heights of their centres on a workbench [m]."""
+
+
+@pytest.mark.parametrize(("tool", "height"), TOOLS)
+def test_a_tool_of_default_size_that_lies_on_a_workbench_is_in_reach(tool: str, height: float, tmp_path: Path) -> None:
+    where = tmp_path / "workshop.omn"
+    where.write_text(
+        f"""Prefix: : <http://example.org/workshop.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/workshop.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+Individual: map1
+    Types: knowrob:SemanticEnvironmentMap
+Individual: workbench1
+    Types: knowrob:Workbench
+    Facts: knowrob:translation "2 0 0.4", knowrob:boundingBoxSize "0.7 1.6 0.8"
+Individual: tool1
+    Types: knowrob:{tool}
+    Facts: knowrob:translation "1.85 0 {height}"
+"""
+    )
+    assert located("in reach of tool1", "--count", "1", where=("--robot", "amigo", "--environment", str(where)))

@@ -296,14 +296,20 @@ def test_a_map_that_does_not_fit_the_recipe_ends_in_a_typed_failure(text: str, f
 
 
 @pytest.mark.parametrize("thing", ["bottle1", "patient1"])
-def test_a_map_without_a_thing_of_the_plan_is_refused_with_a_command_that_runs(thing: str, tmp_path: Path) -> None:
+def test_a_map_without_a_thing_of_the_plan_is_refused_with_what_to_add(thing: str, tmp_path: Path) -> None:
     path = tmp_path / "map.omn"
     path.write_text(without(MAP, thing), encoding="utf-8")
     found = answer("run", "serve_a_drink", "--environment", path)
     assert (found["exit_code"], errors(found)) == (2, ["X031"])
     assert found["diagnostics"][-1]["message"].startswith(f"{thing} (")
-    command = "planlang run serve_a_drink --robot amigo --environment hospital_room (or visiting_hours)"
-    assert found["diagnostics"][-1]["help"] == command
+    assert re.fullmatch(r"add a \w+ with its pose to map.omn, or name a thing .*", found["diagnostics"][-1]["help"])
+
+
+def test_a_thing_that_the_map_lacks_is_reported_before_what_the_robot_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "map.omn"
+    path.write_text(without(MAP, "bottle1"), encoding="utf-8")
+    found = answer("run", "serve_a_drink", "--robot", "panda", "--environment", path)
+    assert (found["exit_code"], errors(found)) == (2, ["X031"])
 
 
 @pytest.mark.long

@@ -15,11 +15,12 @@ from executive.locations.budgets import BUDGETS
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.explanations import explain_bases
 from executive.locations.questions import Question
-from executive.locations.rejections import COLLISION, Rejections
+from executive.locations.rejections import COLLISION, NO_ROOM, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
 from sim import Body
+from sim.scene import Handle
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, PLACE, THE_BOTTLE, MakeStage, Stage
 from tests.support.examples import some
 from tests.support.leaves import drawn, room
@@ -105,10 +106,29 @@ def test_between_a_thing_in_a_drawer_and_its_furniture_no_more_room_is_asked_for
     assert log.figures == {COLLISION: "case is in the way of 9 of 9 ways to reach leaf"}
 
 
+def test_what_the_hand_touches_most_often_comes_before_how_near_the_base_gets(make_stage: MakeStage) -> None:
+    screen = box("screen", 1.5, 0.06, (0.4, 0.02, 0.4), 0.8)
+    stage = make_stage(CABINET, BOTTLE, screen)
+    log = Rejections(counts=Counter({NO_ROOM: 20, COLLISION: 9}), blocking=Counter({"screen": 7, "cabinet": 2}))
+    arms, maps = stage.platform.scene.arms.all, stage.platform.resolver.maps
+    explain_bases([Reach(ReachKind.GRASP, "bottle")], arms, stage.platform.scene, maps, Question(log), None)
+    said = log.figures[NO_ROOM]
+    assert re.match(
+        r"the hand \(\w+\) would touch screen in 7 of the 9 places in collision; the middle of the base", said
+    )
+
+
 def test_a_plate_that_fits_between_the_fingers_is_not_called_too_wide(refused: Refused) -> None:
     failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.06, 0.06, 0.003), pose=Pose((1.5, 0.0, 0.8015))))
     assert "too wide for the gripper" not in failure.counts
     assert "bottle is 0.060 m wide and fits between the fingers" in str(failure)
+
+
+def test_the_width_of_a_handle_is_called_that_of_the_handle(refused: Refused) -> None:
+    handle = Handle(Pose((0.0, 0.0, 0.0)), (0.2, 0.03, 0.02))
+    hammer = replace(BOTTLE, size=(0.3, 0.2, 0.03), pose=Pose((1.5, 0.0, 0.815)), handles=(handle,))
+    said = str(refused(TO_GRASP, CABINET, hammer))
+    assert "the handle of bottle is 0.030 m wide and fits between the fingers" in said
 
 
 def test_the_body_without_which_the_base_would_get_nearer_is_named(refused: Refused) -> None:

@@ -12,7 +12,9 @@ import pytest
 from cli_runs import invoke
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from executive.cli.app import app
 from executive.robots import bind_draft, bind_robot
 from executive.robots.draft import draft_of, toml
 from planlang.diagnostics import BadInput, has_errors
@@ -134,6 +136,21 @@ def test_approach_closing_direction_and_grip_point_are_measured_on_the_fingers(u
     assert found["gripper"]["opened"] == {"left": 0.04, "right": -0.04}
     assert found["gripper"]["closed"] == {"left": 0.0, "right": 0.0}
     assert found["gripper"]["max_opening"] == pytest.approx(0.95 * 0.08, abs=0.002)
+
+
+def test_a_robot_that_reaches_below_the_floor_is_reported_until_it_has_a_mount(tmp_path: Path) -> None:
+    pedestal = '<collision><origin xyz="0 0 -0.45"/><geometry><box size="0.2 0.2 0.9"/></geometry></collision>'
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm"><link name="l0">{pedestal}</link></robot>')
+    draft = draft_of(tmp_path / "arm.urdf")
+    missing = " ".join(one.message for one in draft.diagnostics() if one.code == "B016")
+    assert "stands 0.90 m in the floor: [mount] size" in missing
+    text = draft.text()
+    assert "# size = [0.4, 0.4, 0.9]" in text
+    files = {"sunk.toml": text, "mounted.toml": text.replace("# [mount]", "[mount]").replace("# size", "size")}
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+        shown = CliRunner().invoke(app, ["robot", "inspect", str(tmp_path / name)]).stdout
+        assert ("stands 0.90 m in the floor" in shown) == (name == "sunk.toml")
 
 
 def test_a_jaw_that_closes_on_a_fixed_one_is_opened_as_far_as_both_are_in_front(tmp_path: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from executive.robots import FindingKind, Robot, bind_robot, missing_capabilities, requirements
-from planlang.files import bundled
+from planlang.files import Bundled, bundled
 from planlang.ontology import Ontology, expand, load
 
 SERVING = ("Translation-LocationChange", "Reaching", "OpeningAGripper", "ClosingAGripper", "HandingOverAnObject")
@@ -43,6 +44,13 @@ def test_a_robot_without_gripper_is_reported_with_what_it_lacks_and_why(vocabula
     text = "; ".join(map(str, missing))
     assert "amigo has no gripper" in text
     assert "required by OpeningAGripper > GripperMotionCapability" in text
+
+
+def test_a_robot_file_without_gripper_is_named_with_the_table_to_state(vocabulary: Ontology, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(re.sub(r"(?m)^\[arms\.arm\.gripper\]\n(.+\n)+", "", Bundled.ROBOT.find("panda").read_text()))
+    missing = missing_capabilities(vocabulary, [expand("GraspingSomething")], bind_robot(file))
+    assert any("mine.toml has no table [arms.arm.gripper]" in one.reason for one in missing)
 
 
 def test_claims_do_not_replace_an_arm(vocabulary: Ontology, amigo: Robot) -> None:
