@@ -136,13 +136,13 @@ def test_a_hand_that_cannot_go_back_all_its_way_goes_back_as_far_as_it_can(
     arms, lengths = stage.platform.arms, list[float]()
     straight = arms.straight_path
 
-    def short(arm: ArmModel, pose: Array, q: Array, touches: str | None) -> Trajectory:
+    def short(arm: ArmModel, pose: Array, touches: str | None) -> Trajectory:
         if stage.truth.joint("leaf") > 0:
             tip = stage.platform.scene.arms.tip(arm)
             lengths.append(float(np.linalg.norm(pose[:3, 3] - tip[:3, 3])))
             if len(lengths) == 1:
                 raise MotionError("farther than the arm reaches")
-        return straight(arm, pose, q, touches)
+        return straight(arm, pose, touches)
 
     monkeypatch.setattr(arms, "straight_path", short)
     stage.do(OPEN, "leaf")
