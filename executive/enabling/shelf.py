@@ -104,7 +104,7 @@ class LocalShelf:
         if not (unread := sorted(self._catalogue.unread)):
             return ()
         named = ", ".join(unread[:3]) + (", ..." if len(unread) > 3 else "")
-        message = f"{len(unread)} entries of {self.url} can no longer be read: {named}"
+        message = f"entries of {self.url} can no longer be read ({len(unread)}): {named}"
         return [warning("K046", message, Span(self.url))]
 
     def close(self) -> None:
