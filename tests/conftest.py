@@ -14,7 +14,7 @@ from hypothesis import settings
 # no test is timed; continuous integration tries the same examples each time, everybody else new ones
 settings.register_profile(
     "planlang",
-    max_examples=100 if "PLANLANG_EXAMPLES" in os.environ else 20,
+    max_examples=100 if "PLANLANG_EXAMPLES" in os.environ else 30,
     deadline=None,
     derandomize="CI" in os.environ,
     print_blob=True,

@@ -97,7 +97,7 @@ def test_every_page_is_accessible(browser: Any, server: RunningServer, scheme: s
     watched.page.goto("/recipes/serveadrink.ward")
     watched.page.locator("#watch-key").fill(server.key("eve"))
     watched.page.get_by_role("button", name="Watch", exact=True).click()
-    watched.page.get_by_role("heading", name="What eve watches").wait_for()
+    watched.page.get_by_role("heading", name="Entries that eve watches").wait_for()
     assert watched.findings() == []
     watched.page.goto("/search")
     watched.page.get_by_label("Class expression").press_sequentially("bott")

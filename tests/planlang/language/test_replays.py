@@ -15,7 +15,6 @@ from planlang import *
 from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
 from planlang.runs import RecordedRun
 from planlang.testing import PlanRun, Script, replay, run_plan
-from tests.support.examples import examples
 
 Branch = Callable[[], Awaitable[Any]]
 CUP = an_object("Cup")
@@ -80,7 +79,7 @@ SCRIPTS = st.builds(
 
 
 @hypothesis.given(body=BODIES, script=SCRIPTS, schedule=st.sampled_from([None, None, 0, 1]), data=st.data())
-@settings(max_examples=examples(80), deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_random_plans_are_repeated_wherever_their_record_ends(
     body: Branch, script: Script, schedule: int | None, data: st.DataObject
 ) -> None:

@@ -19,7 +19,6 @@ from planlang import *
 from planlang.failures import GraspMissed, Timeout
 from planlang.runs import Past, RecordedRun
 from planlang.testing import replay, run_plan
-from tests.support.examples import examples
 
 # Random plans: the steps of the top-level plan, each of which leaves a mark when it is done
 
@@ -106,7 +105,7 @@ def plan_of(steps: list[tuple[Any, float]], done: list[str]) -> Any:
 
 
 @hypothesis.given(steps=STEPS, data=st.data())
-@settings(max_examples=examples(60), deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_a_run_cut_anywhere_and_resumed_is_as_if_it_had_not_been_cut(steps: Any, data: st.DataObject) -> None:
     done: list[str] = []
     whole = run_plan(plan_of(steps, done), resumable=True)
@@ -157,7 +156,7 @@ def test_each_step_that_completed_has_its_effect_exactly_once(steps: Any) -> Non
     limit=st.sampled_from([None, 1, 2]),
     data=st.data(),
 )
-@settings(max_examples=examples(60), deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_completed_steps_of_a_partial_order_are_not_run_again_and_open_ones_are(
     edges: set[tuple[str, str]], seconds: tuple[float, ...], limit: int | None, data: st.DataObject
 ) -> None:
@@ -184,6 +183,24 @@ def test_completed_steps_of_a_partial_order_are_not_run_again_and_open_ones_are(
     assert sorted(done) == sorted(set("abcd") - set(past) if "partial_order" not in past else set())
     told = replay(top, again)
     assert told.equal, told.difference and (told.difference.recorded, told.difference.found)
+
+
+def test_a_call_in_a_thread_of_a_step_that_was_not_completed_is_made_again() -> None:
+    calls: list[str] = []
+
+    async def calling() -> str:
+        await in_thread(calls.append, "called")
+        await sleep(5.0)
+        return "b"
+
+    @plan
+    async def top() -> Any:
+        return await partial_order({"a": partial(sleep, 1.0), "b": calling}, [])
+
+    whole = run_plan(top, resumable=True)
+    past = 1 + next(i for i, e in enumerate(whole.trace.events) if e["event"] == "completed")
+    assert run_plan(top, resume=cut(whole, past)).value == whole.value
+    assert calls == ["called", "called"]
 
 
 # Every construct may be a step
