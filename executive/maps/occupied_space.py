@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
+from planlang.geometry.cover import at_most, cells
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint
 from planlang.records import dataclass
@@ -24,6 +25,8 @@ HIGHEST = 2.2
 """No robot, and nothing that it carries, reaches above this height [m]."""
 FARTHEST = 200.0
 """Points farther than this from the median along an axis are sensor errors [m]."""
+TILTED = 1e-6
+"""Greatest difference of a frame's vertical from that of the map, as 1 minus a cosine."""
 MOST_CELLS = 1_000_000
 """Greatest number of cells to compare with the map; cells are made coarser until they are that few."""
 MOST_BOXES = 500
@@ -52,8 +55,14 @@ class OccupiedSpace:
     """Pose of the frame in the map; both z axes are parallel."""
 
     def within(self, frame: Pose) -> OccupiedSpace:
-        """Interpret the frame as relative to another one, which has a pose in the map."""
-        return replace(self, frame=frame @ self.frame)
+        """Interpret the frame as relative to another one, which has a pose in the map.
+
+        Points are moved into the map if a frame is tilted, as boxes are upright; two-dimensional data must not be.
+        """
+        whole = frame @ self.frame
+        if self.height is not None or abs(whole.rotation[2, 2] - 1.0) < TILTED:
+            return replace(self, frame=whole)
+        return replace(self, points=moved(whole.matrix(), self.points), frame=_MAP)
 
     def boxes(self, bodies: Sequence[Body]) -> tuple[list[Box], float]:
         """Cover the points that no body explains with boxes; if there are rooms, only the points inside.
@@ -62,12 +71,9 @@ class OccupiedSpace:
         """
         points, length = self._downsampled()
         points = points[self._unexplained(points, bodies, EXPLAINED + length)]
-        cells, across = _joined(_cells(points, length)), 1
-        while len(cells) > MOST_BOXES:
-            across *= 2
-            cells = _joined(_joined_over_gaps(cells, across, MOST_BOXES))
-        boxes = [self._box(low, high, length) for low, high in cells.reshape(-1, 3, 2).transpose(0, 2, 1)]
-        return boxes, across * length if across > 1 else length - self.cell
+        covering, across = at_most(cells(points, length), MOST_BOXES)
+        boxes = [self._box(low, high, length) for low, high in covering.reshape(-1, 3, 2).transpose(0, 2, 1)]
+        return boxes, across * length or length - self.cell
 
     def _box(self, low: NDArray[np.int64], high: NDArray[np.int64], length: float) -> Box:
         x, y, z = ((low + high) * length / 2).tolist()
@@ -88,7 +94,7 @@ class OccupiedSpace:
         length, times = self.cell, 1
         while len(points) > MOST_CELLS:
             length = self.cell * times
-            points = np.asarray((_cells(points, length)[:, ::2] + 0.5) * length)
+            points = np.asarray((cells(points, length)[:, ::2] + 0.5) * length)
             times *= 2
         return (points if self.height is None else points * (1.0, 1.0, 0.0)), length
 
@@ -130,49 +136,3 @@ def _in_outline(points: Array, body: Body, more: float) -> NDArray[np.bool_]:
         along = (end - start) / max(math.dist(start, end), 1e-9)
         inside &= (points[:, 0] - start[0]) * along[1] - (points[:, 1] - start[1]) * along[0] <= more
     return inside
-
-
-def _cells(points: Array, length: float) -> NDArray[np.int64]:
-    """Bin points (n, 3) into unique cells (m, 6): lower and upper bound along x, y and z, in cells."""
-    lows = np.floor(points / length + 1e-9).astype(np.int64)
-    lows = lows[np.lexsort(lows.T)]
-    if len(lows):
-        lows = lows[np.concatenate([[True], (np.diff(lows, axis=0) != 0).any(axis=1)])]
-    return np.asarray(np.repeat(lows, 2, axis=1) + np.tile([0, 1], 3))
-
-
-def _joined(boxes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Cover the same cells with fewer boxes (m, 6): join neighbours along x that are otherwise equal, then y, z."""
-    for axis in range(3):
-        others = [2 * other + end for other in range(3) if other != axis for end in (0, 1)]
-        boxes = boxes[np.lexsort((boxes[:, 2 * axis], *boxes[:, others].T))]
-        is_new = (np.diff(boxes[:, others], axis=0) != 0).any(axis=1)
-        is_new |= boxes[1:, 2 * axis] != boxes[:-1, 2 * axis + 1]
-        starts = np.flatnonzero(np.concatenate([np.ones(min(len(boxes), 1), dtype=bool), is_new]))
-        ends = np.concatenate([starts[1:], [len(boxes)]])[: len(starts)] - 1
-        high = boxes[ends, 2 * axis + 1]
-        boxes = boxes[starts]
-        boxes[:, 2 * axis + 1] = high
-    return boxes
-
-
-def _joined_over_gaps(boxes: NDArray[np.int64], across: int, most: int) -> NDArray[np.int64]:
-    """Cover boxes (m, 6), and gaps between them, with at most ``most`` boxes if joining them once is enough.
-
-    Boxes up to ``across`` cells large that begin in one cube of that edge are joined, the most crowded cubes first:
-    isolated obstacles and walls stay as they are.
-    """
-    is_small = ((boxes[:, 1::2] - boxes[:, ::2]) <= across).all(axis=1)
-    small = boxes[is_small]
-    _, cubes, counts = np.unique(small[:, ::2] // across, axis=0, return_inverse=True, return_counts=True)
-    densest = np.argsort(-counts, kind="stable")
-    saved = np.cumsum(counts[densest] - 1)
-    is_joined = np.zeros(len(counts), dtype=bool)
-    is_joined[densest[: np.searchsorted(saved, len(boxes) - most) + 1]] = True
-    groups = np.where(is_joined[cubes.ravel()], cubes.ravel(), len(counts) + np.arange(len(small)))
-    order = np.argsort(groups, kind="stable")
-    starts = np.flatnonzero(np.diff(groups[order], prepend=-1))
-    joined = np.empty((len(starts), 6), dtype=np.int64)
-    joined[:, ::2] = np.minimum.reduceat(small[order, ::2], starts) if len(starts) else 0
-    joined[:, 1::2] = np.maximum.reduceat(small[order, 1::2], starts) if len(starts) else 0
-    return np.concatenate([boxes[~is_small], joined])
