@@ -140,6 +140,15 @@ def note(code: str, message: str, span: Span | None = None, help: str | None = N
     return Diagnostic(Severity.NOTE, code, message, span, help)
 
 
+def unread(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
+    """Make an error about something of a map that has a shape or a pose, and is not in the world as the map states it.
+
+    ``--ignore-unread`` makes a warning of it.
+    """
+    advice = "--ignore-unread goes on without it"
+    return error(code, message, span, f"{help}; {advice}" if help else advice)
+
+
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
     """Check whether any diagnostic is an error."""
     return any(d.severity is Severity.ERROR for d in diagnostics)

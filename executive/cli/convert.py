@@ -7,6 +7,7 @@ from typing import Any
 from executive.cli.arguments import ConvertArguments
 from executive.commands.answers import Answer
 from executive.commands.inputs import refuse
+from executive.maps.unread import settled
 from planlang.diagnostics import error
 from planlang.files import Bundled
 from planlang.ontology import Literal
@@ -21,6 +22,7 @@ def command(arguments: ConvertArguments) -> Answer:
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
     units = chosen_units(arguments.units or ())
     converted = convert(path, Target(arguments.to.value), lambda literal: in_chosen_unit(literal, units))
+    left_out = settled(converted.unread, ignore_unread=arguments.ignore_unread)
     written = {unit_of(one.object) for one in converted.triples if isinstance(one.object, Literal)}
     refuse(
         [
@@ -33,4 +35,4 @@ def command(arguments: ConvertArguments) -> Answer:
         write_text(output, converted.text)
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": converted.text}
     text = converted.text if output is None else f"{output}: {len(converted.triples)} statements"
-    return Answer(diagnostics=converted.diagnostics, text=text, data=data)
+    return Answer(diagnostics=(*converted.diagnostics, *left_out), text=text, data=data)

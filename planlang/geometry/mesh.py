@@ -71,8 +71,9 @@ class Mesh:
 def mesh_places(urdf: Path, name: str) -> list[Path]:
     """List the paths at which a mesh named in a URDF may be, whether they exist or not.
 
-    ``package://p/rest`` may be p/rest in the URDF's folder or one above it, or rest in one of these folders if its name
-    is p. Other names are relative to the URDF.
+    ``package://p/rest`` may be p/rest in the URDF's folder or one above it, rest in one of these folders if its name is
+    p, or else rest in the URDF's folder or the one above it: copies of packages are often renamed. Other names are
+    relative to the URDF.
     """
     scheme = re.match(r"(package|model|file)://", name)
     rest = name[scheme.end() :] if scheme else name
@@ -83,7 +84,7 @@ def mesh_places(urdf: Path, name: str) -> list[Path]:
             place
             for above in (folder, *folder.parents)
             for place in (above / rest, *([above / inner] if above.name == package else []))
-        ]
+        ] + [folder / inner, folder.parent / inner]
     return [folder / rest]
 
 

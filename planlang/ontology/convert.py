@@ -36,6 +36,8 @@ class Converted:
     text: str
     triples: tuple[Triple, ...]
     diagnostics: tuple[Diagnostic, ...]
+    unread: tuple[Diagnostic, ...] = ()
+    """Errors about things of the file that the text lacks."""
 
 
 def write(
@@ -94,9 +96,8 @@ def convert_content(
     text, lost = write(triples, target, parsed.prefixes, by_file=by_file)
     again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()
     compared = _compared(triples, lost, again, target, Span(file))
-    return Converted(
-        text, tuple(triples), (*parsed.diagnostics, *repairs, *malformed(parsed.triples), *compared, *beside)
-    )
+    diagnostics = (*parsed.diagnostics, *repairs, *malformed(parsed.triples), *compared, *beside)
+    return Converted(text, tuple(triples), diagnostics, tuple(parsed.unread))
 
 
 _COMMENT = re.compile(r'"""[\s\S]*?"""|"(?:\\.|[^"\\])*"|<!--|<[^<>\s]*>|(#[^\n]*)')

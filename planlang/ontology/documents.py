@@ -11,6 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from enum import Enum
 from functools import cache, lru_cache
 from importlib import import_module
@@ -18,7 +19,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote
 
 from planlang.cache import Cache
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread, warning
 from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
@@ -139,6 +140,7 @@ class Reading:
     document: Document
     triples: Triples
     diagnostics: tuple[Diagnostic, ...]
+    unread: tuple[Diagnostic, ...] = ()
 
 
 def read_bytes(path: Path) -> bytes:
@@ -167,7 +169,7 @@ def _read(path: Path, content: bytes) -> Reading:
         _CACHE.keep(key, triples.packed())
     for other in parsed.others:
         digest = hashlib.sha256(digest.encode() + other).hexdigest()
-    return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics)
+    return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics, tuple(parsed.unread))
 
 
 @cache
@@ -198,7 +200,8 @@ def read_all(
     """Read a file, the files of ``also``, all imports depth first, then the bundled vocabulary.
 
     With ``content`` the main document is untrusted text, such as an upload, and no file beside it is read. Raises
-    BadInput if the file or one of ``also`` cannot be used; an unusable import is a warning of the main document.
+    BadInput if the file or one of ``also`` cannot be used; an unusable import is a warning of the main document, and if
+    it is or may be a world, also unread.
     """
     main_content = read_bytes(path) if content is None else content
     readings = [_read(path, main_content), *(_version(named, *_stamp(named)) for named in also)]
@@ -207,6 +210,7 @@ def read_all(
     digests = {reading.document.sha256 for reading in readings}
     imports = ImportMap(path, folders, is_file=content is None)
     problems: list[Diagnostic] = []
+    lost = list(main.unread)
     vocabulary = {file.resolve(): file for file in _vocabulary_paths()} if builtin else {}
     pending: list[tuple[Path, Iterator[Triple]]] = [(one.document.path, _imports(one)) for one in readings[::-1]]
     while pending:
@@ -219,6 +223,8 @@ def read_all(
         resolution = imports.resolve(target, importing, triple.span)
         if resolution.problem is not None:
             problems.append(resolution.problem)
+            if target.lower().endswith(WORLDS):
+                lost.append(_lost(target, triple.span, resolution.problem.help))
         imported = resolution.path
         if imported is None or (resolved := imported.resolve()) in loaded or resolved in vocabulary:
             continue
@@ -226,6 +232,7 @@ def read_all(
         if len(readings) >= MOST_DOCUMENTS:
             message = f"more than {MOST_DOCUMENTS} files are imported; the rest is ignored"
             problems.append(warning("O033", message, triple.span))
+            lost.append(_lost(target, triple.span))
             break
         try:
             reading = _version(imported, *_stamp(imported))
@@ -233,13 +240,22 @@ def read_all(
             first = problem.diagnostics[0]
             message = f"an import cannot be read: {first.span}: {first.message}"
             problems.append(warning("O034", message, triple.span, first.help))
+            lost.append(_lost(target, triple.span, first.help))
             continue
         if reading.document.sha256 not in digests:
             digests.add(reading.document.sha256)
             readings.append(reading)
             pending.append((imported, _imports(reading)))
     readings += [_version(file, *_stamp(file)) for resolved, file in vocabulary.items() if resolved not in loaded]
-    return [Reading(main.document, main.triples, (*main.diagnostics, *problems)), *readings[1:]]
+    return [replace(main, diagnostics=(*main.diagnostics, *problems), unread=tuple(lost)), *readings[1:]]
+
+
+WORLDS = (".urdf", ".yaml", ".yml", ".pcd", ".ply", ".xyz", ".bt", ".ot")
+"""Suffixes of files with shapes; a missing import of OWL may be a vocabulary."""
+
+
+def _lost(target: str, span: Span, help: str | None = None) -> Diagnostic:
+    return unread("M034", f"nothing of an import is in the world: {target[:200]}", span, help)
 
 
 def _imports(reading: Reading) -> Iterator[Triple]:

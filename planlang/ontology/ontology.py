@@ -81,6 +81,8 @@ class Ontology:
             *of_reading,
             *check(self, (document.path for document in self.documents)),
         )
+        self.unread: tuple[Diagnostic, ...] = tuple(one for reading in readings for one in reading.unread)
+        """Errors about things with a shape of which the documents have no statements: see ``executive.maps.unread``."""
 
     @property
     def iri(self) -> str | None:

@@ -33,6 +33,8 @@ class Parsed:
     prefixes: dict[str, str] = field(default_factory=dict)
     others: tuple[bytes, ...] = ()
     """Contents of other files that the triples depend on."""
+    unread: list[Diagnostic] = field(default_factory=list)
+    """Errors about things with a shape that the triples lack; they count where the file is read as a map."""
 
 
 def check_room(triples: Triples, line: int, column: int) -> None:

@@ -1,58 +1,52 @@
 """Reads a world in URDF as the statements of a semantic map: objects with classes, boxes and poses, and their joints.
 
 Each link with a shape becomes an object: a box at the pose of its shape, and a part of the nearest ancestor link that
-is an object. A revolute or prismatic joint becomes a HingedJoint or PrismaticJoint at its pose in the map. Facts that
-a URDF cannot state (classes, boxes of missing meshes, open sides) come from labels: from the TOML file of the same name
-beside the URDF, else from a bundled one for URDFs of that name, else from words in the names of links.
+is an object. A link whose shapes leave much of its footprint free, such as the walls of a room, becomes several boxes:
+the largest is the object, the others are its parts. A revolute or prismatic joint becomes a HingedJoint or
+PrismaticJoint at its pose in the map. Facts that a URDF cannot state (classes, boxes of missing meshes, open sides)
+come from labels: from the TOML file of the same name beside the URDF, else from a bundled one for URDFs of that name,
+else from words in the names of links.
 """
 
 from __future__ import annotations
 
-import re
-import tomllib
+import hashlib
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
-from fnmatch import fnmatchcase
-from functools import cache
-from math import isfinite
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.files import bundled, read_file
+from planlang.designators import unused_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread
 from planlang.geometry import Array, Pose
+from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
 from planlang.geometry.matrices import product, rigid, rotation_of
-from planlang.geometry.shapes import corners
+from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of, mesh_places
+from planlang.geometry.shapes import corners, outline_of
 from planlang.geometry.urdf import Element, Joint, Urdf, numbers, read_urdf
-from planlang.ontology.terms import OWL, RDF, XSD, Literal, expand, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
+from planlang.ontology.urdf_labels import FARTHEST, Label, Triplet, labels_for
 from planlang.records import dataclass
 
 NAMESPACE = "http://planlang.org/kb/urdf/"
 """Start of the ontology IRI of a URDF, followed by the name of its robot element; links are names in there."""
 MOST_LINKS = 5000
 """Greatest number of links of a world; a house has some hundred."""
-FARTHEST = 1000.0
-"""Greatest distance from the origin, and greatest length of a box or a label [m]."""
 USUAL = {"prismatic": "Drawer", "revolute": "Door", "continuous": "ControlKnob"}
 """Type of the joint above a link -> class of the link, if no label has one."""
 SOMETHING = "FurniturePiece"
 """Class of all other links."""
 SHOWN = 20
 """Greatest number of reported links without a box."""
-LARGEST = 1_000_000
-"""Greatest size of a file of labels [bytes]."""
-MOST_LABELS = 2000
-"""Greatest number of labelled links, and of meshes, in a file."""
-SIDES = ("+x", "-x", "+y", "-y", "+z", "-z")
-_KEYS = {"": ("robot", "meshes", "links"), "meshes": ("size", "centre")}
-_KEYS["links"] = ("class", *_KEYS["meshes"], "open", "walls")
-
-Triplet = tuple[float, float, float]
+SHOWN_PLACES = 2
+"""Greatest number of places of a missing mesh that a message names."""
+FLOOR = 0.05
+"""A part of a link up to this height is the floor, which is everywhere at z = 0 [m]."""
+SAMPLED = 40
+"""Number of points along each side of a footprint at which is checked how much of it shapes cover."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +71,10 @@ class _World:
         self.above = {joint.child: joint for joint in urdf.joints}
         self.triples = Triples(self.file)
         self.found: list[Diagnostic] = []
+        self.meshes: dict[str, Mesh | str] = {}
+        """Name of a mesh -> the mesh, or why it cannot be read."""
+        self.digest = hashlib.sha256()
+        """Of the contents of all meshes."""
         if len(self.elements) > MOST_LINKS:
             message = f"a world has at most {MOST_LINKS} links; this one has {len(self.elements)}"
             raise BadInput([error("B009", message, Span(self.file, urdf.tree.line))])
@@ -85,28 +83,44 @@ class _World:
         """State all objects and joints."""
         self._say(self.iri, RDF.type, OWL.Ontology, self.urdf.tree)
         poses = self._poses()
-        things = {name: box for name in poses if (box := self._box(name)) is not None}
-        for name, box in things.items():
-            self._state_thing(name, Pose.from_matrix(poses[name]) @ box.pose, box)
+        things = {name: boxes for name in poses if (boxes := self._boxes(name, poses[name]))}
+        names = set(self.elements)
+        for name, (box, *others) in things.items():
+            frame = Pose.from_matrix(poses[name])
+            self._state_thing(name, frame @ box.pose, box)
             around = self._nearest(name, things)
             if around is not None:
-                self._say(self._name(around), expand("properPhysicalParts"), self._name(name), self.elements[name])
+                self._state_part(around, name)
             self._state_joint(name, poses[name])
+            for other in others:
+                names.add(part := unused_name(name, names))
+                self.elements[part] = self.elements[name]
+                self._say(self._name(part), RDF.type, expand(SOMETHING), self.elements[name])
+                self._state_box(part, frame @ other.pose, other)
+                self._state_part(name, part)
         shown, more = self.found[:SHOWN], len(self.found) - SHOWN
-        return Parsed(self.triples, counted(shown, more), others=tuple(one.content for one in self.labels))
+        files = (*(one.content for one in self.labels), *((self.digest.digest(),) if self.meshes else ()))
+        return Parsed(self.triples, others=files, unread=counted(shown, more))
 
     # Statements
 
     def _state_thing(self, name: str, pose: Pose, box: _Box) -> None:
         iri, element, label = self._name(name), self.elements[name], self._label(name)
         self._say(iri, RDF.type, expand(self._class(name)), element)
-        for prop, extent in zip(("depthOfObject", "widthOfObject", "heightOfObject"), box.size, strict=True):
-            self._say(iri, expand(prop), _number(extent), element)
-        self._state_pose(iri, pose, element)
+        self._state_box(name, pose, box)
         for side in label.open if label else ():
             self._say(iri, expand("openSide"), Literal(side), element)
         if label is not None and label.walls is not None:
             self._say(iri, expand("wallThickness"), _number(label.walls), element)
+
+    def _state_box(self, name: str, pose: Pose, box: _Box) -> None:
+        iri, element = self._name(name), self.elements[name]
+        for prop, extent in zip(("depthOfObject", "widthOfObject", "heightOfObject"), box.size, strict=True):
+            self._say(iri, expand(prop), _number(extent), element)
+        self._state_pose(iri, pose, element)
+
+    def _state_part(self, whole: str, part: str) -> None:
+        self._say(self._name(whole), expand("properPhysicalParts"), self._name(part), self.elements[part])
 
     def _state_pose(self, iri: str, pose: Pose, element: Element) -> None:
         self._say(iri, expand("pose"), f"{iri}_pose", element)
@@ -156,7 +170,7 @@ class _World:
             raise BadInput([error("B009", message, Span(self.file, self.elements[far[0]].line))])
         return {name: poses[name] for name in self.elements}
 
-    def _nearest(self, name: str, things: Mapping[str, _Box]) -> str | None:
+    def _nearest(self, name: str, things: Container[str]) -> str | None:
         """Find the nearest ancestor link that is an object."""
         while name in self.above:
             name = self.above[name].parent
@@ -175,44 +189,121 @@ class _World:
 
     # Boxes
 
-    def _box(self, name: str) -> _Box | None:
-        """Box of a link: from its label, else around its shapes; None, with a warning, if no mesh has a box."""
+    def _boxes(self, name: str, link: Array) -> list[_Box]:
+        """Boxes of a link at a pose in the map (4, 4), the largest first: from its label, else around its shapes.
+
+        None for a link without shapes, or, with an error, one whose shapes cannot be read.
+        """
         label, element = self._label(name), self.elements[name]
         if label is not None and label.size is not None:
-            return _Box(Pose(label.centre), label.size)
-        shapes = element.findall("collision") or element.findall("visual")
-        boxes = [box for shape in shapes if (box := self._shape(shape, self.labels)) is not None]
-        if shapes and not boxes:
-            files = ", ".join(mesh.get("filename", "")[:80] for shape in shapes for mesh in shape.iter("mesh"))
-            help = "label the link or its mesh in a TOML file beside the URDF: size = [x, y, z]"
-            message = f"link {name!r} is ignored: the size of {files or 'its shape'} is unknown"
-            self.found.append(warning("M019", message, Span(self.file, element.line), help))
-        if not boxes:
-            return None
-        box = boxes[0] if len(boxes) == 1 else _around(boxes)
-        if min(box.size) <= 0 or max(box.size) > FARTHEST:
-            message = f"link {name!r} is ignored: its box is {' x '.join(f'{e:g}' for e in box.size)} m"
+            boxes = [_Box(Pose(label.centre), label.size)]
+        else:
+            shapes = element.findall("collision") or element.findall("visual")
+            try:
+                parts = [part for shape in shapes for part in self._shape(shape, link)]
+            except _Unread as problem:
+                help = "label the link or its mesh in a TOML file beside the URDF: size = [x, y, z]"
+                message = f"link {name!r} is not in the world: {problem}"
+                self.found.append(unread("M019", message, Span(self.file, problem.line or element.line), help))
+                return []
+            boxes = _together(parts, link) if parts else []
+        sizes = [box.size for box in boxes if min(box.size) <= 0 or max(box.size) > FARTHEST]
+        if sizes:
+            message = f"link {name!r} is not in the world: its box is {' x '.join(f'{e:g}' for e in sizes[0])} m"
             help = f"correct its shape or its label: lengths are greater than 0 and at most {FARTHEST:g} m"
-            self.found.append(warning("M019", message, Span(self.file, element.line), help))
-            return None
-        return box
+            self.found.append(unread("M019", message, Span(self.file, element.line), help))
+            return []
+        return boxes
 
-    def _shape(self, shape: ElementTree.Element, labels: tuple[Labels, ...]) -> _Box | None:
+    def _shape(self, shape: ElementTree.Element, link: Array) -> list[_Box]:
+        """Boxes of a shape in the frame of its link. Raises _Unread."""
         origin = shape.find("origin")
         xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(at, "0 0 0")) for at in ("xyz", "rpy"))
         frame = Pose.from_matrix(rigid(rotation_of(*rpy), np.array(xyz)))
-        for geometry in shape.iter("geometry"):
-            for solid in geometry:
-                if solid.tag == "mesh":
-                    file = solid.get("filename", "")
-                    label = next((box for one in labels if (box := one.mesh(file)) is not None), None)
-                    if label is None or label.size is None:
-                        return None
-                    scale = np.broadcast_to(numbers(solid.get("scale", "1")), 3)
-                    return _Box(frame @ Pose(_triplet(scale * label.centre)), _triplet(np.abs(scale) * label.size))
-                size = _extents(solid.tag, solid.attrib)
-                return None if size is None else _Box(frame, size)
-        return None
+        for solid in (solid for geometry in shape.iter("geometry") for solid in geometry):
+            if solid.tag == "mesh":
+                return self._mesh(solid, frame, link)
+            size = _extents(solid.tag, solid.attrib)
+            if size is None:
+                raise _Unread(f"<{solid.tag[:40]}> is no shape of URDF", _line(solid))
+            return [_Box(frame, size)]
+        raise _Unread(f"its {shape.tag} has no shape", _line(shape))
+
+    def _mesh(self, element: ElementTree.Element, frame: Pose, link: Array) -> list[_Box]:
+        """Boxes of a mesh: from its label, else those that cover the mesh in its file. Raises _Unread."""
+        name, scale = element.get("filename", ""), np.broadcast_to(numbers(element.get("scale", "1")), 3)
+        label = next((box for one in self.labels if (box := one.mesh(name)) is not None), None)
+        if label is not None and label.size is not None:
+            return [_Box(frame @ Pose(_triplet(scale * label.centre)), _triplet(np.abs(scale) * label.size))]
+        if name not in self.meshes:
+            self.meshes[name] = self._read_mesh(name)
+        mesh = self.meshes[name]
+        if isinstance(mesh, str):
+            raise _Unread(mesh, _line(element))
+        up = _vertical(link[:3, :3] @ frame.rotation)
+        ends = boxes_of_surface(mesh.vertices * scale, np.concatenate(mesh.parts), up)
+        return [_Box(frame @ Pose(_triplet((low + high) / 2)), _triplet(high - low)) for low, high in ends]
+
+    def _read_mesh(self, name: str) -> Mesh | str:
+        """Read a mesh by the name that the URDF states; the reason if that is impossible."""
+        tried, shown = mesh_places(self.urdf.path, name), name[:120] or "without a file name"
+        for place in dict.fromkeys(tried):
+            try:
+                content = mesh_content(place)
+                mesh = mesh_of(content, place.suffix)
+            except BadMesh as problem:
+                return f"the mesh {shown} cannot be read: {problem}"
+            except (OSError, ValueError):
+                continue
+            self.digest.update(name.encode("utf-8", "replace") + hashlib.sha256(content).digest())
+            return mesh
+        places = list(dict.fromkeys(str(place) for place in tried))
+        more = f" and in {len(places) - SHOWN_PLACES} other folders" if len(places) > SHOWN_PLACES else ""
+        return f"there is no mesh {shown}; looked for {', '.join(places[:SHOWN_PLACES])}{more}"
+
+
+class _Unread(Exception):
+    """A shape cannot be read; with the reason and the line."""
+
+    def __init__(self, problem: str, line: int | None) -> None:
+        self.line = line
+        super().__init__(problem)
+
+
+def _line(element: ElementTree.Element) -> int | None:
+    return element.line if isinstance(element, Element) else None
+
+
+def _vertical(rotation: Array) -> int:
+    """The axis of a frame that is nearest to vertical in the map; ``rotation`` is that of the frame (3, 3)."""
+    return int(np.argmax(np.abs(rotation[2])))
+
+
+def _together(parts: list[_Box], link: Array) -> list[_Box]:
+    """One box around the parts of a link, unless they leave much of its footprint free; the largest box first."""
+    if len(parts) == 1:
+        return parts
+    around, up = _around(parts), _vertical(link[:3, :3])
+    if not is_wide(around.size, up) or (not is_room(around.size, up) and _covered(parts, around, up) >= FULL):
+        return [around]
+    tops = [corners(Pose.from_matrix(link) @ one.pose, one.size)[:, 2].max() for one in parts]
+    parts = [one for one, top in zip(parts, tops, strict=True) if top > FLOOR] or parts
+    return sorted(parts, key=lambda one: -one.size[0] * one.size[1] * one.size[2])
+
+
+def _covered(parts: Sequence[_Box], around: _Box, up: int) -> float:
+    """Share of the footprint of a box that boxes in it cover."""
+    axes = [axis for axis in range(3) if axis != up]
+    at = (np.arange(SAMPLED) + 0.5) / SAMPLED - 0.5
+    points = np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2) * np.take(around.size, axes)
+    points += np.take(around.pose.position, axes)
+    covered = np.zeros(len(points), dtype=bool)
+    for part in parts:
+        outline = outline_of(corners(part.pose, part.size)[:, axes])
+        edges = np.roll(outline, -1, axis=0) - outline
+        aside = points[:, None] - outline[None]
+        covered |= (edges[:, 0] * aside[..., 1] - edges[:, 1] * aside[..., 0] >= -1e-9).all(axis=1)
+    return float(covered.mean())
 
 
 def _extents(tag: str, attributes: Mapping[str, str]) -> Triplet | None:
@@ -251,170 +342,3 @@ def _number(value: float) -> Literal:
 
 def _row(values: tuple[float, ...]) -> Literal:
     return Literal(" ".join(repr(round(float(value), 9) + 0.0) for value in values))
-
-
-# Labels
-
-
-@dataclass(frozen=True, slots=True)
-class Label:
-    """Label of a link, or of a mesh: then with ``size`` and ``centre`` only."""
-
-    span: Span
-    cls: str | None = None
-    """Class of the object: a bare name of the vocabulary, or an IRI."""
-    size: Triplet | None = None
-    """Extents of its box [m]."""
-    centre: Triplet = (0.0, 0.0, 0.0)
-    """Centre of the box in the frame of the link, or of the mesh [m]."""
-    open: tuple[str, ...] = ()
-    """Open sides of the box, such as "+x"; a box with open sides is hollow."""
-    walls: float | None = None
-    """Thickness of its walls [m]."""
-
-
-@dataclass(slots=True)
-class Labels:
-    """Labels of one file; names are shell patterns (fnmatch), of which the first match counts."""
-
-    content: bytes
-    """Bytes of the file."""
-    robot: str | None = None
-    """Name of the robot element of URDFs that it applies to; None: any."""
-    meshes: dict[str, Label] = field(default_factory=dict)
-    """File name of a mesh, without folder and suffix -> label."""
-    links: dict[str, Label] = field(default_factory=dict)
-
-    def link(self, name: str) -> Label | None:
-        """Label of a link, if any."""
-        return self.links.get(name) or _first(name, self.links)
-
-    def mesh(self, file: str) -> Label | None:
-        """Label with the box of a mesh, if any."""
-        return _first(_stem(file), self.meshes)
-
-
-def _first(name: str, patterns: Mapping[str, Label]) -> Label | None:
-    return next((label for pattern, label in patterns.items() if fnmatchcase(name, pattern)), None)
-
-
-def _stem(file: str) -> str:
-    return re.split(r"[/\\]", file)[-1].rpartition(".")[0]
-
-
-def labels_for(urdf: Path, robot: str) -> tuple[Labels, ...]:
-    """Find the labels for a URDF, in order of precedence. Raises BadInput if the file beside it is invalid."""
-    beside = urdf.with_suffix(".toml")
-    own = (read_labels(beside),) if beside.is_file() else ()
-    return (*own, *(one for one in _bundled() if one.robot in (robot, None)))
-
-
-@cache
-def _bundled() -> tuple[Labels, ...]:
-    """Read the bundled labels; those for any URDF come last."""
-    folder = bundled("ontologies") / "environments" / "labels"
-    return tuple(sorted(map(read_labels, sorted(folder.glob("*.toml"))), key=lambda one: one.robot is None))
-
-
-def read_labels(path: Path) -> Labels:
-    """Read a file of labels. Raises BadInput with all its errors (M020)."""
-    content = read_file(path, "M020", largest=LARGEST)
-    try:
-        text = content.decode("utf-8")
-        table = tomllib.loads(text)
-    except (ValueError, RecursionError) as problem:
-        line = re.search(r"line (\d+)", str(problem))
-        raise BadInput([error("M020", f"not TOML: {problem}", Span(str(path), int(line[1]) if line else 1))]) from None
-    reader = _Reader(path, text.splitlines())
-    labels = Labels(content)
-    reader.read(table, labels)
-    if reader.found:
-        raise BadInput(reader.found)
-    return labels
-
-
-class _Reader:
-    def __init__(self, path: Path, lines: Sequence[str]) -> None:
-        self.path, self.lines = path, lines
-        self.found: list[Diagnostic] = []
-
-    def read(self, table: Mapping[str, Any], labels: Labels) -> None:
-        """Read the labels of a table; errors are appended to ``found``."""
-        self._check_keys("", table, self._span(""))
-        robot = table.get("robot")
-        if robot is not None and not isinstance(robot, str):
-            self._bad("robot must be a string: the name of the URDF's robot element", self._span("robot"))
-        labels.robot = robot if isinstance(robot, str) else None
-        labels.meshes.update(self._entries("meshes", table))
-        labels.links.update(self._entries("links", table))
-        for label in labels.meshes.values():
-            if label.size is None:
-                self._bad("the label of a mesh needs a size = [x, y, z]", label.span)
-
-    def _entries(self, kind: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Label]]:
-        entries = table.get(kind, {})
-        if not isinstance(entries, dict) or len(entries) > MOST_LABELS:
-            self._bad(f"{kind} must be a table of at most {MOST_LABELS} names", self._span(kind))
-            return
-        for name, entry in entries.items():
-            span = self._span(name)
-            if not isinstance(entry, dict):
-                self._bad(f"{name} must be a table; its keys are {', '.join(_KEYS[kind])}", span)
-                continue
-            self._check_keys(kind, entry, span)
-            yield name, self._label(entry, span)
-
-    def _label(self, entry: Mapping[str, Any], span: Span) -> Label:
-        size, centre = (self._lengths(entry, name, span) for name in ("size", "centre"))
-        if size is not None and min(size) <= 0:
-            self._bad("the three lengths of size must be greater than 0", span)
-            size = None
-        cls = self._of_kind(entry, "class", str, "the name of a class", span)
-        if cls is not None and not is_vocabulary(cls) and ":" not in cls:
-            self._bad(f"the vocabulary has no class {cls[:60]!r}", span)
-        walls = self._of_kind(entry, "walls", (int, float), "a length in metres", span)
-        if walls is not None and not 0 < walls <= FARTHEST:
-            self._bad(f"walls must be a length in metres, greater than 0 and at most {FARTHEST:g}", span)
-            walls = None
-        sides = entry.get("open", ())
-        sides = [sides] if isinstance(sides, str) else sides
-        if not isinstance(sides, (list, tuple)) or not all(side in SIDES for side in sides):
-            self._bad(f"open must be one or more of {', '.join(SIDES)}", span)
-            sides = ()
-        return Label(span, cls, size, centre or (0.0, 0.0, 0.0), tuple(sides), walls)
-
-    def _of_kind(self, entry: Mapping[str, Any], name: str, kind: Any, what: str, span: Span) -> Any:
-        value = entry.get(name)
-        if value is not None and (not isinstance(value, kind) or isinstance(value, bool) or value == ""):
-            self._bad(f"{name} must be {what}", span)
-            return None
-        return value
-
-    def _lengths(self, entry: Mapping[str, Any], name: str, span: Span) -> Triplet | None:
-        values = entry.get(name)
-        if values is None:
-            return None
-        if isinstance(values, list) and len(values) == 3 and all(map(_is_length, values)):
-            x, y, z = map(float, values)
-            return (x, y, z)
-        self._bad(f"{name} must be three lengths in metres, along x, y and z", span)
-        return None
-
-    def _check_keys(self, kind: str, table: Mapping[str, Any], span: Span) -> None:
-        for key in table:
-            if key not in _KEYS[kind]:
-                self._bad(f"unknown key {key[:60]!r}; valid keys are {', '.join(_KEYS[kind])}", self._span(key, span))
-
-    def _span(self, key: str, otherwise: Span | None = None) -> Span:
-        """Position of the first line that defines a key."""
-        quoted = re.compile(rf"""\s*(\[?links\.|\[?meshes\.|\[)?["']?{re.escape(key)}["']?\s*[=\].]""")
-        line = next((n for n, line in enumerate(self.lines, 1) if key and quoted.match(line)), None)
-        return Span(str(self.path), line) if line else otherwise or Span(str(self.path))
-
-    def _bad(self, message: str, span: Span) -> None:
-        self.found.append(error("M020", message, span))
-
-
-def _is_length(value: object) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and isfinite(float(value)) and abs(float(value)) <= FARTHEST  # type: ignore[arg-type]

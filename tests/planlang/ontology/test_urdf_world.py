@@ -37,13 +37,15 @@ CUPBOARD = """
 LABELS = "[meshes]\nCupboard = { size = [0.6, 0.6, 0.8] }\n"
 
 
-def world(folder: Path, text: str, labels: str | None = LABELS) -> tuple[Scene, list[Diagnostic]]:
+def world(
+    folder: Path, text: str, labels: str | None = LABELS, *, ignore_unread: bool = False
+) -> tuple[Scene, list[Diagnostic]]:
     """Return the scene of a URDF, with labels beside it, and all that was reported."""
     (folder / "room.urdf").write_text(text, encoding="utf-8")
     if labels is not None:
         (folder / "room.toml").write_text(labels, encoding="utf-8")
     ontology = load(folder / "room.urdf")
-    semantic_map = read_map(ontology)
+    semantic_map = read_map(ontology, ignore_unread=ignore_unread)
     found: list[Diagnostic] = []
     scene = scene_of(semantic_map, found)
     return scene, [*ontology.diagnostics, *semantic_map.diagnostics, *found]
@@ -112,8 +114,10 @@ def test_boxes_of_meshes_classes_and_joints_follow_from_labels_and_names(tmp_pat
     assert joint.point == pytest.approx((1.7, -0.3, 0.5))
 
 
-def test_a_mesh_without_box_costs_its_link_only(tmp_path: Path) -> None:
-    scene, found = world(tmp_path, CUPBOARD, None)
+def test_a_missing_mesh_is_an_error_and_costs_its_link_only_if_that_is_ignored(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=f"no mesh package://room/Cupboard.dae; looked for {tmp_path}"):
+        world(tmp_path, CUPBOARD, None)
+    scene, found = world(tmp_path, CUPBOARD, None, ignore_unread=True)
     assert "cupboard" not in [body.name for body in scene.bodies]
     assert scene.body("table").size == (0.8, 1.2, 0.7)
     assert [one.code for one in found if one.code.startswith("M019")] == ["M019"]
@@ -184,7 +188,7 @@ def written(value: object) -> str:
 def test_labels_of_any_kind_are_read_or_refused(tmp_path: Path, table: dict[str, object]) -> None:
     lines = "".join(f"{key} = {written(value)}\n" for key, value in table.items())
     try:
-        world(tmp_path, CUPBOARD, lines)
+        world(tmp_path, CUPBOARD, lines, ignore_unread=True)
     except BadInput as problem:
         found = problem.diagnostics
     else:
