@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from urllib.parse import unquote
 
 from executive.maps import octree, point_cloud
 from executive.maps.occupancy_grid import read_grid
@@ -15,9 +16,9 @@ from executive.maps.octree import read_octree
 from executive.maps.point_cloud import read_points
 from executive.maps.semantic_map import PosesOfThings, SemanticMap
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, note, unread, warning
 from planlang.geometry import Pose
-from planlang.ontology import Literal, Ontology, Triple, expand
+from planlang.ontology import Ontology, Triple
 from sim import Body
 
 OBSTACLE = "mapped obstacle"
@@ -26,6 +27,7 @@ UPRIGHT = 0.9999
 """Least cosine of the angle between up and the z axis of a file's frame: just below one degree."""
 CELL = 0.05
 """Edge of the cells into which points are binned [m]."""
+NO_COPY = "URLs are not fetched, and there is no copy beside the map"
 FAR = 0.2
 """Joining obstacles over gaps of this length may block a robot's way: a warning instead of a note [m]."""
 
@@ -33,7 +35,8 @@ FAR = 0.2
 def with_obstacles(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> list[Body]:
     """Add boxes that cover sensor data which no body of the map explains.
 
-    Files that are missing or cannot be read are skipped, with a diagnostic in ``notes``.
+    A file that is missing or cannot be read is an error in ``notes``; one that only has an address elsewhere, of which
+    there is no copy, was never on this computer: a warning.
     """
     files = _files(semantic_map.ontology, notes)
     boxes = [box for path, frame in files for box in _boxes(path, frame, bodies, notes)]
@@ -46,18 +49,18 @@ def with_obstacles(bodies: Sequence[Body], semantic_map: SemanticMap, notes: lis
 def _files(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[tuple[Path, Pose]]:
     """Yield the existing files of known formats, each with the pose of its map."""
     poses = PosesOfThings(ontology, notes)
-    for iri in ontology.individuals(expand("Map")):
-        for triple in ontology.said(iri, "linkToMapFile"):
-            if not isinstance(triple.object, Literal):
-                continue
-            path, problem = _file(triple, triple.object.value.strip())
-            if path is not None and path.suffix.lower() not in _READERS:
-                problem = f"only {', '.join(_READERS)} can be read"
-            if problem:
-                message = f"the map {local_name(iri)} is ignored: {problem}: {triple.object.value[:200]}"
-                notes.append(note("M025", message, triple.span))
-            elif path is not None:
-                yield path, poses.pose(iri) or Pose((0.0, 0.0, 0.0))
+    for triple in ontology.using("linkToMapFile"):
+        iri, link = triple.subject, triple.object
+        name = unquote(str(link).removeprefix("file:///")) if isinstance(link, str) else getattr(link, "value", "")
+        path, problem = _file(triple, name.strip())
+        if path is not None and path.suffix.lower() not in _READERS:
+            problem = f"only {', '.join(_READERS)} can be read"
+        if problem:
+            message = f"the obstacles of {local_name(str(iri))} are not in the world: {problem}: {name[:200]}"
+            make = warning if problem is NO_COPY else unread
+            notes.append(make("M025", message, triple.span))
+        elif path is not None:
+            yield path, (poses.pose(iri) if isinstance(iri, str) else None) or Pose((0.0, 0.0, 0.0))
 
 
 def _file(triple: Triple, link: str) -> tuple[Path | None, str]:
@@ -69,21 +72,21 @@ def _file(triple: Triple, link: str) -> tuple[Path | None, str]:
             return None, "it is outside the folder of the map"
         if path.is_file():
             return path, ""
-        return None, "URLs are not fetched, and there is no copy beside the map" if is_elsewhere else "file not found"
+        return None, NO_COPY if is_elsewhere else "file not found"
     except (OSError, ValueError):
         return None, "this is not a file name"
 
 
 def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], notes: list[Diagnostic]) -> list[Box]:
     """Cover what a file in a frame shows and no body explains with boxes."""
-    if frame.rotation[2, 2] < UPRIGHT:
-        message = "these obstacles are ignored: the z axis of their frame is not vertical"
-        notes.append(warning("M024", message, Span(str(path))))
-        return []
     try:
-        boxes, apart = _READERS[path.suffix.lower()](path).within(frame).boxes(bodies)
+        space = _READERS[path.suffix.lower()](path)
+        if frame.rotation[2, 2] < UPRIGHT and space.height is not None:
+            message = "these obstacles are not in the world: the z axis of their frame is not vertical"
+            raise BadInput([unread("M024", message, Span(str(path)))])
+        boxes, apart = space.within(frame).boxes(bodies)
     except BadInput as bad:
-        notes += (warning(one.code, one.message, one.span) for one in bad.diagnostics if one.severity is Severity.ERROR)
+        notes += bad.diagnostics
         return []
     if apart > 0:
         severity = warning if apart >= FAR else note

@@ -1,19 +1,21 @@
-"""Occupancy grids in the format of ROS map_server: a YAML file with a PGM image; sizes are bounded.
+"""Occupancy grids in the format of ROS map_server and nav2: a YAML file with an image; sizes are bounded.
 
-Only the YAML that map_server writes is read: flat ``key: value`` lines, and a list of three numbers for the origin.
-Anchors, tags and nesting in untrusted files are never followed. Formats: https://wiki.ros.org/map_server, Netpbm's PGM.
+Of the YAML only texts and lists of texts are used: tags and aliases in untrusted files are never followed. Images are
+those of map_server, whatever their depth, palette or transparency. Formats: https://wiki.ros.org/map_server,
+nav2_map_server's map_io.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from pathlib import Path
+from collections.abc import Mapping
+from io import BytesIO
+from pathlib import Path, PureWindowsPath
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.diagnostics import BadInput, Span, error
+from planlang.diagnostics import BadInput, Span, unread
 from planlang.files import decode, read_file
 from planlang.geometry import Array, Pose
 from planlang.records import dataclass
@@ -32,11 +34,12 @@ CODE = "M024"
 
 Cells = NDArray[np.bool_]
 
-_LINE = re.compile(r"(\w+)[ \t]*:[ \t]*(.*?)[ \t]*(?:#.*)?")
-_ITEM = re.compile(r"[ \t]*-[ \t]*(.*?)[ \t]*(?:#.*)?")
-_SPACE = rb"(?:\s|#[^\n]*\n)++"
-_DIGITS = re.compile(rb"[0-9\s]*+")
-_HEADER = re.compile(rb"(P[25])" + 3 * (_SPACE + rb"(\d{1,6})") + rb"\s")
+FORMATS = ("PNG", "BMP", "PPM", "JPEG", "GIF")
+"""Formats of images, by Pillow's names; PPM stands for PGM, PBM and PPM, in binary and in plain form."""
+MODES = ("trinary", "scale", "raw")
+"""What an image states: free, occupied or unknown; also probabilities; percentages."""
+YES, NO = ("1", "true", "yes", "on", "y"), ("0", "false", "no", "off", "n")
+"""How booleans are written, in lower case; map_server writes numbers, nav2 words."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,96 +68,134 @@ class OccupancyGrid:
 
 def read_grid(path: Path) -> OccupancyGrid:
     """Read the grid of a YAML file. Raises BadInput with one error and its line."""
-    entries = _entries(path)
-
-    def number(key: str, default: float | None = None) -> float:
-        text, line = entries.get(key, ("", 1))
-        if not text and default is not None:
-            return default
-        return _number(text, key, Span(str(path), line))
-
-    def within(key: str, least: float, most: float, default: float | None = None) -> float:
-        value = number(key, default)
-        if not least <= value <= most:
-            raise _bad(f"{key} must be from {least} to {most} m, not {value} m", path, entries[key][1])
-        return value
-
-    resolution, height = within("resolution", *RESOLUTIONS), within("height", *HEIGHTS, HEIGHT)
-    image, line = entries.get("image", ("", 1))
-    if not image:
-        raise _bad("the entry image is missing", path, line)
-    picture = path.parent / image
-    if not picture.resolve().is_relative_to(path.parent.resolve()):
-        picture = path.parent / Path(image).name  # often an absolute path of the machine that made the map
-    brightness, raw = read_pgm(picture)
-    mode = entries.get("mode", ("trinary", 1))[0]
-    probability = raw / 100 if mode == "raw" else brightness if number("negate", 0.0) else 1.0 - brightness
-    threshold = number("occupied_thresh", 0.65)
-    occupied = (probability > threshold) & ((raw <= 100) if mode == "raw" else True)  # above 100: unknown
-    text, line = entries.get("origin", ("", 1))
-    words = text.strip("[]").replace(",", " ").split()
-    if len(words) != 3:
-        raise _bad(f"origin must be [x, y, yaw], not {text[:80]!r}", path, line)
-    x, y, yaw = (_number(word, "origin", Span(str(path), line)) for word in words)
+    entries = _Entries(path)
+    resolution, height = entries.number("resolution", *RESOLUTIONS), entries.number("height", *HEIGHTS, HEIGHT)
+    threshold = entries.number("occupied_thresh", 0.0, 1.0, 0.65)
+    mode = (entries.text("mode") or MODES[0]).lower()
+    if mode not in MODES:
+        raise entries.wrong("mode", f"one of {', '.join(MODES)}")
+    negate = (entries.text("negate") or NO[0]).lower()
+    if negate not in (*YES, *NO):
+        raise entries.wrong("negate", "0 or 1, or false or true")
+    origin = entries.numbers("origin")
+    if len(origin) not in (2, 3):
+        raise entries.wrong("origin", "[x, y, yaw]")
+    shade, is_opaque = read_image(_picture(path, entries), averages_alpha=mode == MODES[0])
+    if mode == "raw":
+        percent = np.round(shade * 255)
+        occupied = (percent / 100 > threshold) & (percent <= 100)  # above 100: unknown
+    else:
+        occupied = ((shade if negate in YES else 1.0 - shade) > threshold) & is_opaque
+    x, y, yaw = (*origin, 0.0)[:3]
     return OccupancyGrid(occupied[::-1], resolution, (x, y, yaw), height)
 
 
-def _entries(path: Path) -> dict[str, tuple[str, int]]:
-    """Split a YAML file into values as text, each with its line; the items of a list are joined by spaces."""
-    text = decode(read_file(path, CODE, largest=LARGEST_YAML), str(path))
-    entries: dict[str, tuple[str, int]] = {}
-    last = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith(("#", "---")):
-            continue
-        item, entry = _ITEM.fullmatch(line), _LINE.fullmatch(line)
-        if item is not None and last:
-            text_before, first_line = entries[last]
-            entries[last] = f"{text_before} {item[1]}", first_line
-        elif entry is not None:
-            last = entry[1]
-            entries[last] = entry[2].strip("\"'"), number
-        else:
-            raise _bad(f"expected `key: value`, found {line[:80]!r}", path, number)
-    return entries
+def _picture(path: Path, entries: _Entries) -> Path:
+    """Find the image: as named, in another case, or, for a path of another machine, the file of that name here."""
+    image = entries.text("image")
+    if not image:
+        raise _bad("the entry image is missing", path, 1)
+    named = path.parent / image
+    if not named.resolve().is_relative_to(path.parent.resolve()) or not named.is_file():
+        named = path.parent / PureWindowsPath(image.rstrip("/\\")).name
+    if named.is_file() or not named.parent.is_dir():
+        return named
+    alike = sorted(one for one in named.parent.iterdir() if one.name.casefold() == named.name.casefold())
+    return alike[0] if alike else named
 
 
-def _number(text: str, key: str, span: Span) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= 1e6:
-        raise BadInput([error(CODE, f"{key} must be a number up to 1e6, not {text[:80]!r}", span)])
-    return value
+class _Entries:
+    """The entries of a YAML file, as texts with their lines. Raises BadInput for a file that has no such entries."""
+
+    def __init__(self, path: Path) -> None:
+        import yaml  # most maps are in OWL
+
+        self._path = path
+        text = decode(read_file(path, CODE, largest=LARGEST_YAML), str(path))
+        try:
+            node = yaml.compose(text, Loader=yaml.SafeLoader)
+        except (yaml.YAMLError, RecursionError, ValueError) as problem:
+            mark = getattr(problem, "problem_mark", None)
+            reason = getattr(problem, "problem", None) or "it is nested too deeply"
+            raise _bad(f"not YAML: {reason}", path, 1 if mark is None else mark.line + 1) from None
+        if not isinstance(node, yaml.MappingNode):
+            raise _bad("expected entries such as `image: map.pgm`", path, 1)
+        self._texts: Mapping[str, tuple[list[str] | None, int]] = {
+            str(key.value): (_texts(value), key.start_mark.line + 1) for key, value in node.value
+        }
+
+    def text(self, key: str) -> str | None:
+        """The text of an entry; None if it is missing or empty. Raises BadInput for a list."""
+        texts, _ = self._texts.get(key, ([], 1))
+        if texts is None or len(texts) > 1:
+            raise self.wrong(key, "one value")
+        return texts[0].strip() if texts and texts[0].lower() not in ("", "~", "null") else None
+
+    def numbers(self, key: str) -> list[float]:
+        """The numbers of a list; none if it is missing. Raises BadInput."""
+        texts, _ = self._texts.get(key, ([], 1))
+        try:
+            values = [float(text) for text in texts or ()]
+        except ValueError:
+            values = [math.nan]
+        if not all(abs(value) <= 1e6 for value in values):
+            raise self.wrong(key, "numbers up to 1e6")
+        return values
+
+    def number(self, key: str, least: float, most: float, default: float | None = None) -> float:
+        """A number within limits. Raises BadInput."""
+        if default is not None and self.text(key) is None:
+            return default
+        values = self.numbers(key)
+        if len(values) != 1 or not least <= values[0] <= most:
+            raise self.wrong(key, f"a number from {least:g} to {most:g}")
+        return values[0]
+
+    def wrong(self, key: str, wanted: str) -> BadInput:
+        """The error about an entry with another value than is wanted."""
+        texts, line = self._texts.get(key, ([], 1))
+        shown = "what it is" if texts is None else f"`{', '.join(texts)[:80]}`"
+        return _bad(f"{key} must be {wanted}, not {shown}" if texts else f"{key} must be {wanted}", self._path, line)
 
 
-def read_pgm(path: Path) -> tuple[Array, Array]:
-    """Read a PGM image: brightness from 0 to 1 (rows, columns), the upper row first, and the raw values.
+def _texts(node: object) -> list[str] | None:
+    """The texts of a scalar, or of a list of scalars; None for anything else."""
+    import yaml
 
-    Raises BadInput if it is not a PGM image, or too large.
+    if isinstance(node, yaml.ScalarNode):
+        return [str(node.value)]
+    if isinstance(node, yaml.SequenceNode) and all(isinstance(one, yaml.ScalarNode) for one in node.value):
+        return [str(one.value) for one in node.value]
+    return None
+
+
+def read_image(path: Path, *, averages_alpha: bool = False) -> tuple[Array, NDArray[np.bool_]]:
+    """Read an image: brightness from 0 to 1 (rows, columns), the upper row first, and which pixels are opaque.
+
+    Colours are averaged. With ``averages_alpha``, as in map_server's trinary mode, the opacity is one of them and all
+    pixels count as opaque. Raises BadInput if the file is no image, or too large.
     """
+    from PIL import Image, UnidentifiedImageError  # slow to import
+
     content = read_file(path, CODE, largest=LARGEST_PICTURE)
-    header = _HEADER.match(content)
-    if header is None:
-        raise _bad("not a PGM image (P5 or P2)", path, 1)
-    width, height, greatest = (int(number) for number in header.groups()[1:])
-    if not (0 < width * height <= MOST_CELLS and 0 < greatest <= 65535):
-        message = f"an image of {width} x {height} with values up to {greatest} is empty or invalid, or has over"
-        raise _bad(f"{message} {MOST_CELLS:,} cells", path, 1)
-    data = content[header.end() :]
-    if header[1] == b"P2":
-        if not _DIGITS.fullmatch(data):
-            raise _bad("only numbers may follow the header", path, 1)
-        values = np.fromstring(data, dtype=np.int64, sep=" ")[: width * height]
-    else:
-        kind = np.dtype(np.uint8 if greatest < 256 else ">u2")
-        values = np.frombuffer(data[: width * height * kind.itemsize], dtype=kind).astype(np.int64)
-    if len(values) != width * height or values.min() < 0 or values.max() > greatest:
-        raise _bad(f"the header promises {width} x {height} values from 0 to {greatest}, but the data differ", path, 1)
-    raw = values.reshape(height, width).astype(float)
-    return raw / greatest, raw
+    try:
+        with Image.open(BytesIO(content), formats=FORMATS) as image:
+            width, height = image.size
+            if width * height > MOST_CELLS:
+                raise _bad(f"an image of {width} x {height} has over {MOST_CELLS:,} cells", path, 1)
+            if image.mode.startswith("I"):  # 16 bits, of which Pillow would keep the lower 8
+                deep = np.asarray(image, dtype=float)
+                return deep / 65535, np.ones(deep.shape, dtype=bool)
+            has_alpha = "A" in image.getbands() or "transparency" in image.info
+            pixels = np.asarray(image.convert("RGBA" if has_alpha else "RGB"), dtype=float) / 255
+    except UnidentifiedImageError:
+        raise _bad(f"not an image that can be read ({', '.join(FORMATS)})", path, 1) from None
+    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as problem:
+        raise _bad(f"the image is damaged: {problem}", path, 1) from None
+    if not has_alpha or averages_alpha:
+        return pixels.mean(axis=2), np.ones(pixels.shape[:2], dtype=bool)
+    return pixels[..., :3].mean(axis=2), pixels[..., 3] >= 1.0
 
 
 def _bad(message: str, path: Path, line: int) -> BadInput:
-    return BadInput([error(CODE, message, Span(str(path), line))])
+    return BadInput([unread(CODE, message, Span(str(path), line))])

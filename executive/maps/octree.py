@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.diagnostics import BadInput, Span, error
+from planlang.diagnostics import BadInput, Span, unread
 from planlang.files import read_file
 from planlang.geometry import Array
 
@@ -49,7 +49,7 @@ def read_octree(path: Path) -> tuple[Array, float]:
     try:
         return _read(content)
     except ValueError as problem:
-        raise BadInput([error(CODE, str(problem), Span(str(path), 1))]) from None
+        raise BadInput([unread(CODE, str(problem), Span(str(path), 1))]) from None
 
 
 def _read(content: bytes) -> tuple[Array, float]:
@@ -88,6 +88,7 @@ def _binary(nodes: memoryview) -> Iterator[_Leaf]:
             yield _child(corner, 4 + index)
         inner += [_child(corner, 4 + index) for index in deeper]
         inner += [_child(corner, index) for index in below]  # last in, first out: the first child comes next
+    _check_end(nodes, at)
 
 
 _STATES = tuple(
@@ -112,6 +113,13 @@ def _full(nodes: memoryview, beyond: int) -> Iterator[_Leaf]:
             stack += [_child(corner, index) for index in range(7, -1, -1) if children >> index & 1]
         elif odds > 0:
             yield corner
+    _check_end(nodes, at)
+
+
+def _check_end(nodes: memoryview, at: int) -> None:
+    """Check that nothing follows the last node. Raises ValueError."""
+    if bytes(nodes[at : at + 100]).strip():
+        raise ValueError("there is more behind the last node: the tree is damaged")
 
 
 def _child(corner: _Leaf, index: int) -> _Leaf:

@@ -16,7 +16,7 @@ from executive.maps import read_map, scene_of
 from executive.maps.files import OBSTACLE
 from executive.maps.occupancy_grid import HEIGHT, read_grid
 from executive.maps.occupied_space import MOST_BOXES
-from planlang.diagnostics import BadInput, Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry.matrices import moved
 from planlang.ontology import load
@@ -69,7 +69,7 @@ WRONG = {
     "a resolution of nothing": GOOD.replace("0.05", "0"),
     "a resolution that is no number": GOOD.replace("0.05", "nan"),
     "a height of nothing": GOOD + "height: 0\n",
-    "an origin of two numbers": GOOD.replace("[0, 0, 0]", "[0, 0]"),
+    "an origin of four numbers": GOOD.replace("[0, 0, 0]", "[0, 0, 0, 1]"),
     "an origin far away": GOOD.replace("[0, 0, 0]", "[1e30, 0, 0]"),
     "anchors in anchors": "a: &a [x, x]\nb: &b [*a, *a]\nc: [*b, *b]\nimage: grid.pgm\n",
     "a Python object": "image: !!python/object/apply:os.system ['true']\nresolution: 0.05\norigin: [0, 0, 0]\n",
@@ -178,14 +178,15 @@ def test_a_grid_of_many_specks_is_made_coarser_and_still_covers_each(around: Aro
     assert any((abs(np.array(middle[0]) - box.pose.position[:2]) <= np.array(box.size[:2]) / 2).all() for box in boxes)
 
 
-def test_an_unreadable_grid_is_ignored_with_a_warning(around: Around, tmp_path: Path) -> None:
+def test_an_unreadable_grid_is_an_error_unless_that_is_ignored(around: Around, tmp_path: Path) -> None:
     picture = empty()
     around(picture)
     (tmp_path / "grid.pgm").write_bytes(b"P5 7 7 255\n")
-    found: list[Diagnostic] = []
-    scene = scene_of(read_map(load(ROOM, also=[tmp_path / "grid.yaml"])), found)
-    assert obstacles(scene) == []
-    assert [one.code for one in found] == ["M024"]
+    both, found = load(ROOM, also=[tmp_path / "grid.yaml"]), list[Diagnostic]()
+    with pytest.raises(BadInput, match="M024"):
+        scene_of(read_map(both))
+    assert obstacles(scene_of(read_map(both, ignore_unread=True), found)) == []
+    assert [(one.code, one.severity) for one in found] == [("M024", Severity.WARNING)]
 
 
 @pytest.mark.parametrize("kind", ["2D_occupancy_map", "octomap"])

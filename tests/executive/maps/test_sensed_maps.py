@@ -43,15 +43,22 @@ def pcd(points: Array, encoding: str) -> bytes:
     return header.encode() + b"".join(struct.pack("<ffIId", x, y, 7, 7, z) for x, y, z in points.tolist())
 
 
-def ply(points: Array, encoding: str) -> bytes:
-    """A PLY file with faces behind the vertices."""
+def ply(points: Array, encoding: str, faces: int = 0) -> bytes:
+    """A PLY file, with triangles of the first three vertices behind them."""
     header = f"ply\nformat {encoding} 1.0\ncomment a test\nelement vertex {len(points)}\nproperty uchar red\n"
-    header += "property float x\nproperty float32 y\nproperty double z\nelement face 1\n"
+    header += f"property float x\nproperty float32 y\nproperty double z\nelement face {faces}\n"
     header += "property list uchar int vertex_index\nend_header\n"
     if encoding == "ascii":
-        return header.encode() + "".join(f"9 {x} {y} {z}\n" for x, y, z in points.tolist()).encode() + b"3 0 1 2\n"
+        return (
+            header.encode()
+            + "".join([*(f"9 {x} {y} {z}\n" for x, y, z in points.tolist()), *faces * ["3 0 1 2\n"]]).encode()
+        )
     order = "<" if "little" in encoding else ">"
-    return header.encode() + b"".join(struct.pack(f"{order}Bffd", 9, *point) for point in points.tolist()) + b"\3"
+    return (
+        header.encode()
+        + b"".join(struct.pack(f"{order}Bffd", 9, *point) for point in points.tolist())
+        + (struct.pack(f"{order}B3i", 3, 0, 1, 2) * faces)
+    )
 
 
 def xyz(points: Array, _encoding: str) -> bytes:
@@ -157,7 +164,13 @@ def codes(path: Path) -> list[str]:
 SOME = np.array([[1.0, 2.0, 3.0]])
 WRONG = {
     "nothing.pcd": b"",
-    "compressed.pcd": pcd(SOME, "binary").replace(b"DATA binary", b"DATA binary_compressed"),
+    "damaged.pcd": pcd(SOME, "binary").replace(b"DATA binary", b"DATA binary_compressed"),
+    "more.pcd": pcd(SOME, "ascii") + b"\n1 2 7 7 3\n",
+    "longer.pcd": pcd(SOME, "binary") + b" " * 28,
+    "other size.pcd": pcd(SOME, "ascii").replace(b"HEIGHT 1", b"HEIGHT 2"),
+    "longer.bt": octree([(0, 0, 0)], 0.1) + b"\1\1",
+    "no corner.ply": ply(SOME, "ascii", faces=1),
+    "no faces.ply": ply(SOME, "ascii").replace(b"face 0", b"face 9"),
     "short.pcd": pcd(SOME, "binary")[:-1],
     "many.pcd": pcd(SOME, "ascii").replace(b"POINTS 1", b"POINTS 99999999"),
     "words.pcd": pcd(SOME, "ascii").replace(b"7 7", b"7 x"),
