@@ -22,7 +22,7 @@ from executive.commands.arguments import (
     Units,
 )
 from executive.commands.base_arguments import Arguments, Detail, OntologyArguments, TaskArguments
-from executive.runs.settings import Modules, Urdf
+from executive.runs.settings import IgnoreUnread, Modules, Urdf
 from planlang.records import dataclass
 
 Output = Annotated[
@@ -91,6 +91,7 @@ class ShowArguments(TaskArguments):
         str | None,
         typer.Option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
     ] = None
+    ignore_unread: IgnoreUnread = False
     force: Force = False
 
 
@@ -102,6 +103,7 @@ class ConvertArguments(Arguments):
     to: Annotated[Syntax, typer.Option("--to", help="The target syntax.", show_default=False)]
     output: Output = None
     units: Units = None
+    ignore_unread: IgnoreUnread = False
     force: Force = False
 
 
@@ -150,6 +152,7 @@ class MergeArguments(OntologyArguments):
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
     ] = None
+    ignore_unread: IgnoreUnread = False
     force: Force = False
 
 
@@ -233,6 +236,7 @@ class EnableArguments(OntologyArguments):
     ] = 300
     dry: Annotated[bool, typer.Option("--dry", help="Explain what would be downloaded, and stop.")] = False
     run: Annotated[bool, typer.Option("--run", help="Then run the task.")] = False
+    ignore_unread: IgnoreUnread = False
     set_: Set = None
     start: Start = None
     seed: Annotated[

@@ -42,7 +42,7 @@ def command(arguments: EnableArguments) -> Answer:
     with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
         enabling = Enabling(
             possessions,
-            Stock(shelf, folder, arguments.folders, arguments.limit),
+            Stock(shelf, folder, arguments.folders, arguments.limit, ignore_unread=arguments.ignore_unread),
             performed_by(arguments.modules or (), problems),
             next(iter(maps), None),
             {level: text for level in LEVELS if (text := getattr(arguments, level)) is not None},
@@ -104,6 +104,7 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         models=[path for kind in (Kind.OBJECT, Kind.ENVIRONMENT) if (path := folder.path / kind.value).is_dir()],
         modules=arguments.modules,
         trust=arguments.trust,
+        ignore_unread=arguments.ignore_unread,
         ontologies=arguments.ontologies,
         set_=arguments.set_,
         start=arguments.start,

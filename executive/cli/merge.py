@@ -23,7 +23,7 @@ def command(arguments: MergeArguments) -> Answer:
     inputs = {f"the map {path}": path for path in paths}
     problems += check_outputs({"--output": arguments.output}, inputs, force=arguments.force)
     refuse(problems)
-    merged = merge(paths, arguments.folders)
+    merged = merge(paths, arguments.folders, ignore_unread=arguments.ignore_unread)
     data: dict[str, Any] = {"things": merged.things, "placed": merged.placed}
     data["conflicts"] = [one.message for one in merged.diagnostics if one.code == "M022"]
     if arguments.output is None:

@@ -104,7 +104,9 @@ def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
 
 def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
     """Show a recipe; a file without one is a map, or else the self-model of a robot."""
-    to_check = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies)
+    to_check = CheckArguments(
+        file=str(path), task=arguments.task, ontologies=arguments.ontologies, ignore_unread=arguments.ignore_unread
+    )
     try:
         answer = check(to_check)
     except BadInput as problem:
@@ -138,7 +140,8 @@ def _draw_map(path: Path, arguments: ShowArguments, output: Path) -> None:
     from executive.maps import read_map, scene_of
     from planlang.ontology import load
 
-    scene = scene_of(read_map(load(path, folders=arguments.folders)), [])
+    ontology = load(path, folders=arguments.folders)
+    scene = scene_of(read_map(ontology, ignore_unread=arguments.ignore_unread), [])
     _draw_world(scene, None, arguments.view or "overview", output)
 
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from executive.commands.base_arguments import Detail, OntologyArguments, TaskArguments
-from executive.runs.settings import Modules, RunSettings, SituationSettings, Urdf
+from executive.runs.settings import IgnoreUnread, Modules, RunSettings, SituationSettings, Urdf
 from planlang.records import dataclass
 
 Recipe = Annotated[str, typer.Argument(metavar="RECIPE", help="A recipe file, or the name of a bundled recipe.")]
@@ -109,6 +109,7 @@ class CheckArguments(TaskArguments):
     ]
     modules: Modules = None
     trust: Trust = False
+    ignore_unread: IgnoreUnread = False
     fix: Annotated[
         bool, typer.Option("--fix", help="Write a copy with all safe fixes, NAME.fixed.EXT, and show the changes.")
     ] = False
@@ -190,6 +191,7 @@ class LocateArguments(OntologyArguments):
         typer.Option(metavar="FILE", help="Draw the candidates and the reasons for rejection, as PNG or SVG."),
     ] = None
     units: Units = None
+    ignore_unread: IgnoreUnread = False
     force: Force = False
 
 

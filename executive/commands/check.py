@@ -85,7 +85,13 @@ def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
             raise
         from executive.commands.map_check import check_map  # most files are recipes
 
-        return check_map(recipe.path, arguments.folders, problem, lists_contents=arguments.verbose)
+        return check_map(
+            recipe.path,
+            arguments.folders,
+            problem,
+            lists_contents=arguments.verbose,
+            ignore_unread=arguments.ignore_unread,
+        )
     text = f"{recipe.path}: {plan.task} compiles"
     diagnostics = (*plan.diagnostics, *problems)
     code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE

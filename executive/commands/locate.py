@@ -37,4 +37,5 @@ def options_of(arguments: LocateArguments) -> LocateOptions:
         count=arguments.count,
         units=tuple(arguments.units or ()),
         drawn=arguments.explain is not None,
+        ignore_unread=arguments.ignore_unread,
     )

@@ -15,17 +15,22 @@ from sim import Scene
 from sim.scene import BodyShape
 
 
-def check_map(path: Path, folders: Sequence[Path], no_recipe: BadInput, *, lists_contents: bool) -> Answer:
+def check_map(
+    path: Path, folders: Sequence[Path], no_recipe: BadInput, *, lists_contents: bool, ignore_unread: bool
+) -> Answer:
     """Check a file without a recipe as a map. Raises BadInput; ``no_recipe`` if it is no map either."""
     ontology = load(path, folders=folders)
     try:
-        semantic_map = read_map(ontology)
+        semantic_map = read_map(ontology, ignore_unread=ignore_unread)
     except BadInput as problem:
-        if not any(one.severity is Severity.WARNING for one in problem.diagnostics):
+        if not any(one.code != "M009" and one.severity is not Severity.NOTE for one in problem.diagnostics):
             raise no_recipe from None  # nothing in it could have been a place
         raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
     diagnostics = [*ontology.diagnostics, *semantic_map.diagnostics]
-    counts = _counts(scene_of(semantic_map, diagnostics))
+    try:
+        counts = _counts(scene_of(semantic_map, diagnostics))
+    except BadInput as problem:
+        raise BadInput((*diagnostics, *problem.diagnostics)) from None
     use = f"planlang run RECIPE --environment {path} runs a recipe in it"
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
         use = f"planlang run RECIPE --environment MAP --environment {path} drives around its obstacles"

@@ -31,6 +31,8 @@ class Stock:
     folder: Folder
     folders: tuple[Path, ...] = ()
     limit: int = MOST_READ
+    ignore_unread: bool = False
+    """Use maps of which something cannot be read."""
     found: dict[str, Found] = field(default_factory=dict)
     """Entries that were offered, by identifier."""
     unchanged: set[str] = field(default_factory=set)
@@ -102,7 +104,8 @@ class Stock:
         uid = found.entry.uid
         if uid not in self._classes:
             ontology = self.content(found)
-            types = {cls for thing in read_map(ontology).objects for cls in thing.types}
+            environment = read_map(ontology, ignore_unread=self.ignore_unread)
+            types = {cls for thing in environment.objects for cls in thing.types}
             self._classes[uid] = frozenset(types.union(up for cls in types for up in ontology.ancestors(cls)))
         return self._classes[uid]
 

@@ -1,6 +1,7 @@
 """Numbers stated by maps: lengths, sizes and poses, converted to SI units and checked; rotations are made rigid.
 
-A number that cannot be read is ignored, with a warning that points into the file; the rest of the map is kept.
+A number of a shape or a pose that cannot be read is an error: see :mod:`executive.maps.unread`. Others are ignored,
+with a warning that points into the file.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.diagnostics import Diagnostic, Span, note, unread, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import orthonormal, product
 from planlang.ontology import Literal, Ontology, Restriction, Triple, expand
@@ -71,13 +72,13 @@ def _converted(triple: Triple, numbers: tuple[float, ...], notes: list[Diagnosti
     prop = local_name(triple.predicate)
     if unit(name) is None:
         message = f"{prop} is in the unknown unit {name}; the unit is ignored"
-        notes.append(warning("M030", message, triple.span, "use a unit of QUDT, such as Meter"))
+        notes.append(_problem("M030", message, triple, "use a unit of QUDT, such as Meter"))
         return numbers
     try:
         converted = conversion(triple.object, unit_of_property(prop))
         return numbers if converted is None else tuple(converted(number) for number in numbers)
     except IncompatibleUnits as wrong:
-        notes.append(warning("M030", f"{prop} is left out: {wrong}", triple.span))
+        notes.append(_problem("M030", f"{prop} is left out: {wrong}", triple))
     except ValueError as wrong:
         notes.append(_unreadable(triple, str(wrong)))
     return None
@@ -85,7 +86,13 @@ def _converted(triple: Triple, numbers: tuple[float, ...], notes: list[Diagnosti
 
 def _unreadable(triple: Triple, problem: str) -> Diagnostic:
     name = local_name(triple.subject) if isinstance(triple.subject, str) else "something"
-    return warning("M002", f"{local_name(triple.predicate)} of {name} is left out: {problem}", triple.span)
+    return _problem("M002", f"{local_name(triple.predicate)} of {name} is left out: {problem}", triple)
+
+
+def _problem(code: str, message: str, triple: Triple, help: str | None = None) -> Diagnostic:
+    """Make an error if a number belongs to a shape or a pose, else a warning: without it, the world has the object."""
+    make = unread if local_name(triple.predicate) in SHAPING else warning
+    return make(code, message, triple.span, help)
 
 
 def _text(triple: Triple) -> str:
@@ -101,6 +108,12 @@ EXTENTS = ("depthOfObject", "widthOfObject", "heightOfObject")
 TRIPLES = ("boundingBoxSize", "dimensionsOfObject", "dimensions")
 """Properties whose one literal states all three extents."""
 
+_ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
+_TRANSLATION = ("m03", "m13", "m23")
+SHAPING = frozenset({*EXTENTS, *TRIPLES, *_ROTATION, *_TRANSLATION, "radius", "translation", "quaternion", "heading"})
+SHAPING |= {"wallThickness", "boardHeights", "jointPosition"}
+"""Properties whose numbers are those of a shape or a pose."""
+
 THIN = 0.001
 """Extent of a door that has none [m]."""
 
@@ -108,7 +121,8 @@ THIN = 0.001
 def read_size(ontology: Ontology, iri: str, types: Iterable[str], notes: list[Diagnostic]) -> Size | None:
     """Read the size of an individual; missing extents are filled in from its classes, with a note.
 
-    None if an extent is negative, or neither stated nor a default of a class: such an object is a mere place.
+    None if no extent is stated or a default of a class: such an object is a mere place. None with an error if an
+    extent is negative, or only some are known.
     """
     extents = stated_size(ontology, iri, notes)
     if any(value is not None and value < 0 for value in extents):
@@ -127,7 +141,7 @@ def read_size(ontology: Ontology, iri: str, types: Iterable[str], notes: list[Di
         if any(value is not None for value in extents):
             missing = ", ".join(name for name, value in zip(EXTENTS, size, strict=True) if value is None)
             message = f"{local_name(iri)} has no {missing}, and its class has no default: it is a mere place"
-            notes.append(note("M006", message, span))
+            notes.append(unread("M006", message, span))
         return None
     notes.append(note("M005", f"{local_name(iri)}: {', '.join(filter(None, origins))}", span))
     x, y, z = (value or 0.0 for value in size)
@@ -182,7 +196,7 @@ def stated_size(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> tuple[
 def _positive(value: float, name: str, span: Span | None, notes: list[Diagnostic]) -> float:
     if value < 0:
         message = f"{name} is negative: {value} m; the object is a mere place"
-        notes.append(warning("M007", message, span))
+        notes.append(unread("M007", message, span))
     return value
 
 
@@ -199,7 +213,7 @@ def _default(
                     if value is not None:
                         return value, f"default of {local_name(ancestor)}"
                     message = f"{name} of {local_name(ancestor)} is left out: not a size: {restriction.filler.value!r}"
-                    notes.append(warning("M002", message, restriction.span))
+                    notes.append(unread("M002", message, restriction.span))
     return None, ""
 
 
@@ -221,9 +235,6 @@ FLAT = 0.1
 
 POSE = 'a pose needs m00..m22 and m03, m13, m23, or translation "x y z" and a heading or quaternion "x y z w"'
 """Advice for an incomplete pose."""
-
-_ROTATION = tuple(f"m{i}{j}" for i in range(3) for j in range(3))
-_TRANSLATION = ("m03", "m13", "m23")
 
 
 def read_transform(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> Array | None:
@@ -254,7 +265,7 @@ def _from_entries(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> Arra
             matrix[int(name[1]), int(name[2])] = value
     if missing:
         message = f"the matrix {local_name(iri)} has no {', '.join(missing)}"
-        notes.append(warning("M003", message, ontology.span(iri), POSE))
+        notes.append(unread("M003", message, ontology.span(iri), POSE))
     if missing or not complete:
         return None
     matrix[:3, :3] = rigid(matrix[:3, :3], local_name(iri), ontology.span(iri), notes)
@@ -280,12 +291,12 @@ def _from_quaternion(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> A
         if triple is None or numbers is None or len(numbers) != count:
             message = f"the pose {local_name(iri)} states neither a matrix nor a {name} of {count} numbers"
             span = triple.span if triple else ontology.span(iri)
-            notes.append(warning("M003", message, span, POSE))
+            notes.append(unread("M003", message, span, POSE))
             return None
         values[name] = numbers
     norm = float(np.linalg.norm(values["quaternion"]))
     if norm < 1e-6:
-        notes.append(warning("M004", f"the quaternion of {local_name(iri)} is zero; not rotated", ontology.span(iri)))
+        notes.append(unread("M004", f"the quaternion of {local_name(iri)} is zero; not rotated", ontology.span(iri)))
         quaternion = (0.0, 0.0, 0.0, 1.0)
     else:
         x, y, z, w = (value / norm for value in values["quaternion"])
@@ -303,7 +314,7 @@ def rigid(rotation: Array, name: str, span: Span | None, notes: list[Diagnostic]
     volume = float(np.sum(np.cross(rotation[0], rotation[1]) * rotation[2]))
     extent = float(np.sqrt(np.sum(rotation * rotation) / 3))
     if abs(volume) <= FLAT * extent**3:
-        notes.append(warning("M004", f"the matrix {name} is singular; not rotated", span))
+        notes.append(unread("M004", f"the matrix {name} is singular; not rotated", span))
         return np.eye(3)
     if np.abs(product(rotation.T, rotation) - np.eye(3)).max() > TOLERANCE:
         notes.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))

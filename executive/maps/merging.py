@@ -20,8 +20,9 @@ from executive.maps.statements import (
     with_one_header,
     with_placements,
 )
+from executive.maps.unread import settled
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, note, warning
 from planlang.geometry import Array
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load
@@ -48,21 +49,23 @@ class Merged:
 
 
 def _source(path: Path, ontology: Ontology, notes: list[Diagnostic]) -> MapSource:
-    semantic_map = read_map(ontology)
-    filled_in = ("M005", "M006")  # default sizes are reported again when the merged map is used
-    notes += (*ontology.diagnostics, *(one for one in semantic_map.diagnostics if one.code not in filled_in))
+    semantic_map = read_map(ontology, ignore_unread=True)  # what one map lacks another may have
+    notes += ontology.diagnostics  # default sizes are reported again when the merged map is used
+    notes += (one for one in semantic_map.diagnostics if one.code != "M005")
     statements = _with_places_reversed(main_statements(ontology, {ontology.documents[0].path}), ontology)
     return MapSource(path.name, semantic_map, statements, placements(semantic_map))
 
 
-def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
+def merge(paths: Sequence[Path], folders: Sequence[Path] = (), *, ignore_unread: bool = False) -> Merged:
     """Merge maps of one place in the frame of the first; where values conflict, the map named later wins.
 
-    Raises BadInput for a file that is not a map, and if the transformation between two frames is unknown.
+    Raises BadInput for a file that is not a map, for one of which something cannot be read, unless ``ignore_unread``,
+    and if the transformation between two frames is unknown.
     """
     notes: list[Diagnostic] = []
     sources = [_source(path, load(path, folders=folders), notes) for path in paths]
     ontology = load(paths[0], folders=folders, also=paths[1:])
+    _check_all_read(ontology, ignore_unread=ignore_unread)
     things = {thing.iri: thing for thing in sources[0].map.objects}
     merged = [sources[0]]
     for source in (in_frame_of(sources[0], one, ontology, notes) for one in sources[1:]):
@@ -78,6 +81,14 @@ def merge(paths: Sequence[Path], folders: Sequence[Path] = ()) -> Merged:
     statements = with_placements(statements, ontology.iri, placed, gone=frames)
     text = text_of(statements, sources[0].map.ontology.iri, notes)
     return Merged(text, len(things), len(placed), tuple(dict.fromkeys(notes)))
+
+
+def _check_all_read(ontology: Ontology, *, ignore_unread: bool) -> None:
+    """Raise BadInput if something of the maps, read together, cannot be read, other than their frames."""
+    try:
+        read_map(ontology, ignore_unread=ignore_unread)
+    except BadInput as problem:
+        settled((one for one in problem.diagnostics if one.code != "M027"), ignore_unread=ignore_unread)
 
 
 # One object under two names

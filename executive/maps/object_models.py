@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from executive.maps.measures import Size, length, read_transform
-from executive.maps.semantic_map import COMPONENTS, PosesOfThings
+from executive.maps.semantic_map import COMPONENTS, WHOLES, PosesOfThings
 from planlang.designators import local_name
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
@@ -23,8 +23,6 @@ from sim.bodies import BLADE
 
 PARTS = ("properPhysicalParts", "physicalParts", "properParts-Physical")
 """Properties from an object to its parts."""
-WHOLES = ("physicalPartOf", "properPhysicalPartOf", "partOf")
-"""Properties from a part to its whole."""
 UPWARDS = 0.9
 """Least cosine between up and the normal of a supporting plane."""
 IN_THE_MIDDLE = 0.01

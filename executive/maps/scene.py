@@ -15,8 +15,9 @@ from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.object_models import Blade
 from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
+from executive.maps.unread import settled
 from planlang.designators import local_name
-from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.diagnostics import Diagnostic, Span, note, unread, warning
 from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
@@ -97,7 +98,7 @@ SOFT = ("TableCovering", "Napkin", "PaperTowel")
 """Classes of cloth and paper: fingers pinch a fold from above."""
 
 LIGHT_FURNITURE = ("Table-PieceOfFurniture", "Chair-PieceOfFurniture", "SideTable", "Stool")
-"""Classes of furniture that people push around."""
+"""Classes of furniture that people push around, unless it has drawers or other parts."""
 
 FIXED = (
     "FurniturePiece",
@@ -135,9 +136,18 @@ def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -
 
     Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, a room with a size becomes its
     walls, and objects without a size are markers. Objects without a pose are left out. Furniture is hollow behind its
-    doors, at its compartments and in its drawers. Leaves are closed unless the map states a joint position.
+    doors, at its compartments and in its drawers. Leaves are closed unless the map states a joint position. Raises
+    BadInput if something with a shape or a pose cannot be read, and the map does not ignore that.
     """
-    notes = [] if notes is None else notes
+    found: list[Diagnostic] = []
+    scene = _built(semantic_map, found)
+    found = settled(found, ignore_unread=semantic_map.ignores_unread)
+    if notes is not None:
+        notes += found
+    return scene
+
+
+def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
     bodies = []
     handles = {iri for thing in semantic_map.objects for iri, _ in _handles(thing, semantic_map)}
     rooms = set(_presumed_rooms(semantic_map, notes))
@@ -149,7 +159,8 @@ def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -
         elif thing.pose is not None:
             bodies.append(_body(thing, thing.pose, semantic_map))
         elif thing.size is not None and not is_content(thing):
-            notes.append(note("M012", f"{thing.name} has a size but no place: not in the world", thing.span))
+            message = f"{thing.name} has a size but no pose: it is not in the world"
+            notes.append((unread if _is_in_map(thing, semantic_map) else note)("M012", message, thing.span))
     bodies = [replace(body, shape=BodyShape.ROOM, movable=False) if body.iri in rooms else body for body in bodies]
     bodies, joints = articulated(bodies, semantic_map, notes)
     bodies = _opened(bodies, joints, semantic_map, notes)
@@ -165,6 +176,13 @@ def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)
     _check_support(scene, semantic_map, notes)
     return scene
+
+
+def _is_in_map(thing: MapObject, semantic_map: SemanticMap) -> bool:
+    """Check whether a map states that an object is in it, or is part of one that is: object models lie nowhere."""
+    holder = semantic_map.holder(thing)
+    is_part = holder is not None and holder.pose is not None
+    return is_part or bool(semantic_map.ontology.iris(thing.iri, "describedInMap"))
 
 
 def _presumed_rooms(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Iterator[str]:
@@ -233,7 +251,7 @@ def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool
     if thing.size is None or thing.hinged_to or semantic_map.holder(thing):
         return False
     if semantic_map.is_a(thing, *LIGHT_FURNITURE):
-        return True
+        return not semantic_map.has_leaves(thing)  # they would stay behind, or count as around it
     if semantic_map.is_a(thing, *FIXED) and not semantic_map.is_a(thing, *CARRIED):
         return False
     narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN

@@ -13,8 +13,9 @@ import numpy as np
 from executive.maps.class_names import with_known_classes
 from executive.maps.class_parts import StatedObject, parts_of_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
+from executive.maps.unread import settled
 from planlang.designators import local_name, unused_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.knowledge.places import inverted
@@ -56,20 +57,24 @@ class SemanticMap:
     ontology: Ontology
     objects: tuple[MapObject, ...]
     diagnostics: tuple[Diagnostic, ...]
+    ignores_unread: bool = False
+    """True if the world may lack what cannot be read: see :mod:`executive.maps.unread`."""
     _known: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _holders: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
+    _carriers: frozenset[str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         backwards = self.objects[::-1]  # so that the first of several objects wins
         known = {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
         object.__setattr__(self, "_known", known)
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})
+        hinges = (iri for thing in self.objects if thing.pose and thing.size for iri in thing.hinged_to)
+        object.__setattr__(self, "_carriers", frozenset(hinges))
 
     @property
     def has_files(self) -> bool:
         """True if the map refers to sensor data: an occupancy grid, a point cloud or an octree."""
-        maps = self.ontology.individuals(expand("Map"))
-        return any(True for iri in maps for _ in self.ontology.said(iri, "linkToMapFile"))
+        return any(True for _ in self.ontology.using("linkToMapFile"))
 
     def find(self, name: str) -> MapObject | None:
         """Find an object by IRI or by name."""
@@ -79,27 +84,34 @@ class SemanticMap:
         """Check whether an object is of one of these classes."""
         return self.ontology.any_is_a(thing.types, classes)
 
+    def has_leaves(self, thing: MapObject) -> bool:
+        """Check whether an object has parts with a body of their own, or something hangs on it."""
+        parts = (self.find(iri) for iri in thing.parts)
+        return thing.iri in self._carriers or any(one is not None and one.pose and one.size for one in parts)
+
     def holder(self, thing: MapObject) -> MapObject | None:
         """Find the object that another is a part of; None if the map states none."""
         return self._holders.get(thing.iri)
 
 
-def read_map(ontology: Ontology) -> SemanticMap:
+def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
     """Read the map that an ontology states.
 
     Objects are individuals that a perception places, or that state a pose, a size, parts, a hinge, a room number or
     ``describedInMap``. Their pose is that of the latest perception (by ``startTime``, then by position in the file),
     composed with the poses that it is relative to; without a perception, the pose that they state themselves
     (``orientation``, ``pose``, ``translation``).
-    What cannot be read is ignored, with a warning. Raises BadInput with all diagnostics if no object has a pose and the
-    map refers to no sensor data.
+    Raises BadInput with all diagnostics if a pose or a size that the map states cannot be read (with ``ignore_unread``
+    that is a warning, and the object lacks it), or if no object has a pose and the map refers to no sensor data. Other
+    numbers that cannot be read are left out, with a warning.
     """
-    notes: list[Diagnostic] = []
+    notes: list[Diagnostic] = [*ontology.unread, *_in_other_words(ontology)]
     things = _things(ontology)
     ontology = with_known_classes(ontology, things, notes)
     poses = PosesOfThings(ontology, notes)
     names: set[str] = set()
     objects = []
+    parts = _parts_by_whole(ontology)
     for iri in things:
         types, vessels = ontology.types(iri), _vessels(ontology, iri)
         size = read_size(ontology, iri, (*vessels, *types), notes)
@@ -110,7 +122,7 @@ def read_map(ontology: Ontology) -> SemanticMap:
                 (*types, *vessels),
                 poses.pose(iri),
                 size,
-                parts=ontology.iris(iri, "properPhysicalParts"),
+                parts=tuple(dict.fromkeys((*ontology.iris(iri, "properPhysicalParts"), *parts.get(iri, ())))),
                 hinged_to=ontology.iris(iri, "hingedTo"),
                 inside=ontology.iris(iri, "in-ContGeneric"),
                 on=ontology.iris(iri, "on-Physical"),
@@ -126,24 +138,48 @@ def read_map(ontology: Ontology) -> SemanticMap:
     for triple in ontology.using(*COMPONENTS, "areaOfObject"):
         length(triple, notes)  # numbers of features are used later, when a motion is grounded, and reported here
     notes += _other_frames(ontology, poses)
-    semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), tuple(notes))
+    semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), (), ignore_unread)
     if not any(thing.pose for thing in objects) and not semantic_map.has_files:
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "place objects by a SemanticMapPerception with objectActedOn and eventOccursAt"
         raise BadInput([*notes, error("M009", "not a map: nothing in this file has a pose", span, help)])
-    return semantic_map
+    return replace(semantic_map, diagnostics=tuple(settled(notes, ignore_unread=ignore_unread)))
+
+
+POSES = ("orientation", "pose", "eventOccursAt")
+"""Properties whose fillers are poses, which have names (IRIs)."""
+OTHER_WORDS = (
+    *("hasShape", "hasShapeRegion", "hasLocalization", "hasSpaceRegion", "hasPositionVector", "hasOrientationVector"),
+    *("hasQuaternion", "hasPose", "hasPosition", "hasOrientation", "hasBoundingBox"),
+)
+"""Properties by which other vocabularies, such as SOMA, state shapes and poses."""
+
+
+def _in_other_words(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Yield an error for each object whose shape or pose is stated in a way that is not read."""
+    help = "state its translation, heading or quaternion, and boundingBoxSize: see docs/reference/formats.md"
+    said = {triple.subject: triple for triple in ontology.using(*OTHER_WORDS) if isinstance(triple.subject, str)}
+    for subject, triple in said.items():
+        if ontology.is_individual(subject):
+            message = f"the shape or pose of {local_name(subject)} is stated by {local_name(triple.predicate)}"
+            yield unread("M033", f"{message}, which is not read", triple.span, help)
+    for triple in ontology.using(*POSES):
+        if not isinstance(triple.object, str) and isinstance(triple.subject, str):
+            shown = f"the text {triple.object.value[:60]!r}" if isinstance(triple.object, Literal) else "without a name"
+            message = f"{local_name(triple.predicate)} of {local_name(triple.subject)} is {shown}, which is not read"
+            yield unread("M033", message, triple.span, "the filler must be an individual that states a pose")
 
 
 def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnostic]:
-    """Yield a warning for each map that is relative to something of another file: all files must share one frame."""
+    """Yield an error for each map that is relative to something of another file: all files must share one frame."""
     for iri in ontology.individuals(expand("SemanticEnvironmentMap")):
         span = ontology.span(iri)
         for parent in ontology.values(poses.place_of(iri) or "", expand("relativeTo")):
             other = ontology.span(str(parent))
             if span is not None and other is not None and span.file != other.file:
                 message = f"the frame of {local_name(iri)} is relative to {local_name(str(parent))}: this is ignored"
-                yield warning("M027", message, span, "make one map of both: planlang merge")
+                yield unread("M027", message, span, "make one map of both: planlang merge")
 
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:
@@ -219,6 +255,19 @@ def _things(ontology: Ontology) -> tuple[str, ...]:
     poses = PosesOfThings(ontology, []) if maps else None
     frames = {iri for iri in maps if poses and any(ontology.values(poses.place_of(iri) or "", expand("relativeTo")))}
     return tuple(sorted(objects - frames, key=order.__getitem__))  # the pose of a map only states its frame
+
+
+WHOLES = ("physicalPartOf", "properPhysicalPartOf", "partOf")
+"""Properties from a part to its whole."""
+
+
+def _parts_by_whole(ontology: Ontology) -> dict[str, list[str]]:
+    """Collect the parts that state what they are a part of, by the IRI of the whole."""
+    parts: dict[str, list[str]] = {}
+    for triple in ontology.using(*WHOLES):
+        if isinstance(triple.subject, str) and isinstance(triple.object, str):
+            parts.setdefault(triple.object, []).append(triple.subject)
+    return parts
 
 
 def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
@@ -338,11 +387,11 @@ class PosesOfThings:
         if place in self.open:
             circle = " -> ".join(local_name(iri) for iri in (*self.open[self.open.index(place) :], place))
             help = "state one of them in the map frame, without relativeTo"
-            self.notes.append(warning("M008", f"poses relative to each other: {circle}", self._span(place), help))
+            self.notes.append(unread("M008", f"poses relative to each other: {circle}", self._span(place), help))
             return None
         if len(self.open) == DEEPEST:
             message = f"{local_name(self.open[0])} is at the end of a chain of more than {DEEPEST} relative poses"
-            self.notes.append(warning("M008", message, self._span(self.open[0]), "state it in the map frame"))
+            self.notes.append(unread("M008", message, self._span(self.open[0]), "state it in the map frame"))
             return None
         self.open.append(place)
         matrix = read_transform(self.ontology, place, self.notes)
@@ -362,7 +411,7 @@ class PosesOfThings:
         if stated(self.ontology, parent, "m03"):
             return self._resolve(parent)
         message = f"{local_name(place)} is relative to {local_name(parent)}, which has no pose in this map"
-        self.notes.append(warning("M010", message, self._span(place)))
+        self.notes.append(unread("M010", message, self._span(place)))
         return None
 
     def _span(self, place: str) -> Span | None:

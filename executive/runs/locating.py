@@ -56,6 +56,8 @@ class LocateOptions:
     """Units of the result for people, if other than m and rad."""
     drawn: bool = False
     """Also draw the room with the candidates, which takes a fraction of a second."""
+    ignore_unread: bool = False
+    """Go on without things of the maps that cannot be read."""
     long_work: Report = unreported
     """Gets the progress of building reachability maps."""
     waiting: Waiting = unwatched
@@ -85,7 +87,7 @@ def locate(options: LocateOptions) -> Located:
     with ExitStack() as stack:
         diagnostics: list[Diagnostic] = []
         ontology = load(options.environment, folders=options.ontologies, also=options.additions)
-        semantic_map = read_map(ontology)
+        semantic_map = read_map(ontology, ignore_unread=options.ignore_unread)
         lexicon = lexicon_of(semantic_map)
         location = read_location(options.phrase, lexicon)
         what = None if options.of is None else read_thing(options.of, lexicon, file="--of")

@@ -209,7 +209,7 @@ class Run:
             self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
         read = self._inputs.once
         ontology = read(load, options.environment, folders=options.ontologies, also=options.additions)
-        semantic_map = read(read_map, ontology)
+        semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
         if options.resume is not None and not options.bindings:

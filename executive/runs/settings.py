@@ -36,6 +36,12 @@ Modules = Annotated[
 ]
 
 
+_IGNORE_UNREAD = typer.Option(
+    "--ignore-unread", help="Go on without things of a map, with a shape or a pose, that cannot be read."
+)
+IgnoreUnread = Annotated[bool, _IGNORE_UNREAD]
+
+
 @dataclass(frozen=True, kw_only=True)
 class SituationSettings:
     """What a robot knows and has at its disposal when it runs a plan."""
@@ -64,6 +70,7 @@ class SituationSettings:
         ),
         InHeader("unknown", "--unknown"),
     ] = None
+    ignore_unread: Annotated[bool, _IGNORE_UNREAD, InHeader("ignores_unread", "--ignore-unread")] = False
     schedule: Annotated[
         int | None,
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, which K determines."),

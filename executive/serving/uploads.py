@@ -11,8 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from executive.maps.object_models import WHOLES
-from executive.maps.semantic_map import read_map
+from executive.maps.semantic_map import WHOLES, read_map
 from executive.robots.robot import read_self_model
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology

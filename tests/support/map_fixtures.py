@@ -49,12 +49,12 @@ def _seen(
 
 @pytest.fixture
 def map_of(tmp_path: Path) -> Callable[..., SemanticMap]:
-    """Reads a map that consists of these frames."""
+    """Reads a map that consists of these frames; with ``ignore_unread``, warns of what cannot be read."""
 
-    def read(*frames: str) -> SemanticMap:
+    def read(*frames: str, ignore_unread: bool = False) -> SemanticMap:
         path = tmp_path / "map.omn"
         path.write_text(HEADER + "\n".join(frames), encoding="utf-8")
-        return read_map(load(path))
+        return read_map(load(path), ignore_unread=ignore_unread)
 
     return read
 

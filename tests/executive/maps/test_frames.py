@@ -117,10 +117,12 @@ def test_a_frame_may_be_stated_relative_to_a_thing_of_the_other_map(merged: Merg
     assert place(semantic_map, "table1") == pytest.approx(PLACES["table1"])
 
 
-def test_loading_two_maps_with_different_frames_warns(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
+def test_two_maps_with_different_frames_are_not_one_world(merged: Merge, mapped: Mapped, tmp_path: Path) -> None:
     merged(mapped("cabinet1"), [frame_of("map1", "one:map1", FRAME), *mapped("table1", frame=FRAME)])
-    both = read_map(load(tmp_path / "one.omn", also=[tmp_path / "two.omn"]))
-    assert [one.code for one in both.diagnostics] == ["M027"]
+    both = load(tmp_path / "one.omn", also=[tmp_path / "two.omn"])
+    with pytest.raises(BadInput, match="M027"):
+        read_map(both)
+    assert [one.code for one in read_map(both, ignore_unread=True).diagnostics] == ["M027"]
     assert [one.code for one in read_map(load(tmp_path / "two.omn")).diagnostics] == []
 
 

@@ -70,14 +70,20 @@ def test_a_relative_pose_is_composed_as_parent_times_relative(map_of: Read, thin
     assert abs(door.pose.yaw) == pytest.approx(math.pi)
 
 
-def test_every_invalid_pose_is_reported_and_only_its_object_lost(map_of: Read, thing: Write, seen: Write) -> None:
-    semantic_map = map_of(
+def test_every_invalid_pose_is_an_error_and_costs_only_its_object_if_that_is_ignored(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    frames = (
         *(thing(name, "Cabinet-PieceOfFurniture", (0.4, 1, 0.8)) for name in ("bad", "worse", "inside", "good")),
         seen("bad", (1, 2, 0.4)).replace("m03 1.0", 'm03 "INF"^^xsd:double'),
         seen("worse", (1, 2, 0.4)).replace("m03 1.0", 'm03 "abc"'),
         seen("inside", (1, 2, 0.4), relative_to="bad"),
         seen("good", (1, 2, 0.4)),
     )
+    with pytest.raises(BadInput) as problem:
+        map_of(*frames)
+    assert [(d.code, d.severity) for d in problem.value.diagnostics] == [("M002", Severity.ERROR)] * 2
+    semantic_map = map_of(*frames, ignore_unread=True)
     assert [thing.name for thing in semantic_map.objects if thing.pose] == ["good"]
     found: list[Diagnostic] = [*semantic_map.diagnostics]
     scene_of(semantic_map, found)
@@ -92,7 +98,7 @@ def test_objects_beyond_the_longest_chain_of_relative_poses_have_no_pose(
     names = [f"cup{number}" for number in range(1500)]
     frames = [thing(name, "Cup", (0.08, 0.08, 0.1)) for name in names]
     row = [seen(one, (0.1, 0, 0), relative_to=other) for one, other in pairwise(names)]
-    semantic_map = map_of(*frames, *row, seen(names[-1], (0, 0, 0)))
+    semantic_map = map_of(*frames, *row, seen(names[-1], (0, 0, 0)), ignore_unread=True)
     last = semantic_map.find(names[-2])
     assert last
     assert last.pose
@@ -117,6 +123,7 @@ def test_the_newest_valid_perception_places_an_object(map_of: Read, thing: Write
         thing("cabinet1", "Cabinet-PieceOfFurniture", BOX),
         seen("cabinet1", (2, 0, 0), number=1),
         seen("cabinet1", (1, 0, 0), number=2).replace("m03 1.0", 'm03 "abc"'),
+        ignore_unread=True,
     )
     assert semantic_map.objects[0].pose
     assert semantic_map.objects[0].pose.position == (2, 0, 0)
@@ -128,15 +135,22 @@ def test_a_negative_size_makes_its_object_a_mere_place(map_of: Read, thing: Writ
         thing("table1", "Table-PieceOfFurniture", (0.4, 1, 0.8)),
         seen("cabinet1", (1, 2, 0.4)),
         seen("table1", (3, 2, 0.4)),
+        ignore_unread=True,
     )
     assert [(one.name, one.size) for one in semantic_map.objects] == [("cabinet1", None), ("table1", (0.4, 1, 0.8))]
     assert [(d.code, d.severity) for d in semantic_map.diagnostics] == [("M007", Severity.WARNING)]
 
 
-def test_an_object_of_unknown_size_is_a_mere_place(map_of: Read, thing: Write, seen: Write) -> None:
-    semantic_map = map_of(thing("thing1", "SpatialThing-Localized", (0.1, 0.1, None)), seen("thing1", (0, 0, 0)))
-    assert semantic_map.objects[0].size is None
-    assert [d.code for d in semantic_map.diagnostics] == ["M006"]
+def test_an_object_without_a_size_is_a_mere_place_and_one_with_a_part_of_it_is_an_error(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    place, partly = ((None, None, None), (0.1, 0.1, None))
+    semantic_map = map_of(thing("thing1", "SpatialThing-Localized", place), seen("thing1", (0, 0, 0)))
+    assert (semantic_map.objects[0].size, semantic_map.diagnostics) == (None, ())
+    assert [body.shape for body in scene_of(semantic_map).bodies] == ["marker"]
+    with pytest.raises(BadInput) as problem:
+        map_of(thing("thing1", "SpatialThing-Localized", partly), seen("thing1", (0, 0, 0)))
+    assert [d.code for d in problem.value.diagnostics] == ["M006"]
 
 
 def test_a_missing_size_is_the_default_of_the_nearest_class(map_of: Read, thing: Write, seen: Write) -> None:
@@ -225,7 +239,7 @@ def test_numbers_of_a_map_may_be_in_any_unit_of_their_dimension(map_of: Read, th
 
 def test_a_number_in_a_unit_of_another_dimension_is_left_out(map_of: Read, thing: Write, seen: Write) -> None:
     box = thing("box1", "Box-Container", (0.1, 0.2, None), f'heightOfObject "25"^^<{UNIT}Kilogram>')
-    semantic_map = map_of(box, seen("box1", (0, 0, 0)))
+    semantic_map = map_of(box, seen("box1", (0, 0, 0)), ignore_unread=True)
     (box1,), (wrong, *_) = semantic_map.objects, semantic_map.diagnostics
     assert box1.size is None or box1.size[2] != 25
     assert (wrong.code, wrong.severity) == ("M030", Severity.WARNING)
@@ -234,7 +248,7 @@ def test_a_number_in_a_unit_of_another_dimension_is_left_out(map_of: Read, thing
 
 def test_a_number_in_an_unknown_unit_is_read_without_it(map_of: Read, thing: Write, seen: Write) -> None:
     box = thing("box1", "Box-Container", (0.1, 0.2, None), f'heightOfObject "0.3"^^<{UNIT}Cubit>')
-    semantic_map = map_of(box, seen("box1", (0, 0, 0)))
+    semantic_map = map_of(box, seen("box1", (0, 0, 0)), ignore_unread=True)
     assert semantic_map.objects[0].size == (0.1, 0.2, 0.3)
     assert [one.code for one in semantic_map.diagnostics] == ["M030"]
 
