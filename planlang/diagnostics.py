@@ -140,13 +140,16 @@ def note(code: str, message: str, span: Span | None = None, help: str | None = N
     return Diagnostic(Severity.NOTE, code, message, span, help)
 
 
+GO_ON = "--ignore-unread goes on without it"
+"""Advice about what cannot be read of a map."""
+
+
 def unread(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
     """Make an error about something of a map that has a shape or a pose, and is not in the world as the map states it.
 
     ``--ignore-unread`` makes a warning of it.
     """
-    advice = "--ignore-unread goes on without it"
-    return error(code, message, span, f"{help}; {advice}" if help else advice)
+    return error(code, message, span, f"{help}; {GO_ON}" if help else GO_ON)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

@@ -104,21 +104,32 @@ def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
 
 def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
     """Show a recipe; a file without one is a map, or else the self-model of a robot."""
-    to_check = CheckArguments(
-        file=str(path), task=arguments.task, ontologies=arguments.ontologies, ignore_unread=arguments.ignore_unread
-    )
     try:
-        answer = check(to_check)
+        return _recipe_or_map(path, arguments)
     except BadInput as problem:
+        if _is_of_map(problem):
+            raise
         try:
             return _robot(path, arguments)
         except BadInput:
             raise problem from None
+
+
+def _recipe_or_map(path: Path, arguments: ShowArguments) -> Shown:
+    to_check = CheckArguments(
+        file=str(path), task=arguments.task, ontologies=arguments.ontologies, ignore_unread=arguments.ignore_unread
+    )
+    answer = check(to_check)
     if answer.data["kind"] == "map":
         return Shown(answer, PNG, partial(_draw_map, path, arguments), has_view=True)
     plan = compile_recipe(path, task=arguments.task, folders=arguments.folders)
     text = "\n".join((f"{path}: the recipe {plan.task}", *recipe_lines(plan.recipes)))
     return Shown(changed(answer, text=text), _GRAPH, partial(plan.graph.save, force=True))
+
+
+def _is_of_map(problem: BadInput) -> bool:
+    """Check whether a file is a map that cannot be read, and not something else."""
+    return any(one.code.startswith("M") for one in problem.diagnostics)
 
 
 def recipe_lines(recipes: RecipeSet) -> Iterator[str]:
@@ -159,6 +170,12 @@ def _robot(path: Path, arguments: ShowArguments) -> Shown:
     from executive.robots import bind_robot
 
     robot = bind_robot(path, folders=arguments.folders)
+    if path.suffix.lower() == ".urdf" and not robot.arms and robot.base.fixed:
+        try:
+            return _recipe_or_map(path, arguments)  # a world
+        except BadInput as problem:
+            if _is_of_map(problem):
+                raise
     body = robot.body()
     answer = Answer(
         diagnostics=robot.diagnostics,

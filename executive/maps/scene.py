@@ -13,6 +13,7 @@ from executive.maps.contents import is_content, rules_of, with_contents
 from executive.maps.doorways import with_doorways
 from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
+from executive.maps.measures import stated_size
 from executive.maps.object_models import Blade
 from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
 from executive.maps.unread import settled
@@ -160,7 +161,8 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
             bodies.append(_body(thing, thing.pose, semantic_map))
         elif thing.size is not None and not is_content(thing):
             message = f"{thing.name} has a size but no pose: it is not in the world"
-            notes.append((unread if _is_in_map(thing, semantic_map) else note)("M012", message, thing.span))
+            is_lost = _is_in_map(thing, semantic_map) and any(stated_size(semantic_map.ontology, thing.iri, []))
+            notes.append((unread if is_lost else note)("M012", message, thing.span))
     bodies = [replace(body, shape=BodyShape.ROOM, movable=False) if body.iri in rooms else body for body in bodies]
     bodies, joints = articulated(bodies, semantic_map, notes)
     bodies = _opened(bodies, joints, semantic_map, notes)

@@ -51,7 +51,7 @@ def plan_of(entry: Entry, data: bytes, workers: Workers) -> str:
 
 def read_plan(uid: str, data: bytes, vocabulary: Vocabulary) -> str:
     """Read and draw a map, with a note if things were left out. Raises BadInput."""
-    environment = read_map(load_upload(uid.partition(".")[2], data, vocabulary))
+    environment = read_map(load_upload(uid.partition(".")[2], data, vocabulary), ignore_unread=True)
     drawing, number = floor_plan(environment), len(_boxes(environment))
     if number > MOST_THINGS:
         drawing += f'<p class="hint">Only the first {MOST_THINGS:,} of its {number:,} things are drawn.</p>'

@@ -16,7 +16,7 @@ from executive.robots.robot import read_self_model
 from executive.serving.vocabulary import Vocabulary
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors
+from planlang.diagnostics import GO_ON, BadInput, Diagnostic, Span, error, has_errors
 from planlang.experience import episode_in
 from planlang.files import Bundled, bundled, decode
 from planlang.knowledge import facts
@@ -84,7 +84,7 @@ def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
             text = re.sub(rf"(?<![\w./-]){re.escape(folder)}/", "ontologies/", text)
         return text.replace(f"{bundled('ontologies')}/", "ontologies/")
 
-    advice = diagnostic.help and named(diagnostic.help)
+    advice = diagnostic.help and (named(diagnostic.help).removesuffix(GO_ON).removesuffix("; ") or None)
     if diagnostic.code in IMPORTS:
         advice = "this server has only the bundled ontologies and those of planlang serve --ontologies"
     span = diagnostic.span and diagnostic.span._replace(file=named(diagnostic.span.file))

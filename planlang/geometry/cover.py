@@ -89,21 +89,22 @@ Ends = tuple[Array, Array]
 """Lower and upper corner of a box (3,) [m]."""
 
 
-def boxes_of_surface(vertices: Array, faces: NDArray[np.int64], up: int) -> list[Ends]:
-    """Cover triangles (m, 3) of vertices (n, 3) [m] with boxes along the axes, of which ``up`` is vertical.
+def boxes_of_surface(vertices: Array, groups: Sequence[NDArray[np.int64]], up: int) -> list[Ends]:
+    """Cover triangles of vertices (n, 3) [m], in groups (m, 3), with boxes along the axes, of which ``up`` is vertical.
 
     One box around all of them, unless much of its footprint is free, as in a room or a corner sofa: then one around
-    each connected part, or, for walls modelled in one part, boxes of cells.
+    each connected part of a group, or, for walls modelled in one part, boxes of cells.
     """
-    whole = _is_one_box(vertices, faces, up)
+    faces = np.concatenate(groups)
+    whole = _one_box(vertices, faces, up)
     if whole is not None:
         return [whole]
-    parts = _connected(vertices, faces)
+    parts = [part for group in groups for part in _connected(vertices, group)]
     if len(parts) > MOST_BOXES:
         return _boxes_of_cells(vertices, faces)
     boxes = []
     for part in parts:
-        one = _is_one_box(vertices, part, up)
+        one = _one_box(vertices, part, up)
         boxes += [one] if one is not None else _boxes_of_cells(vertices, part)
     return boxes if len(boxes) <= MOST_BOXES else _boxes_of_cells(vertices, faces)
 
@@ -122,7 +123,7 @@ def _across(size: Sequence[float] | Array, up: int) -> list[float]:
     return [float(size[axis]) for axis in range(3) if axis != up]
 
 
-def _is_one_box(vertices: Array, faces: NDArray[np.int64], up: int) -> Ends | None:
+def _one_box(vertices: Array, faces: NDArray[np.int64], up: int) -> Ends | None:
     """Compute the box around triangles; None if much of its footprint is free."""
     low, high = _ends(vertices[faces].reshape(-1, 3))
     if not is_wide(high - low, up):
@@ -146,8 +147,9 @@ def _boxes_of_cells(vertices: Array, faces: NDArray[np.int64]) -> list[Ends]:
     low, high = _ends(vertices[faces].reshape(-1, 3))
     points, length = samples(vertices, faces)
     boxes, _ = at_most(cells(points, length), MOST_BOXES)
-    ends = ((box[:, 0] * length, box[:, 1] * length) for box in boxes.reshape(-1, 3, 2))
-    return [(np.maximum(lower, low), np.minimum(upper, high)) for lower, upper in ends]
+    lower = np.clip(boxes[:, ::2] * length, low, high - THIN)
+    upper = np.clip(boxes[:, 1::2] * length, lower + THIN, high)
+    return list(zip(lower, upper, strict=True))
 
 
 def _connected(vertices: Array, faces: NDArray[np.int64]) -> list[NDArray[np.int64]]:

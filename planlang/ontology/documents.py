@@ -47,6 +47,8 @@ _MANCHESTER = re.compile(
 )
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
+_GRID_ENTRY = re.compile(r"""^[ \t]*["']?(?:image|resolution)["']?[ \t]*:[ \t\r\n]""", re.MULTILINE)
+"""An entry of such a YAML file that may come after others, of whatever name."""
 _SENSED = re.compile(rb"#|VERS|ply[\r\n]|[-+0-9]")
 """First bytes of octrees and point clouds; a quick test before the full patterns."""
 _COMMENTS = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
@@ -78,6 +80,8 @@ def syntax_of(text: str, file: str) -> Syntax:
         return Syntax.RDFXML
     if not start:
         raise BadInput([error("O002", "the file is empty, or has comments only", Span(file))])
+    if _GRID_ENTRY.search(start):
+        return Syntax.GRID
     span = Span(file, text.count("\n", 0, position) + 1)
     advice = (
         "an ontology begins with <rdf:RDF> (RDF/XML), @prefix (Turtle), or Prefix: or Ontology: (Manchester syntax)"

@@ -241,7 +241,7 @@ class _World:
         if isinstance(mesh, str):
             raise _Unread(mesh, _line(element))
         up = _vertical(link[:3, :3] @ frame.rotation)
-        ends = boxes_of_surface(mesh.vertices * scale, np.concatenate(mesh.parts), up)
+        ends = boxes_of_surface(mesh.vertices * scale, mesh.parts, up)
         return [_Box(frame @ Pose(_triplet((low + high) / 2)), _triplet(high - low)) for low, high in ends]
 
     def _read_mesh(self, name: str) -> Mesh | str:

@@ -1,0 +1,521 @@
+"""Whatever has a shape or a pose is in the world, or the map is refused, by all commands that read maps."""
+
+import shutil
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from executive.cli.app import app
+from executive.maps import read_map, scene_of
+from executive.maps.files import OBSTACLE
+from executive.maps.occupancy_grid import read_grid
+from executive.maps.point_cloud import read_points
+from planlang.diagnostics import BadInput
+from planlang.ontology import load
+from sim import Body
+
+FILES = Path(__file__).parents[2] / "strangers"
+PREFIXES = (
+    "Prefix: : <http://example.org/flat.owl#>\nPrefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>\n"
+    "Prefix: xsd: <http://www.w3.org/2001/XMLSchema#>\nOntology: <http://example.org/flat.owl>\n"
+)
+TABLE = "\nIndividual: table1\n    Types: knowrob:Table-PieceOfFurniture\n    Facts: knowrob:translation"
+TABLE += ' "1.6 0 0.37", knowrob:boundingBoxSize "0.7 1.2 0.74"\n'
+
+
+def obstacles(path: Path) -> list[Body]:
+    return [body for body in scene_of(read_map(load(path))).bodies if body.name.startswith(OBSTACLE)]
+
+
+def places(bodies: list[Body]) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+    return [(body.pose.position, body.size) for body in bodies]
+
+
+# Occupancy grids
+
+OFFICE = "resolution: 0.05\norigin: [0.0, 0.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+
+
+@pytest.fixture
+def office(tmp_path: Path) -> Callable[[str], Path]:
+    """Writes a YAML file beside the pictures of an office."""
+    for picture in ("office.pgm", "office.png"):
+        shutil.copy(FILES / picture, tmp_path)
+
+    def written(text: str) -> Path:
+        path = tmp_path / "office.yaml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return written
+
+
+def test_a_png_is_the_grid_that_its_pgm_is(office: Callable[[str], Path]) -> None:
+    expected = places(obstacles(office("image: office.pgm\n" + OFFICE)))
+    assert len(expected) == 5
+    assert places(obstacles(office("image: office.png\n" + OFFICE))) == expected
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("negate: 0", "negate: false"),
+        ("negate: 0", "negate: No"),
+        ("negate: 0", 'negate: "0"  # as it is'),
+        ("negate: 0", "negate: off\nmode: Trinary"),
+        ("negate: 0\n", ""),
+        ("[0.0, 0.0, 0.0]", "[0, 0]"),
+        ("[0.0, 0.0, 0.0]", "\n  - 0.0\n  - 0e0\n  - 0.  # yaw"),
+        ("[0.0, 0.0, 0.0]", "[0.0,\n   0.0,\n   0.0]"),
+        ("image: office.pgm", "'image': \"office.pgm\""),
+        ("image: office.pgm", "image: OFFICE.PGM"),
+        ("image: office.pgm", "image: /home/somebody/maps/office.pgm"),
+        ("image: office.pgm", "image: C:\\maps\\office.pgm"),
+        ("image: office.pgm", "---\n# written by nav2\nimage: office.pgm\nfloor: {number: 3, name: [a, b]}"),
+        ("image: office.pgm", "\ufeffimage: office.pgm"),
+        ("image: office.pgm", "image: office.png\nmode: scale"),
+    ],
+)
+def test_yaml_is_read_however_it_is_written(old: str, new: str, office: Callable[[str], Path]) -> None:
+    text = "image: office.pgm\n" + OFFICE
+    assert old in text
+    assert places(obstacles(office(text.replace(old, new)))) == places(obstacles(office(text)))
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        *(
+            "negate: maybe",
+            "mode: ternary",
+            "occupied_thresh: 65",
+            "resolution: [1, 2]",
+            "origin: here",
+            "image: a.png",
+        ),
+        *("image: [", "image: {office: pgm}", "origin: [0, 0, .nan]"),
+    ],
+)
+def test_an_entry_that_means_nothing_is_an_error_with_its_line(entry: str, office: Callable[[str], Path]) -> None:
+    key = entry.partition(":")[0]
+    lines = [line for line in ("image: office.pgm\n" + OFFICE).splitlines() if not line.startswith(key)]
+    path = office("\n".join([*lines, entry, ""]))
+    with pytest.raises(BadInput) as problem:
+        obstacles(path)
+    (found,) = problem.value.diagnostics
+    assert found.code == "M024"
+    assert found.span is not None
+    assert found.span.file.endswith("a.png") or found.span.line == len(lines) + 1 or "not YAML" in found.message
+
+
+PIXELS = np.array([[0, 254, 205], [254, 254, 0]], np.uint8)
+IS_OCCUPIED = [[False, False, True], [True, False, False]]
+
+
+def as_image(kind: str) -> Image.Image:
+    """The same six cells in another kind of image."""
+    grey = Image.fromarray(PIXELS)
+    match kind:
+        case "palette":
+            return grey.convert("P")
+        case "transparent palette":
+            image = Image.new("P", grey.size)
+            image.putpalette([0, 0, 0, 254, 254, 254, 205, 205, 205])
+            image.putdata([0, 1, 2, 1, 1, 0])
+            image.info["transparency"] = 1
+            return image
+        case "16 bit":
+            return Image.fromarray(PIXELS.astype(np.uint16) * 257)
+        case "1 bit":
+            return grey.point(lambda value: 255 if value > 100 else 0).convert("1")
+        case mode:
+            return grey.convert(mode)
+
+
+@pytest.mark.parametrize(
+    ("kind", "suffix"),
+    [
+        *(("L", "png"), ("LA", "png"), ("RGB", "png"), ("RGBA", "png"), ("palette", "png"), ("16 bit", "png")),
+        *(("transparent palette", "png"), ("1 bit", "png"), ("L", "bmp"), ("RGB", "bmp"), ("palette", "bmp")),
+        *(("1 bit", "bmp"), ("L", "pgm"), ("16 bit", "pgm"), ("RGB", "ppm"), ("1 bit", "pbm"), ("L", "gif")),
+    ],
+)
+def test_every_image_that_map_server_reads_is_read(kind: str, suffix: str, tmp_path: Path) -> None:
+    as_image(kind).save(tmp_path / f"cells.{suffix}")
+    (tmp_path / "grid.yaml").write_text(f"image: cells.{suffix}\n" + OFFICE)
+    assert read_grid(tmp_path / "grid.yaml").occupied.tolist() == IS_OCCUPIED
+
+
+@pytest.mark.parametrize(
+    "text", ["P2\n# by hand\n3 2\n# max\n254\n0 254 205\n254 254 0\n", "P2 3 2 254 0 254 205 254 254 0"]
+)
+def test_a_plain_pgm_has_comments_or_none(text: str, tmp_path: Path) -> None:
+    (tmp_path / "cells.pgm").write_text(text)
+    (tmp_path / "grid.yaml").write_text("image: cells.pgm\n" + OFFICE)
+    assert read_grid(tmp_path / "grid.yaml").occupied.tolist() == IS_OCCUPIED
+
+
+def test_raw_images_state_percentages_and_scaled_ones_their_unknown_cells_by_transparency(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[0, 66, 100], [64, 255, 101]], np.uint8)).save(tmp_path / "cells.png")
+    (tmp_path / "grid.yaml").write_text("image: cells.png\nmode: raw\n" + OFFICE)
+    assert read_grid(tmp_path / "grid.yaml").occupied.tolist() == [[False, False, False], [False, True, True]]
+    clear = np.array([[[0, 255], [0, 0], [0, 254]]], np.uint8)
+    Image.fromarray(clear, "LA").save(tmp_path / "cells.png")
+    (tmp_path / "grid.yaml").write_text("image: cells.png\nmode: scale\n" + OFFICE)
+    assert read_grid(tmp_path / "grid.yaml").occupied.tolist() == [[True, False, False]]
+
+
+# Point clouds
+
+
+def test_a_cloud_without_its_number_of_points_has_all_rows(tmp_path: Path) -> None:
+    text = (FILES / "organized.pcd").read_text()
+    (tmp_path / "with_points.pcd").write_text(text.replace("DATA", "POINTS 1200\nDATA"))
+    found = obstacles(FILES / "organized.pcd")
+    assert len(found) == 193
+    assert places(found) == places(obstacles(tmp_path / "with_points.pcd"))
+
+
+def packed(content: bytes) -> bytes:
+    """Compress bytes as LibLZF does: a repetition of the last four bytes, or a byte as it is."""
+    result, at = bytearray(), 0
+    while at < len(content):
+        run = 0
+        while at >= 4 and at + run < len(content) and content[at + run] == content[at + run - 4] and run < 260:
+            run += 1
+        if run > 2:
+            length = run - 2
+            result += bytes([length << 5, 3] if length < 7 else [7 << 5, length - 7, 3])
+            at += run
+        else:
+            result += bytes([0, content[at]])
+            at += 1
+    return bytes(result)
+
+
+def test_a_compressed_cloud_is_read_field_by_field(tmp_path: Path) -> None:
+    points = np.array([[0.5, -1.25, 0.75], [0.5, -1.25, 0.75], [0.5, 3.5, np.nan], [0.5, 0.0, 1.5]])
+    header = "VERSION 0.7\nFIELDS rgb z x y\nSIZE 4 8 4 4\nTYPE U F F F\nCOUNT 2 1 1 1\nWIDTH 2\nHEIGHT 2\n"
+    header += "VIEWPOINT 0 0 0 1 0 0 0\nDATA binary_compressed\n"
+    x, y, z = points.T
+    content = struct.pack("<8I", *8 * [7]) + z.astype("<f8").tobytes()
+    content += x.astype("<f4").tobytes() + y.astype("<f4").tobytes()
+    data = packed(content)
+    assert len(data) < len(content)
+    path = tmp_path / "cloud.pcd"
+    path.write_bytes(header.encode() + struct.pack("<II", len(data), len(content)) + data)
+    assert np.array_equal(read_points(path), points, equal_nan=True)
+
+
+WALL = "property float x\nproperty float y\nproperty float z\nelement face 1\n"
+CORNERS = ((2, -1, 0), (2, 1, 0), (2, 1, 1), (2, -1, 1))
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_a_wall_of_a_mesh_is_an_obstacle_between_its_corners(encoding: str, tmp_path: Path) -> None:
+    header = f"ply\nformat {encoding} 1.0\nelement vertex 4\n{WALL}property list uchar int vertex_indices\n"
+    header += "property uchar red\nend_header\n"
+    data = "".join(f"{x} {y} {z}\n" for x, y, z in CORNERS).encode() + b"4 0 1 2 3 255\n"
+    if encoding != "ascii":
+        order = "<" if "little" in encoding else ">"
+        data = b"".join(struct.pack(f"{order}3f", *one) for one in CORNERS) + struct.pack(
+            f"{order}B4iB", 4, 0, 1, 2, 3, 9
+        )
+    path = tmp_path / "wall.ply"
+    path.write_bytes(header.encode() + data)
+    (box,) = obstacles(path)
+    assert box.size[1] == pytest.approx(2.05)
+    assert box.pose.position == pytest.approx((2.025, 0.0, 0.525), abs=0.05)
+
+
+def test_points_in_a_tilted_frame_are_where_it_puts_them(tmp_path: Path) -> None:
+    (tmp_path / "post.xyz").write_text("".join(f"{x / 100} 0 0\n" for x in range(10, 100, 2)))
+    facts = 'knowrob:linkToMapFile "post.xyz", knowrob:pose upright'
+    pose = '\nIndividual: upright\n    Types: knowrob:RotationMatrix3D\n    Facts: knowrob:translation "2 1 0", '
+    pose += 'knowrob:quaternion "0 -0.70710678 0 0.70710678"\n'
+    (tmp_path / "map.omn").write_text(
+        f"{PREFIXES}\nIndividual: scan\n    Types: knowrob:Map\n    Facts: {facts}\n{pose}"
+    )
+    (box,) = obstacles(tmp_path / "map.omn")
+    assert box.pose.position[:2] == pytest.approx((2.0, 1.0), abs=0.06)
+    assert box.size[2] > 0.8
+
+
+# Worlds with meshes
+
+
+def box_mesh(low: tuple[float, ...], high: tuple[float, ...], first: int = 1) -> str:
+    """The eight corners and six faces of a box, as OBJ."""
+    ends = list(zip(low, high, strict=True))
+    text = "".join(f"v {ends[0][i]} {ends[1][j]} {ends[2][k]}\n" for i in (0, 1) for j in (0, 1) for k in (0, 1))
+    faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return text + "".join(f"f {' '.join(str(first + corner) for corner in face)}\n" for face in faces)
+
+
+def link(name: str, *shapes: str, kind: str = "collision") -> str:
+    inner = "".join(f"<{kind}>{one}</{kind}>" for one in shapes)
+    return f'<link name="{name}">{inner}</link>\n'
+
+
+def mesh(name: str, rest: str = "") -> str:
+    return f'<geometry><mesh filename="{name}"{rest}/></geometry>'
+
+
+def flat(folder: Path, *links: str, where: str = "0 0 0") -> Path:
+    """A world with these links in one place."""
+    path, names = folder / "flat.urdf", [one.split('"')[1] for one in links]
+    joints = "".join(
+        f'<joint name="to_{name}" type="fixed"><parent link="origin"/><child link="{name}"/>'
+        f'<origin xyz="{where}"/></joint>'
+        for name in names
+    )
+    path.write_text(f'<robot name="flat">\n<link name="origin"/>\n{"".join(links)}{joints}</robot>\n')
+    return path
+
+
+def solid(path: Path, *, ignore_unread: bool = False) -> dict[str, Body]:
+    scene = scene_of(read_map(load(path), ignore_unread=ignore_unread))
+    return {body.name: body for body in scene.bodies if body.shape != "marker"}
+
+
+@pytest.mark.parametrize("urdf", ["flat.urdf", "ws/my_flat/urdf/flat.urdf"])
+def test_the_meshes_of_a_world_are_boxes(urdf: str) -> None:
+    bodies = solid(FILES / "world_with_meshes" / urdf)
+    assert list(bodies) == ["dining_table", "sofa", "sideboard"]
+    assert bodies["dining_table"].size == pytest.approx((1.2, 0.8, 0.04))
+    assert bodies["dining_table"].pose.position == pytest.approx((2.0, 0.0, 0.73))
+    assert bodies["sofa"].size == pytest.approx((2.0, 0.9, 0.8))
+    assert bodies["sofa"].pose.position == pytest.approx((-2.0, 0.0, 0.4))
+
+
+def test_a_table_with_legs_is_one_box_and_a_chair_in_pieces_too(tmp_path: Path) -> None:
+    top = box_mesh((-0.6, -0.4, 0.7), (0.6, 0.4, 0.75))
+    legs = [(x, y) for x in (-0.55, 0.5) for y in (-0.35, 0.3)]
+    text = top + "".join(
+        box_mesh((x, y, 0), (x + 0.05, y + 0.05, 0.7), 1 + 8 * number) for number, (x, y) in enumerate(legs, 1)
+    )
+    (tmp_path / "table.obj").write_text(text)
+    boxes = [
+        f'<origin xyz="{x} 0 {z}"/><geometry><box size="0.9 0.9 0.1"/></geometry>' for x, z in ((0, 0.4), (0.4, 0.8))
+    ]
+    bodies = solid(flat(tmp_path, link("table", mesh("table.obj")), link("bench", *boxes), where="0 0 0"))
+    assert bodies["table"].size == pytest.approx((1.2, 0.8, 0.75))
+    assert bodies["bench"].size == pytest.approx((1.3, 0.9, 0.5))
+
+
+WALLS = [((-2.1, -2, 0), (-2, 2, 2.5)), ((2, -2, 0), (2.1, 2, 2.5)), ((-2, 2, 0), (2, 2.1, 2.5))]
+FLOOR = ((-2.1, -2.1, -0.1), (2.1, 2.1, 0))
+
+
+@pytest.mark.parametrize("kind", ["parts", "one part", "boxes"])
+def test_walls_around_a_room_do_not_fill_it(kind: str, tmp_path: Path) -> None:
+    if kind == "boxes":
+        boxes = (
+            f'<origin xyz="{" ".join(str((a + b) / 2) for a, b in zip(*ends, strict=True))}"/><geometry>'
+            f'<box size="{" ".join(str(b - a) for a, b in zip(*ends, strict=True))}"/></geometry>'
+            for ends in (*WALLS, FLOOR)
+        )
+        path = flat(tmp_path, link("walls", *boxes))
+    else:
+        ends = [*WALLS, FLOOR]
+        text = "".join(f"g part{number}\n{box_mesh(*one, 1 + 8 * number)}" for number, one in enumerate(ends))
+        if kind == "one part":  # the outline of the walls as one surface, which is open at one side
+            corners = [(-2, -2), (-2, 2), (2, 2), (2, -2)]
+            text = "".join(f"v {x} {y} {z}\n" for x, y in corners for z in (0, 2.5))
+            text += "".join(f"f {2 * k + 1} {2 * k + 3} {2 * k + 4} {2 * k + 2}\n" for k in range(3))
+        (tmp_path / "walls.obj").write_text(text)
+        path = flat(tmp_path, link("walls", mesh("walls.obj")))
+    bodies = list(solid(path).values())
+    assert bodies[0].name == "walls"
+    assert 3 <= len(bodies) <= 12
+
+    def is_free(x: float, y: float) -> bool:
+        return all(
+            abs(x - b.pose.position[0]) > b.size[0] / 2 or abs(y - b.pose.position[1]) > b.size[1] / 2 for b in bodies
+        )
+
+    assert is_free(0, 0)
+    assert is_free(0, -2)
+    assert is_free(1.7, -1.7)
+    assert not is_free(-2.0, 0)
+    assert not is_free(2.0, 1)
+    assert not is_free(1, 2.0)
+    assert max(body.pose.position[2] + body.size[2] / 2 for body in bodies) == pytest.approx(2.5, abs=0.06)
+
+
+STL = b"\0" * 80 + struct.pack("<I", 2) + struct.pack("<12fH", *3 * [0], 0, 0, 0, 1, 0, 0, 1, 1, 0, 0)
+STL += struct.pack("<12fH", *3 * [0], 0, 0, 0, 1, 1, 0, 0, 1, 0, 0)
+
+
+def test_shapes_of_every_kind_are_read(tmp_path: Path) -> None:
+    (tmp_path / "carpet.stl").write_bytes(STL)
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "box.obj").write_text(box_mesh((0, 0, 0), (1, 2, 3)))
+    bodies = solid(
+        flat(
+            tmp_path,
+            link("sheet", '<origin xyz="0 0 1"/>' + mesh("carpet.stl", ' scale="2 1 1"'), kind="visual"),
+            link("scaled", mesh("package://flat/meshes/box.obj", ' scale="0.1 0.1 -0.1"')),
+            link("ball", '<geometry><sphere radius="0.2"/></geometry>'),
+            link("pill", '<geometry><capsule radius="0.1" length="0.5"/></geometry>'),
+            link("post", '<geometry><cylinder radius="0.1" length="0.5"/></geometry>', kind="visual"),
+        )
+    )
+    assert bodies["sheet"].size == pytest.approx((2, 1, 0.001))
+    assert bodies["scaled"].size == pytest.approx((0.1, 0.2, 0.3))
+    assert bodies["scaled"].pose.position == pytest.approx((0.05, 0.1, -0.15))
+    assert bodies["pill"].size == pytest.approx((0.2, 0.2, 0.7))
+    assert {"ball", "post"} <= set(bodies)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "reason"),
+    [
+        ((mesh("absent.stl"),), "no mesh absent.stl; looked for {}/absent.stl"),
+        ((mesh("package://flat/absent.stl"),), "no mesh package://flat/absent.stl; looked for {}/flat/absent.stl"),
+        ((mesh("broken.obj"),), "broken.obj cannot be read"),
+        ((mesh("text.md"),), "text.md cannot be read"),
+        (('<geometry><box size="1 1 1"/></geometry>', mesh("absent.stl")), "no mesh absent.stl"),
+        (("<geometry><heightmap/></geometry>",), "<heightmap> is no shape"),
+        (("<geometry/>",), "has no shape"),
+        (('<geometry><box size="0 1 1"/></geometry>',), "its box is 0 x 1 x 1 m"),
+    ],
+)
+def test_a_shape_that_cannot_be_read_is_an_error_at_its_line(
+    shapes: tuple[str, ...], reason: str, tmp_path: Path
+) -> None:
+    (tmp_path / "broken.obj").write_text("v 0 0\n")
+    (tmp_path / "text.md").write_text("# a mesh\n")
+    path = flat(tmp_path, link("thing", *shapes), link("other", '<geometry><box size="1 1 1"/></geometry>'))
+    with pytest.raises(BadInput) as problem:
+        read_map(load(path))
+    (found,) = problem.value.diagnostics
+    assert (found.code, found.span and found.span[:2]) == ("M019", (str(path), 3))
+    assert reason.format(tmp_path) in found.message
+    assert list(solid(path, ignore_unread=True)) == ["other"]
+
+
+def test_another_mesh_is_another_map(tmp_path: Path) -> None:
+    digests = set()
+    for size in (1, 2):
+        (tmp_path / "box.obj").write_text(box_mesh((0, 0, 0), (1, 1, size)))
+        path = flat(tmp_path, link("thing", mesh("box.obj")))
+        digests.add(load(path).documents[0].sha256)
+    assert len(digests) == 2
+
+
+# Maps in OWL
+
+UNREAD = {
+    "a pose in words": ("M033", 'Facts: knowrob:pose "1 2 3", knowrob:boundingBoxSize "1 1 1"'),
+    "a pose that is not there": ("M003", 'Facts: knowrob:pose nowhere, knowrob:boundingBoxSize "1 1 1"'),
+    "another vocabulary": ("M033", "Facts: <http://www.ease-crc.org/ont/SOMA.owl#hasShape> shape1"),
+    "an unknown frame": ("M010", 'Facts: knowrob:relativeTo nobody, knowrob:translation "1 2 3"'),
+    "no turn at all": ("M004", 'Facts: knowrob:translation "1 2 3", knowrob:quaternion "0 0 0 0"'),
+    "half a size": ("M006", 'Facts: knowrob:translation "1 2 3", knowrob:widthOfObject 1.0'),
+    "no height": ("M002", 'Facts: knowrob:translation "1 2 3", knowrob:boundingBoxSize "1 1 high"'),
+    "inside out": ("M007", 'Facts: knowrob:translation "1 2 3", knowrob:boundingBoxSize "1 -1 1"'),
+    "no place": ("M012", 'Facts: knowrob:describedInMap map1, knowrob:boundingBoxSize "1 1 1"'),
+    "no such file": ("M025", 'Facts: knowrob:linkToMapFile "absent.yaml"'),
+    "no file of this kind": ("M025", 'Facts: knowrob:linkToMapFile "map.omn"'),
+    "a file elsewhere": ("M025", 'Facts: knowrob:linkToMapFile "../../absent.pcd"'),
+}
+
+
+@pytest.mark.parametrize("kind", UNREAD)
+def test_what_a_map_states_and_cannot_be_read_is_an_error_unless_ignored(kind: str, tmp_path: Path) -> None:
+    code, facts = UNREAD[kind]
+    path = tmp_path / "map.omn"
+    path.write_text(f"{PREFIXES}{TABLE}\nIndividual: thing1\n    Types: knowrob:EnduringThing-Localized\n    {facts}\n")
+    run = CliRunner()
+    refused = run.invoke(app, ["check", str(path)])
+    assert refused.exit_code == 2, refused.output
+    assert f"error {code} " in refused.stderr
+    assert "--ignore-unread" in refused.stderr
+    ignored = run.invoke(app, ["check", str(path), "--ignore-unread"])
+    assert ignored.exit_code == 0, ignored.output
+    assert f"warning {code} " in ignored.stderr
+    assert "a map of 1 object" in ignored.stdout
+
+
+def test_what_states_no_shape_or_lies_nowhere_is_harmless(tmp_path: Path) -> None:
+    path = tmp_path / "map.omn"
+    things = (
+        '\nIndividual: corner1\n    Types: knowrob:EnduringThing-Localized\n    Facts: knowrob:translation "1 2 0"\n'
+    )
+    things += '\nIndividual: pancake1\n    Types: knowrob:Pancake\n    Facts: knowrob:boundingBoxSize "0.1 0.1 0.01"\n'
+    path.write_text(PREFIXES + TABLE + things)
+    result = CliRunner().invoke(app, ["check", str(path)])
+    assert result.exit_code == 0, result.output
+    assert "1 object, 1 mere place" in result.stdout
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["check", "{world}"],
+        ["show", "{world}"],
+        ["merge", "{world}", "{map}"],
+        ["convert", "{world}", "--to", "turtle"],
+        ["locate", "near the table", "--robot", "amigo", "--environment", "{world}", "--count", "1"],
+        ["run", "{plan}", "--robot", "amigo", "--environment", "{world}"],
+    ],
+    ids=lambda command: command[0],
+)
+def test_each_command_that_reads_a_map_refuses_it_unless_told_otherwise(command: list[str], tmp_path: Path) -> None:
+    world = flat(
+        tmp_path,
+        link("thing", mesh("absent.stl")),
+        link("table", '<geometry><box size="1 1 1"/></geometry>'),
+        where="2 0 0.5",
+    )
+    (tmp_path / "map.omn").write_text(PREFIXES + TABLE)
+    plan = tmp_path / "waiting.py"
+    plan.write_text("from planlang import plan, sleep\n\n\n@plan()\nasync def wait() -> None:\n    await sleep(0.1)\n")
+    words = [word.format(world=world, map=tmp_path / "map.omn", plan=plan) for word in command]
+    refused, ignored = (CliRunner().invoke(app, [*words, *more]) for more in ((), ("--ignore-unread",)))
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert "error M019 link 'thing' is not in the world" in refused.stderr
+    assert ignored.exit_code == 0, ignored.output
+    assert "warning M019 link 'thing' is not in the world" in ignored.stderr
+
+
+# Drawers
+
+PART = "knowrob:properPhysicalParts"
+
+
+@pytest.mark.parametrize(
+    ("of_table", "of_drawer"),
+    [
+        (f"{PART} drawer1", ""),
+        ("", "knowrob:properPhysicalPartOf table1"),
+        ("", "knowrob:physicalPartOf table1"),
+        ("", "knowrob:hingedTo table1"),
+        (f"{PART} unit1", ""),
+    ],
+)
+def test_a_table_is_not_the_content_of_its_own_drawer(of_table: str, of_drawer: str, tmp_path: Path) -> None:
+    def thing(name: str, cls: str, size: str, *facts: str, z: float = 0.37) -> str:
+        stated = ", ".join(
+            [f'knowrob:translation "1.6 0 {z}"', f'knowrob:boundingBoxSize "{size}"', *filter(None, facts)]
+        )
+        return f"\nIndividual: {name}\n    Types: knowrob:{cls}\n    Facts: {stated}\n"
+
+    things = thing("table1", "Table-PieceOfFurniture", "0.7 1.2 0.74", of_table)
+    things += thing("unit1", "Box-Container", "0.6 0.6 0.6", f"{PART} drawer1") if "unit1" in of_table else ""
+    things += thing("drawer1", "Drawer", "0.5 0.4 0.2", of_drawer, z=0.4) + thing(
+        "cup1", "Cup", "0.08 0.08 0.1", z=0.36
+    )
+    path = tmp_path / "map.omn"
+    path.write_text(PREFIXES + things)
+    found: list[object] = []
+    scene = scene_of(read_map(load(path)), found)  # type: ignore[arg-type]
+    assert [line for line in map(str, found) if "table1 inside" in line] == []
+    assert any("note M013 cup1 inside drawer1" in line for line in map(str, found))
+    assert not scene.body("table1").movable
