@@ -172,8 +172,8 @@ def _texts(node: object) -> list[str] | None:
 def read_image(path: Path, *, averages_alpha: bool = False) -> tuple[Array, NDArray[np.bool_]]:
     """Read an image: brightness from 0 to 1 (rows, columns), the upper row first, and which pixels are opaque.
 
-    Colours are averaged. With ``averages_alpha``, as in map_server's trinary mode, the opacity is one of them and all
-    pixels count as opaque. Raises BadInput if the file is no image, or too large.
+    Colours are averaged. With ``averages_alpha``, as in map_server's trinary mode, the opacity of a transparent pixel is
+    one of them and all pixels count as opaque. Raises BadInput if the file is no image, or too large.
     """
     from PIL import Image, UnidentifiedImageError  # slow to import
 
@@ -192,9 +192,12 @@ def read_image(path: Path, *, averages_alpha: bool = False) -> tuple[Array, NDAr
         raise _bad(f"not an image that can be read ({', '.join(FORMATS)})", path, 1) from None
     except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as problem:
         raise _bad(f"the image is damaged: {problem}", path, 1) from None
-    if not has_alpha or averages_alpha:
-        return pixels.mean(axis=2), np.ones(pixels.shape[:2], dtype=bool)
-    return pixels[..., :3].mean(axis=2), pixels[..., 3] >= 1.0
+    shade = pixels[..., :3].mean(axis=2)
+    is_opaque = pixels[..., 3] >= 1.0 if has_alpha else np.ones(shade.shape, dtype=bool)
+    if not averages_alpha:
+        return shade, is_opaque
+    # map_server averages the opacity of opaque pixels, too, so that black is no obstacle beyond a threshold of 0.75
+    return np.where(is_opaque, shade, pixels.mean(axis=2)), np.ones(shade.shape, dtype=bool)
 
 
 def _bad(message: str, path: Path, line: int) -> BadInput:

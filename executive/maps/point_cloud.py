@@ -60,7 +60,7 @@ def _pcd(content: bytes) -> Array:
     fields, count = header.get("FIELDS") or header.get("COLUMNS", []), _pcd_count(header)
     widths = [_count([one]) for one in header.get("COUNT", ["1"] * len(fields))]
     kinds = [f"{kind}{size}" for kind, size in zip(header.get("TYPE", []), header.get("SIZE", []), strict=False)]
-    if not len(fields) == len(widths) == len(kinds) or not all(1 <= number <= 1000 for number in widths):
+    if not len(fields) == len(widths) == len(kinds) or not all(number <= 1000 for number in widths):
         raise ValueError("FIELDS, SIZE, TYPE and COUNT of the PCD header must have one entry per field")
     encoding, data = match[2].decode(), content[match.end() :]
     if encoding == "ascii":

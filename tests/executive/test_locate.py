@@ -184,7 +184,7 @@ def with_size(name: str, size: float) -> str:
         [
             (with_pose("-1.0 0.0 0.0 -2.72  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.9"), 0, "M001", "is a reflection"),
             (with_pose("1.0 0.1 0.0 -2.72  0.0 1.05 0.0 -0.8  0.0 0.0 0.9 0.9"), 0, "M001", "is not orthonormal"),
-            (with_pose("0.0 0.0 0.0 -2.72  0.0 0.0 0.0 -0.8  0.0 0.0 0.0 0.9"), 0, "M004", "is singular"),
+            (with_pose("0.0 0.0 0.0 -2.72  0.0 0.0 0.0 -0.8  0.0 0.0 0.0 0.9"), 2, "M004", "is singular"),
             (
                 with_pose('1.0 0.0 0.0 "NaN"^^xsd:double  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.9'),
                 2,
@@ -193,7 +193,7 @@ def with_size(name: str, size: float) -> str:
             ),
             (with_pose("1.0 0.0 0.0 -2.8  0.0 1.0 0.0 -0.8  0.0 0.0 1.0 0.4"), 1, "M014", "inside cabinet1"),
             (with_size("bottle1", 0.0), 0, "M005", "default of DrinkingBottle"),
-            (with_size("bottle1", -0.1), 0, "M007", "is negative"),
+            (with_size("bottle1", -0.1), 2, "M007", "is negative"),
         ],
         every=2,
     ),

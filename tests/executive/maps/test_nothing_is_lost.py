@@ -160,6 +160,13 @@ def test_a_plain_pgm_has_comments_or_none(text: str, tmp_path: Path) -> None:
     assert read_grid(tmp_path / "grid.yaml").occupied.tolist() == IS_OCCUPIED
 
 
+def test_black_is_an_obstacle_whatever_the_threshold_if_the_image_has_transparency(tmp_path: Path) -> None:
+    cells = np.array([[[0, 255], [0, 0], [255, 0], [255, 255]]], np.uint8)
+    Image.fromarray(cells, "LA").save(tmp_path / "cells.png")
+    (tmp_path / "grid.yaml").write_text("image: cells.png\n" + OFFICE.replace("0.65", "0.9"))
+    assert read_grid(tmp_path / "grid.yaml").occupied.tolist() == [[True, True, False, False]]
+
+
 def test_raw_images_state_percentages_and_scaled_ones_their_unknown_cells_by_transparency(tmp_path: Path) -> None:
     Image.fromarray(np.array([[0, 66, 100], [64, 255, 101]], np.uint8)).save(tmp_path / "cells.png")
     (tmp_path / "grid.yaml").write_text("image: cells.png\nmode: raw\n" + OFFICE)
@@ -210,6 +217,15 @@ def test_a_compressed_cloud_is_read_field_by_field(tmp_path: Path) -> None:
     path = tmp_path / "cloud.pcd"
     path.write_bytes(header.encode() + struct.pack("<II", len(data), len(content)) + data)
     assert np.array_equal(read_points(path), points, equal_nan=True)
+
+
+def test_fields_of_padding_and_of_no_values_are_skipped(tmp_path: Path) -> None:
+    header = "VERSION 0.7\nFIELDS x y z _ intensity _ noise\nSIZE 4 4 4 1 4 2 2\nTYPE F F F U F U U\n"
+    header += "COUNT 1 1 1 4 1 1 0\nWIDTH 1\nHEIGHT 2\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA binary\n"
+    rows = [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
+    data = b"".join(struct.pack("<3f4xfH", *row, 0.5, 7) for row in rows)
+    (tmp_path / "cloud.pcd").write_bytes(header.encode() + data)
+    assert read_points(tmp_path / "cloud.pcd").tolist() == [list(row) for row in rows]
 
 
 WALL = "property float x\nproperty float y\nproperty float z\nelement face 1\n"
