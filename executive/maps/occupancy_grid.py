@@ -172,8 +172,8 @@ def _texts(node: object) -> list[str] | None:
 def read_image(path: Path, *, averages_alpha: bool = False) -> tuple[Array, NDArray[np.bool_]]:
     """Read an image: brightness from 0 to 1 (rows, columns), the upper row first, and which pixels are opaque.
 
-    Colours are averaged. With ``averages_alpha``, as in map_server's trinary mode, the opacity of a transparent pixel is
-    one of them and all pixels count as opaque. Raises BadInput if the file is no image, or too large.
+    Colours are averaged. With ``averages_alpha``, as in map_server's trinary mode, the opacity of transparent pixels is
+    one of them, and all pixels count as opaque. Raises BadInput if the file is no image, or too large.
     """
     from PIL import Image, UnidentifiedImageError  # slow to import
 

@@ -47,7 +47,7 @@ _MANCHESTER = re.compile(
 )
 _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
-_GRID_ENTRY = re.compile(r"""^[ \t]*["']?(?:image|resolution)["']?[ \t]*:[ \t\r\n]""", re.MULTILINE)
+_GRID_ENTRY = re.compile(r"""(?:^|[{,])[ \t]*["']?(?:image|resolution)["']?[ \t]*:[ \t\r\n]""", re.MULTILINE)
 """An entry of such a YAML file that may come after others, of whatever name."""
 _SENSED = re.compile(rb"#|VERS|ply[\r\n]|[-+0-9]")
 """First bytes of octrees and point clouds; a quick test before the full patterns."""
