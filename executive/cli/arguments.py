@@ -272,7 +272,7 @@ class InspectArguments(Arguments):
     )
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs planlang[record])."),
+        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),
     ] = None
     force: Force = False
 

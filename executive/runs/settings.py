@@ -106,7 +106,7 @@ class RunSettings(SituationSettings):
         ),
     ] = None
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs the extra record).")
     ] = None
     report: Annotated[
         Path | None,
