@@ -40,7 +40,7 @@ async def fetch() -> None:
         return 7
 
     async def grasp() -> None:
-        await perform(action("ClosingAGripper"), recoveries=[Recovery(GraspMissed, attempts=2)])
+        await perform(action("ClosingAGripper"), recoveries=[Recovery(GraspMissed, retries=2)])
 
     await par(look, grasp)
 
