@@ -39,8 +39,8 @@ from planlang.failures import (
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
 )
-from planlang.misuse import WrongValue
 from planlang.language.recovery import matches
+from planlang.misuse import WrongValue
 from tests.support.examples import examples
 
 
