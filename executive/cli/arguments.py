@@ -70,7 +70,7 @@ class ListArguments(Arguments):
     kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only those with a word of their name or description that begins so."),
+        typer.Argument(metavar="WORD", help="List only entries with a word that begins with WORD in their name or description."),
     ] = None
 
 

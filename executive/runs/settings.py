@@ -59,8 +59,8 @@ class SituationSettings:
         list[str] | None,
         typer.Option(
             metavar="THING",
-            help="The robot does not know where this thing, or things of this class, are; all: everything except "
-            "rooms. Repeatable.",
+            help="Hide the pose of this thing, or of the things of this class, from the robot; all: of everything "
+            "except rooms. Repeatable.",
         ),
         InHeader("unknown", "--unknown"),
     ] = None

@@ -252,7 +252,9 @@ def test_who_changes_something_needs_a_key_which_is_never_shown(
     assert codes(invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "odd")) == ["K034"]
     (tmp_path / "right").write_text(server.key("carl") + "\n")
     right = invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "right")
-    assert right.stdout == "serveadrink.ada: your 8 is counted; rated 5.0 by 1\n", right.output
+    assert right.stdout == (
+        "serveadrink.ada: saved your rating of 8; shown: 5.0, the median of 1 rating and two neutral ones of 5\n"
+    ), right.output
 
 
 def test_news_are_those_of_what_was_subscribed_to() -> None:
