@@ -70,7 +70,9 @@ class ListArguments(Arguments):
     kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only entries with a word that begins with WORD in their name or description."),
+        typer.Argument(
+            metavar="WORD", help="List only entries with a word that begins with WORD in their name or description."
+        ),
     ] = None
 
 

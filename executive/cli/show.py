@@ -104,7 +104,7 @@ def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
 
 def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
     """Show a recipe; a file without one is a map, or else the self-model of a robot."""
-    to_check = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies)
+    to_check = CheckArguments(file=str(path), task=arguments.task, ontologies=arguments.ontologies, verbose=True)
     try:
         answer = check(to_check)
     except BadInput as problem:
