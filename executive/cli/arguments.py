@@ -71,7 +71,7 @@ class ListArguments(Arguments):
     word: Annotated[
         str | None,
         typer.Argument(
-            metavar="WORD", help="List only entries with a word that begins with WORD in their name or description."
+            metavar="WORD", help="List only entries whose name or description has a word that begins so."
         ),
     ] = None
 

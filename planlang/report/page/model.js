@@ -60,7 +60,7 @@ function waitAt(node, time) {
   }
   return wait;
 }
-const MARKS = { succeeded: "✓", failed: "✕", running: "▸", evaporated: "⊘", waiting: "·", never: "⊘", queued: "⏸" };
+const MARKS = { succeeded: "✓", failed: "✕", running: "▸", evaporated: "⊘", waiting: "·", never: "⊘", queued: "‖" };
 const CALLED = {
   succeeded: "succeeded", failed: "failed", running: "running", evaporated: "evaporated", waiting: "not started",
   never: "evaporated before it began", interrupted: "interrupted", queued: "waiting for a resource",
