@@ -70,9 +70,7 @@ class ListArguments(Arguments):
     kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(
-            metavar="WORD", help="List only entries whose name or description has a word that begins so."
-        ),
+        typer.Argument(metavar="WORD", help="List only entries whose name or description has a word that begins so."),
     ] = None
 
 
