@@ -226,7 +226,7 @@ def open_what_is_in_the_way(what: Object) -> Do:
         if closed is None or closed.door is None:
             return PROPAGATE
         opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
-        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), attempts=AGAIN)
+        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
         await perform(opening, recoveries=[again])
         return RETRY
 

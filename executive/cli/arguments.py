@@ -70,7 +70,7 @@ class ListArguments(Arguments):
     kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only those with a word of their name or description that begins so."),
+        typer.Argument(metavar="WORD", help="List only entries whose name or description has a word that begins so."),
     ] = None
 
 
@@ -100,7 +100,7 @@ class ConvertArguments(Arguments):
     """Convert an ontology, such as a recipe, to another syntax, and list what is lost."""
 
     file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
-    to: Annotated[Syntax, typer.Option("--to", help="The target syntax.", show_default=False)]
+    to: Annotated[Syntax, typer.Option("--syntax", "--to", help="The target syntax.", show_default=False)]
     output: Output = None
     units: Units = None
     ignore_unread: IgnoreUnread = False
@@ -122,7 +122,7 @@ class ExportArguments(Arguments):
     """
 
     trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
-    to: Annotated[Form, typer.Option("--to", help="The target format.", show_default=False)]
+    to: Annotated[Form, typer.Option("--format", "--to", help="The target format.", show_default=False)]
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl to this folder."),
@@ -226,7 +226,12 @@ class EnableArguments(OntologyArguments):
     city: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this city.")] = None
     store: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="Folder for downloads; default: ROBOT_knowledge in the current folder."),
+        typer.Option(
+            "--folder",
+            "--store",
+            metavar="FOLDER",
+            help="Folder for downloads; default: ROBOT_knowledge in the current folder.",
+        ),
     ] = None
     task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task, if RECIPE states several.")] = None
     modules: Modules = None
@@ -276,7 +281,7 @@ class InspectArguments(Arguments):
     )
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs planlang[record])."),
+        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),
     ] = None
     force: Force = False
 
@@ -306,8 +311,11 @@ class MakeArguments(Arguments):
 class SweepMergeArguments(Arguments):
     """Merge the shards of a sweep into one file."""
 
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files written by planlang sweep --out.")]
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Write the merged sweep to this file.")]
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
+    output: Annotated[
+        Path,
+        typer.Option("-o", "--output", "--out", metavar="FILE", help="Write the merged sweep to this file."),
+    ]
     csv: Csv = None
     force: Force = False
 
@@ -316,6 +324,6 @@ class SweepMergeArguments(Arguments):
 class SweepTableArguments(Arguments):
     """Print the table of a recorded sweep."""
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file written by planlang sweep --out.")]
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file written by planlang sweep --output.")]
     csv: Csv = None
     force: Force = False

@@ -66,7 +66,7 @@ def command(arguments: ListArguments) -> Answer:
     matching = [one for one in entries if word is None or one.has(word)]
     data = {"kind": kind.value, "entries": [one.as_json() for one in matching]}
     if not matching:
-        folded = {one.name.casefold(): one.name for one in entries}
+        folded = {called.casefold(): one.name for one in entries for called in (*one.also, one.name)}
         alike = similar((word or "").casefold(), folded, least=_ALIKE)
         advice = f"; did you mean {folded[alike[0]]}?" if alike else ""
         text = f"none of the {len(entries)} {kind.value} has a word that begins with {word!r}{advice}"
@@ -118,7 +118,7 @@ def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[
     names = tuple(sorted(also))
     words = ", ".join(filter(None, (label, *(f"also called {name}" for name in names))))
     more = {"iri": iri, "label": label, "also_called": list(names), "below": parents}
-    return Entry(local_name(iri), words, more, tuple(parents), iri)
+    return Entry(local_name(iri), words, more, tuple(parents), iri, names)
 
 
 def actions() -> list[Entry]:

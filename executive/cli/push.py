@@ -39,13 +39,14 @@ def command(arguments: PushArguments) -> Answer:
 
     def work(client: Client) -> Answer:
         try:
-            uploaded = _upload(client, kind, arguments, data)
+            uploaded, is_new = _upload(client, kind, arguments, data)
         except RefusedByChecks as problem:
             raise RefusedByChecks(
                 problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
             ) from None
         entry, sent = _attach(client, uploaded.entry, attached)
-        lines = [f"{entry.uid}: revision {entry.revision.number}", *(f"attached {name}" for name in sent)]
+        had = "" if is_new else " has this content already"
+        lines = [f"{entry.uid}: revision {entry.revision.number}{had}", *(f"attached {name}" for name in sent)]
         data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
         return Answer(
             diagnostics=_placed(uploaded.diagnostics, arguments.name, path), text="\n".join(lines), data=data_
@@ -54,14 +55,14 @@ def command(arguments: PushArguments) -> Answer:
     return ask(arguments, work)
 
 
-def _upload(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> Taken:
-    """Create or change an entry, unless it has this content already."""
+def _upload(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> tuple[Taken, bool]:
+    """Create or change an entry; False and the entry if it has this content already, whoever its author is."""
     if not arguments.update:
-        return client.create(kind, arguments.name, data, arguments.about)
+        return client.create(kind, arguments.name, data, arguments.about), True
     entry = _find(client, kind, arguments.name)
     if entry.revision.sha256 == sha256(data).hexdigest():
-        return Taken(entry)
-    return client.change(entry, data)
+        return Taken(entry), False
+    return client.change(entry, data), True
 
 
 def _find(client: Client, kind: Kind, name: str) -> Entry:

@@ -13,8 +13,9 @@ def command(arguments: RateArguments) -> Answer:
 
     def work(client: Client) -> Answer:
         entry = client.rate(client.entry(arguments.uid), arguments.rating)
-        given = f"your {arguments.rating} is counted"
-        text = f"{entry.uid}: {given}; rated {entry.rating or 0:.1f} by {entry.ratings}"
+        given = "1 rating" if entry.ratings == 1 else f"{entry.ratings} ratings"
+        shown = f"shown: {entry.rating or 0:.1f}, the median of {given} and two neutral ones of 5"
+        text = f"{entry.uid}: saved your rating of {arguments.rating}; {shown}"
         return Answer(text=text, data={"uid": entry.uid, "rating": entry.rating, "ratings": entry.ratings})
 
     return ask(arguments, work)

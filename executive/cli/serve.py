@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from executive.cli.server_arguments import ServeArguments
 from executive.commands.answers import Answer
 from planlang.diagnostics import BadInput, error
+from planlang.extras import install_command
 
 NEEDED = ("fastapi", "uvicorn", "jinja2", "python_multipart")
 """Modules of the extra that every server needs; their packages have the same names, with - for _."""
@@ -20,7 +21,7 @@ def command(arguments: ServeArguments) -> Answer:
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         message = f"the server needs packages that are not installed: {', '.join(missing).replace('_', '-')}"
-        raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
+        raise BadInput([error("K004", message, help=install_command("serve"))])
     from executive.cli import serving  # needs these packages
 
     return serving.command(arguments)

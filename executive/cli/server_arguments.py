@@ -159,7 +159,7 @@ class WatchArguments(AuthorArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class ServeArguments(OntologyArguments):
-    """Serve a knowledge base over HTTP: recipes, object models, maps, self-models (needs planlang[serve]).
+    """Serve a knowledge base over HTTP: recipes, object models, maps, self-models (needs the extra serve).
 
     Changes need a key. Ctrl-C stops the server once pending requests are answered.
     """

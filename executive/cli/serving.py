@@ -18,6 +18,7 @@ from executive.serving.running import run
 from executive.serving.serving import now
 from executive.serving.workers import Staff
 from planlang.diagnostics import BadInput, error
+from planlang.extras import install_command
 from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable
 from planlang.knowledge.sqlite_store import SqliteStore
 
@@ -81,7 +82,7 @@ def _open(address: str, contents: str | None) -> Store:
         return SqliteStore(Path(address))
     if find_spec("obstore") is None:
         message = "object storage needs a package that is not installed: obstore"
-        raise BadInput([error("K004", message, help="pip install 'planlang[serve]'")])
+        raise BadInput([error("K004", message, help=install_command("serve"))])
     if contents is None:
         advice = "add --contents s3://BUCKET/FOLDER, or file:///FOLDER that all servers share"
         raise BadInput([error("K020", "a store behind SPARQL needs --contents", help=advice)])

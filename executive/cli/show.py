@@ -117,7 +117,11 @@ def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
 
 def _recipe_or_map(path: Path, arguments: ShowArguments) -> Shown:
     to_check = CheckArguments(
-        file=str(path), task=arguments.task, ontologies=arguments.ontologies, ignore_unread=arguments.ignore_unread
+        file=str(path),
+        task=arguments.task,
+        ontologies=arguments.ontologies,
+        ignore_unread=arguments.ignore_unread,
+        verbose=True,  # lists the contents of a map
     )
     answer = check(to_check)
     if answer.data["kind"] == "map":

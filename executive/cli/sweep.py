@@ -50,9 +50,11 @@ def _seeds(arguments: SweepArguments, part: int, parts: int) -> range:
 
 
 def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:
-    if arguments.out is None:
-        return f"interrupted after {done} of {total} worlds; --out FILE would have kept them"
-    return f"interrupted after {done} of {total} worlds, which {arguments.out} has: repeat the command to run the rest"
+    if arguments.output is None:
+        return f"interrupted after {done} of {total} worlds; --output FILE would have kept them"
+    return (
+        f"interrupted after {done} of {total} worlds, which {arguments.output} has: repeat the command to run the rest"
+    )
 
 
 class Counts:

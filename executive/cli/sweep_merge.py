@@ -13,9 +13,9 @@ from planlang.outputs import check_outputs
 def command(arguments: SweepMergeArguments) -> Answer:
     """Merge shards, and print the table of the whole sweep. Raises BadInput for shards of different sweeps."""
     inputs = {str(file): file for file in arguments.files}
-    refuse(check_outputs({"--out": arguments.out, "--csv": arguments.csv}, inputs, force=arguments.force))
+    refuse(check_outputs({"--output": arguments.output, "--csv": arguments.csv}, inputs, force=arguments.force))
     whole = merged([read_sweep(file) for file in arguments.files])
-    write_sweep(arguments.out, whole.header, whole.rows)
+    write_sweep(arguments.output, whole.header, whole.rows)
     if arguments.csv is not None:
         write_csv(arguments.csv, whole.rows)
     return answered(whole)

@@ -42,7 +42,7 @@ def _incomplete(sweep: Sweep) -> list[Diagnostic]:
         return []
     named = ", ".join(map(str, missing[:MOST_NAMED])) + (", ..." if len(missing) > MOST_NAMED else "")
     message = f"{len(missing)} of {len(sweep.header['worlds'])} worlds are missing: {named}"
-    return [warning("C033", message, help="planlang sweep runs them if --out names the file of their shard")]
+    return [warning("C033", message, help="planlang sweep runs them if --output names the file of their shard")]
 
 
 def counted(rows: Sequence[Row], total: int, code: ExitCode, diagnostics: Sequence[Diagnostic] = ()) -> Answer:

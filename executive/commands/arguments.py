@@ -211,10 +211,14 @@ class SweepArguments(SituationArguments):
     first: Annotated[
         int, typer.Option(min=0, metavar="N", help="The first seed; 0: things are where the map has them.")
     ] = 1
-    out: Annotated[
+    output: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Append a line of JSON for each world; continue the sweep if the file exists."
+            "-o",
+            "--output",
+            "--out",
+            metavar="FILE",
+            help="Append a line of JSON for each world; continue the sweep if the file exists.",
         ),
     ] = None
     processes: Annotated[

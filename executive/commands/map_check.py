@@ -8,6 +8,7 @@ from pathlib import Path
 from executive.commands.answers import Answer
 from executive.maps import read_map, scene_of
 from executive.maps.files import OBSTACLE
+from executive.maps.semantic_map import MapObject
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
@@ -34,10 +35,16 @@ def check_map(
     use = f"planlang run RECIPE --environment {path} runs a recipe in it"
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
         use = f"planlang run RECIPE --environment MAP --environment {path} drives around its obstacles"
-    contents = [f"  {one.name}  {', '.join(map(local_name, one.types))}" for one in semantic_map.objects]
+    contents = [line(one) for one in semantic_map.objects]
     text = "\n".join((f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
     return Answer(diagnostics=tuple(diagnostics), text=text, data=data)
+
+
+def line(thing: MapObject) -> str:
+    """Describe an object of a map: name, classes, and the centre of its box in the frame of the map [m]."""
+    centre = "" if thing.pose is None else "  at {:.2f}, {:.2f}, {:.2f}".format(*thing.pose.position)
+    return f"  {thing.name}  {', '.join(map(local_name, thing.types))}{centre}"
 
 
 def contents_in_words(ontology: Ontology) -> str | None:

@@ -57,7 +57,7 @@ def swept(
         JOB,
         processes=arguments.processes,
         limits=replace(LIMITS, **_limits(arguments)),
-        out=arguments.out,
+        out=arguments.output,
         about=_about(arguments, words, options),
         shard=shard_of(arguments.shard),
         told=finished,
@@ -72,7 +72,7 @@ def _limits(arguments: SweepArguments) -> dict[str, Any]:
 
 def _check(arguments: SweepArguments, options: RunOptions) -> None:
     """Raise BadInput if a file cannot be written, or would overwrite an input."""
-    outputs = {"--out": arguments.out, "--csv": arguments.csv}
+    outputs = {"--output": arguments.output, "--csv": arguments.csv}
     refuse(check_outputs(outputs, dict(_inputs(options)), force=arguments.force))
 
 

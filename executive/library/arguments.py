@@ -34,6 +34,7 @@ def arguments_of(kind: type[A], own: Mapping[str, Any], options: Mapping[str, An
     """
     declared, values, problems = options_of(kind), dict[str, Any](), []
     known = [name for name, (_, hint) in declared.items() if name not in own and not _is_positional(hint)]
+    options = {_present_name(name, declared): value for name, value in options.items()}
     for name in options:
         if name not in known:
             alike = similar(name, [*known, *own])
@@ -129,6 +130,15 @@ def options_of(kind: type[Arguments]) -> Mapping[str, tuple[str, Any]]:
     hints = get_type_hints(kind, include_extras=True)
     names = (one.name for one in fields(kind) if one.name not in _OF_THE_TERMINAL)
     return {name.removesuffix("_"): (name, hints[name]) for name in names}
+
+
+def _present_name(name: str, declared: Mapping[str, tuple[str, Any]]) -> str:
+    """Name of an option that the command line also knows by another name."""
+    word = f"--{name.replace('_', '-')}"
+    for present, (_, hint) in declared.items():
+        if any(word in (getattr(one, "param_decls", None) or ()) for one in getattr(hint, "__metadata__", ())):
+            return present
+    return name
 
 
 def _is_positional(hint: Any) -> bool:

@@ -281,10 +281,7 @@ def _from_quaternion(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> A
     for name, count in (("translation", 3), ("quaternion", 4)):
         triple = stated(ontology, iri, name)
         if triple is None and name in values:
-            if heading is not None or ontology.is_a(iri, expand("EnduringThing-Localized")):
-                continue  # objects that state their own translation usually need no rotation: no note
-            notes.append(note("M004", f"the pose {local_name(iri)} has no quaternion; not rotated", ontology.span(iri)))
-            continue
+            continue  # not turned, which is the documented default
         numbers = lengths(triple, notes) if triple else None
         if triple and numbers is None:
             return None

@@ -16,6 +16,7 @@ from executive.pictures.links import Look, looks_of_links
 from executive.pictures.looks import BEVEL, Piece, Rgba, colour_of, colours, look_of, pieces_of
 from executive.pictures.solids import Solid, box, shaded
 from planlang.diagnostics import Diagnostic, error
+from planlang.extras import install_command
 from planlang.geometry import Pose
 from planlang.geometry.shapes import Size, SolidKind
 from planlang.records import dataclass
@@ -182,5 +183,5 @@ def missing() -> list[Diagnostic]:
     """Report an error (C012) if the package for recordings is not installed."""
     if find_spec("rerun") is not None:
         return []
-    advice = "pip install 'planlang[record]', or leave out --record"
+    advice = f"{install_command('record')}, or leave out --record"
     return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]

@@ -35,6 +35,7 @@ from typing import Any
 from executive.robots.mechanism import Mount, NotInstalled, ToolPoint, mounted, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.extras import install_command
 from planlang.files import open_regular, read_file
 from planlang.records import dataclass
 from sim import CameraModel
@@ -324,7 +325,7 @@ def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, To
             urdf = packaged(name, file) if name and file else Path()
         except NotInstalled as problem:
             extra = source.text("extra", "")
-            advice = f"pip install 'planlang[{extra}]'" if extra else f"pip install {name}"
+            advice = install_command(extra) if extra else f"pip install {name}"
             table.report.problems.append(error("B014", f"urdf: {problem}", table.report.span("urdf"), advice))
             return Path()
     else:

@@ -65,8 +65,8 @@ class SituationSettings:
         list[str] | None,
         typer.Option(
             metavar="THING",
-            help="The robot does not know where this thing, or things of this class, are; all: everything except "
-            "rooms. Repeatable.",
+            help="Hide the pose of this thing, or of the things of this class, from the robot; all: of everything "
+            "except rooms. Repeatable.",
         ),
         InHeader("unknown", "--unknown"),
     ] = None
@@ -113,7 +113,7 @@ class RunSettings(SituationSettings):
         ),
     ] = None
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs planlang[record]).")
+        Path | None, typer.Option(metavar="FILE", help="Write a recording for rerun (needs the extra record).")
     ] = None
     report: Annotated[
         Path | None,

@@ -215,7 +215,7 @@ def _parse(line: bytes, path: Path, number: int) -> Row:
 
 def _invalid(path: Path, line: int) -> Diagnostic:
     message = "this is not the file of a sweep" if line == 1 else "this line of a sweep is damaged"
-    return error("C030", message, Span(str(path), line), "write one with planlang sweep RECIPE --out FILE")
+    return error("C030", message, Span(str(path), line), "write one with planlang sweep RECIPE --output FILE")
 
 
 def _line(value: Mapping[str, Any]) -> str:

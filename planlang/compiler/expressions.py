@@ -469,14 +469,14 @@ class Expressions:
         use = self._symbols.use
         kinds = [Text(use(failure, "planlang.failures")) for failure in failures]
         arguments: list[Expression | str] = [kinds[0] if len(kinds) == 1 else sequence(kinds)]
-        attempts = recovery.attempts if recovery.strategy.function is not None else 0
+        retries = recovery.attempts if recovery.strategy.function is not None else 0
         if recovery.strategy.origin is not None:
             module, function = recovery.strategy.origin
             do = use(function, module)
             about = [] if recovery.about is None else [self._symbols.thing(recovery.about)]
             again = [] if recovery.again is None else [self._repeats[recovery.again]]
             arguments.append(call(do, *about, *again) if about else do)
-        more: dict[str, Expression | str] = {"attempts": str(attempts)}
+        more: dict[str, Expression | str] = {"retries": str(retries)}
         declared = recovery.strategy.otherwise
         if recovery.otherwise != (declared and declared.__name__):
             more["otherwise"] = use(recovery.otherwise, "planlang.failures") if recovery.otherwise else "None"

@@ -61,6 +61,10 @@ class Fluent(BaseFluent[T]):
             tracked.reads[self] = None
         return self._value
 
+    def known(self) -> T:
+        """The value, or that of the last sample of the world."""
+        return self._value
+
     def set(self, value: T) -> None:
         """Change the value; an equal one changes nothing.
 

@@ -47,6 +47,10 @@ class Signal(Generic[T]):
         """Compute the value from the present state of the world, not from this step's samples."""
         return self.value
 
+    def known(self) -> T:
+        """Last value that is known, without a look at the world; for a debugger."""
+        raise NotImplementedError
+
     def sources(self) -> dict[BaseFluent[Any], None]:
         """Fluents that the value depends on, in order."""
         raise NotImplementedError
@@ -68,7 +72,10 @@ class Signal(Generic[T]):
         return self.name or type(self).__name__.lower()
 
     def __repr__(self) -> str:
-        return f"<{self}>"
+        try:
+            return f"<{self} = {self.known()!r}>"
+        except Exception:  # an event, or an operation that does not take the values of the moment
+            return f"<{self}>"
 
     def __hash__(self) -> int:
         return id(self)  # differs from run to run, so that nothing may be ordered by it
@@ -179,6 +186,10 @@ class Expression(Signal[Any]):
         """Computed from the present state of the world."""
         return self._compute(_read)
 
+    def known(self) -> Any:
+        """Computed from the last known values of the operands."""
+        return self._compute(_known)
+
     def _compute(self, get: Callable[[object], Any]) -> Any:
         if self._operation is operator.and_:
             return get(self._operands[0]) and get(self._operands[1])
@@ -285,6 +296,10 @@ def _value(operand: object) -> Any:
 
 def _read(operand: object) -> Any:
     return operand.read() if isinstance(operand, Signal) else operand
+
+
+def _known(operand: object) -> Any:
+    return operand.known() if isinstance(operand, Signal) else operand
 
 
 def same(a: object, b: object) -> bool:

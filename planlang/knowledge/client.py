@@ -37,7 +37,17 @@ from planlang.knowledge.answers import (
     read_taken,
 )
 from planlang.knowledge.connection import Connection
-from planlang.knowledge.entries import Attachment, Changed, Entry, Kind, News, NoSuchEntry, Revision
+from planlang.knowledge.entries import (
+    Attachment,
+    Changed,
+    Entry,
+    Kind,
+    News,
+    NoSuchEntry,
+    NotTheAuthor,
+    OwnEntry,
+    Revision,
+)
 
 PAGE = 100
 """Entries per request."""
@@ -197,9 +207,12 @@ class Client:
         self._connection.send("DELETE", _path("binaries", uid, name))
 
     def rate(self, entry: Entry, rating: int) -> Entry:
-        """Rate an entry, 0 to 10, replacing an earlier rating."""
+        """Rate an entry, 0 to 10, replacing an earlier rating. Raises OwnEntry if the key is that of its author."""
         data = json.dumps({"rating": rating}).encode()
-        return self._put(_path(entry.kind.value, entry.uid, "rating"), data, "application/json")
+        try:
+            return self._put(_path(entry.kind.value, entry.uid, "rating"), data, "application/json")
+        except NotTheAuthor as problem:  # both are status 403
+            raise OwnEntry(str(problem)) from None
 
     # news
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator
 from contextvars import ContextVar
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from planlang.designators import Action, local_name
 from planlang.failures import BudgetExceeded, PlanFailure, Timeout
 from planlang.kernel import Task, checkpoint
 from planlang.kernel.core import here, park
@@ -21,6 +23,13 @@ if TYPE_CHECKING:
 V = TypeVar("V")
 
 _TIMEOUT = Usage("await timeout", {"seconds": "2", "body": "reach"})
+
+
+def _step_of(body: Branch) -> str:
+    """Name of the step that a body performs, as the author of the plan knows it; else that of its function."""
+    if isinstance(body, partial) and body.args and isinstance(action := body.args[0], Action):
+        return str(body.keywords.get("name") or action.name or local_name(action.type))
+    return name_of(body)
 
 
 class Limited(Single):
@@ -67,7 +76,7 @@ class _Timeout(Limited):
         self.seconds = seconds
 
     def failure(self) -> PlanFailure:
-        return Timeout(seconds=self.seconds, construct=f"{name_of(self.body)} in {self.path}")
+        return Timeout(seconds=self.seconds, construct=f"{_step_of(self.body)} in {self.path}")
 
 
 async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:

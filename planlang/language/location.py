@@ -313,7 +313,7 @@ async def make_room(executive: Executive) -> None:
     """
     for motion in executive.before_retry():
         with suppress(ManipulationFailure, NavigationFailure):
-            await perform(motion, recoveries=[Recovery(NOT_ARRIVED, attempts=AGAIN)])
+            await perform(motion, recoveries=[Recovery(NOT_ARRIVED, retries=AGAIN)])
 
 
 def _near(solution: Solution, failed: Solution) -> bool:

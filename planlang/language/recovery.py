@@ -27,7 +27,7 @@ _RECOVERY = Usage(
     "Recovery",
     {"on": "GraspMissed", "do": "look_again"},
     {
-        "attempts": "3",
+        "retries": "3",
         "within": "30",
         "alternatives": '{"grasp": lambda: ["side", "top"]}',
         "otherwise": "ObjectUnfetchable",
@@ -77,20 +77,21 @@ async def retry(failure: PlanFailure) -> RecoveryResult:
 class Recovery:
     """A rule for failures of the classes ``on``: how to handle them, how often, and what follows the last attempt.
 
-    ``do`` is an async function of the failure. It is called after the body is fully unwound, at most ``attempts`` times
+    ``do`` is an async function of the failure. It is called after the body is fully unwound, at most ``retries`` times
     for each execution of the construct, and returns a ``RecoveryResult``: RETRY, ``Return(value)`` or PROPAGATE. It is
     no longer called after ``within`` [s] of plan time, without suspensions, since the start of the construct.
     ``alternatives`` maps keyword arguments of the body to functions that return iterables: the first run gets the first
-    value of each, and every retry by this recovery the next one. When attempts, time or alternatives are used up,
+    value of each, and every retry by this recovery the next one. When retries, time or alternatives are used up,
     ``otherwise`` applies instead of ``do``: None lets the failure propagate, a failure class or a function of the
     failure makes the failure that is raised from it, and ``Return(value)`` ends the construct with a value. The default
     is the attribute ``otherwise`` of ``do``, which strategies with a fixed final failure have
-    (:func:`planlang.recovery_strategy`), or None.
+    (:func:`planlang.recovery_strategy`), or None. ``attempts``, the former name of ``retries``, is still read.
     """
 
     on: type[PlanFailure] | tuple[type[PlanFailure], ...]
     do: Do = retry
-    attempts: int = field(default=1, kw_only=True)
+    retries: int = field(default=1, kw_only=True)
+    attempts: int | None = field(default=None, kw_only=True, repr=False, compare=False)
     within: float | None = field(default=None, kw_only=True)
     alternatives: Mapping[str, Callable[[], Iterable[Any]]] | None = field(default=None, kw_only=True)
     otherwise: Otherwise | None = field(default=_FROM_DO, kw_only=True)
@@ -110,7 +111,12 @@ class Recovery:
                 raise WrongType(contrast(message, _RECOVERY.shown("on", written(kind)), _RECOVERY.shown("on")))
         if self.on == ():
             raise _RECOVERY.wrong("on", self.on, "a failure class, or a tuple with some", WrongValue)
-        _RECOVERY.whole("attempts", self.attempts, 0, "times")
+        if self.attempts is not None:
+            if self.retries != 1:
+                raise _RECOVERY.refused("retries", "attempts is the former name of retries; give one", self.retries)
+            object.__setattr__(self, "retries", self.attempts)
+            object.__setattr__(self, "attempts", None)
+        _RECOVERY.whole("retries", self.retries, 0, "times")
         if self.within is not None:
             _RECOVERY.seconds("within", self.within)
         self._check_alternatives()
@@ -171,7 +177,7 @@ class _Entry:
 async def with_failure_handling(body: Callable[..., Awaitable[V]], *recoveries: Recovery) -> V:
     """Run a body; the first recovery, in textual order, that matches the class of a failure handles it.
 
-    Attempts are counted anew in each execution, so the body runs at most 1 + sum of all ``attempts`` times. A failure
+    Retries are counted anew in each execution, so the body runs at most 1 + sum of all ``retries`` times. A failure
     of ``do`` propagates to the caller, with the original failure as its cause.
     """
     _WITH_FAILURE_HANDLING.branch("body", body)
@@ -254,7 +260,7 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         raise failure
     entry = entries[number]
     recovery = entry.recovery
-    values = entry.next_values() if entry.used < recovery.attempts and not entry.late else None
+    values = entry.next_values() if entry.used < recovery.retries and not entry.late else None
     if values is None:
         record("recovery", recovery=number, decision="used up", used=entry.used, failure=failure)
         return _otherwise(recovery.otherwise, failure)

@@ -30,6 +30,7 @@ from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.extras import install_command
 from planlang.ontology.checks import is_malformed
 from planlang.ontology.nested_writers import rdfxml
 from planlang.ontology.ontology import Ontology
@@ -68,7 +69,7 @@ class Reasoned:
 def missing() -> str | None:
     """Message about a missing requirement of reasoning; None if all are installed."""
     if find_spec("owlready2") is None:
-        return "reasoning needs owlready2: pip install 'planlang[reason]'"
+        return f"reasoning needs owlready2: {install_command('reason')}"
     return None if shutil.which("java") else "reasoning needs Java: install it, and put `java` on the PATH"
 
 

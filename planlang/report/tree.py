@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.designators import local_name
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
+Held = tuple[str, TaskNode, int, int | None]
+"""A resource, the node that held it, and its first and last step."""
 PLUMBING = frozenset({"branch", "budget", "with_failure_handling", "using", "at_location", "achieve", "with_policies"})
 """Kinds of constructs that are rarely of interest: hidden unless all nodes are shown, or a failure arose in them."""
 MOST_TEXT = 400
@@ -28,14 +30,44 @@ def nodes_of(tree: RunTree, labels: Mapping[str, str], index: Mapping[int, int])
 
     ``labels`` maps classes of actions (local names) to the labels of the recipe.
     """
+    held = [(name, node, *span) for node in tree.numbered.values() for name, *span in _held(node)]
     within: dict[int, bool] = {}  # filled in one pass, because parents come before children
     nodes = []
     for number, node in sorted(tree.numbered.items()):
         parent = node.parent
         inside = parent is not None and (within[parent.number] or parent.is_request)
         within[number] = inside
-        nodes.append(_node(node, labels, inside, index.get(number), tree.rate))
+        entry = _node(node, labels, inside, index.get(number), tree.rate)
+        if node.kind == "branch" and parent is not None and parent.kind == "perform":  # the request of an action
+            entry["wait"] = _wait(node, held, tree.rate)
+        nodes.append(entry)
     return nodes
+
+
+def _wait(node: TaskNode, held: Sequence[Held], rate: float) -> list[Any] | None:
+    """``[end of the wait s or None, "base (held by Drive)"]`` if a request waits for its resources, else None."""
+    if node.begun is None:
+        return None
+    granted = next((one for one in node.happened if one.event == "acquired"), None)
+    until = node.ended if granted is None else granted.step
+    if until is not None and until <= node.begun:
+        return None
+    wanted = None if granted is None else {str(one) for one in granted.details.get("resources", ())}
+    holders = {
+        name: (other.parent if other.is_request and other.parent is not None else other).name
+        for name, other, begun, ended in held
+        if begun <= node.begun and (ended is None or ended > node.begun)
+        if (wanted is None or name in wanted) and not _is_around(other, node)
+    }
+    what = " and ".join(f"{name} (held by {holder})" for name, holder in sorted(holders.items()))
+    return [None if until is None else _seconds(until / rate), shown(what or ", ".join(sorted(wanted or ())), 120)]
+
+
+def _is_around(other: TaskNode, node: TaskNode) -> bool:
+    above: TaskNode | None = node
+    while above is not None and above is not other:
+        above = above.parent
+    return above is other
 
 
 def class_of(node: TaskNode) -> str | None:

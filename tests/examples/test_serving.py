@@ -20,10 +20,10 @@ async def fetch():
 async def serve():
     door = action("OpeningADoor", object_acted_on=DOOR)
     give = action("HandingOverAnObject", object_acted_on=BOTTLE, recipient=PATIENT)
-    stuck = Recovery(ContainerStuck, attempts=9, within=20)
+    stuck = Recovery(ContainerStuck, retries=9, within=20)
     refused = Recovery(HandoverNotTaken, otherwise=ObjectUndeliverable)
     await par(
-        fetching=partial(achieve, holding(BOTTLE), fetch, Recovery(GraspSlipped, attempts=2)),
+        fetching=partial(achieve, holding(BOTTLE), fetch, Recovery(GraspSlipped, retries=2)),
         door=partial(perform, door, name="OpenDoor", recoveries=[stuck]),
     )
     await at_location(a_location(in_reach_of=PATIENT), partial(perform, give, name="Offer"), refused)

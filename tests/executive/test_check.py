@@ -70,7 +70,7 @@ def test_a_changed_recipe_beside_the_plan_counts_and_not_a_bundled_one_of_its_na
 def test_an_edited_plan_of_a_changed_recipe_is_told_as_both(recipe: Path) -> None:
     plan = compiled(recipe)
     change(recipe, "bring the bottle close to the robot", "hold the bottle close")
-    change(plan, "attempts=3", "attempts=7")
+    change(plan, "retries=3", "retries=7")
     assert checked(plan)[1] == ["C009", "C010"]
     result = CliRunner().invoke(app, ["compile", str(recipe), "-o", str(plan)])
     assert (result.exit_code, "C005" in result.stderr) == (2, True)
@@ -78,12 +78,12 @@ def test_an_edited_plan_of_a_changed_recipe_is_told_as_both(recipe: Path) -> Non
 
 def test_an_edited_plan_shows_its_edits(recipe: Path) -> None:
     plan = compiled(recipe)
-    change(plan, "attempts=2", "attempts=9")
+    change(plan, "retries=2", "retries=9")
     state, codes, difference, code = checked(plan)
     assert (state, codes, code) == ("an edited plan", ["C010"], 0)
     assert difference == ""
     answer = json.loads(CliRunner().invoke(app, ["check", str(plan), "--json"]).stdout)
-    assert next(line for line in answer["edits"].splitlines() if "attempts=9" in line).startswith("+")
+    assert next(line for line in answer["edits"].splitlines() if "retries=9" in line).startswith("+")
 
 
 def test_another_compiler_is_told_from_an_edit(recipe: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -272,13 +272,13 @@ def test_a_compiled_plan_is_told_from_an_edited_one(tmp_path: Path) -> None:
     path = tmp_path / "plan.py"
     assert invoke("compile", "serve_a_drink", "-o", path).exit_code == 0
     assert "what serve_a_drink.omn compiles to" in invoke("check", path).stdout
-    path.write_text(path.read_text().replace("attempts=3", "attempts=7"))
+    path.write_text(path.read_text().replace("retries=3", "retries=7"))
     result = invoke("check", path, "--json")
     answer = json.loads(result.stdout)
     assert (result.exit_code, answer["state"]) == (0, "an edited plan")
     assert [(d["severity"], d["code"]) for d in answer["diagnostics"]] == [("note", "C010")]
     assert codes(invoke("compile", "serve_a_drink", "-o", path)) == ["C005"], "edited plans are not overwritten"
-    assert "attempts=7" in path.read_text()
+    assert "retries=7" in path.read_text()
 
 
 def test_a_missing_viewer_package_is_told_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ DESK = Body("desk", Pose((0.0, -4.0, 0.37)), (0.8, 0.8, 0.74), type="Desk-PieceO
 ON_TABLE = replace(BOTTLE, pose=Pose((2.3, 0.0, 0.84)))
 ON_DESK = replace(BOTTLE, pose=Pose((0.0, -3.9, 0.84)))
 LOOK = action("LookingForSomething", object_acted_on=THE_BOTTLE)
-LOOKING = Recovery(ObjectNotFound, look_from_another_place(THE_BOTTLE), attempts=3, otherwise=ObjectNowhereToBeFound)
+LOOKING = Recovery(ObjectNotFound, look_from_another_place(THE_BOTTLE), retries=3, otherwise=ObjectNowhereToBeFound)
 
 
 async def look() -> None:

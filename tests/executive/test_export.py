@@ -175,7 +175,7 @@ def grasp_missed(attempts: int) -> str:
 
     async def grasp() -> None:
         body = partial(perform, action("GraspingSomething", object_acted_on=an_object("Cup")))
-        await with_failure_handling(body, Recovery(GraspMissed, attempts=attempts - 1))
+        await with_failure_handling(body, Recovery(GraspMissed, retries=attempts - 1))
 
     script = Script().on("GraspingSomething", fails=GraspMissed, times=1)
     run = run_plan(grasp, script=script)

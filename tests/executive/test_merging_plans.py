@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from planlang.files import bundled
 
-EDIT = ("look_from_another_place(bottle), attempts=3", "look_from_another_place(bottle), attempts=9")
+EDIT = ("look_from_another_place(bottle), retries=3", "look_from_another_place(bottle), retries=9")
 CHANGE = ("bring the bottle close to the robot", "hold the bottle close")
 
 
@@ -72,7 +72,7 @@ def test_check_shows_apart_what_a_person_edited_and_what_the_recipe_changed(reci
     assert EDIT[1] in answer["edits"]
     assert CHANGE[1] not in answer["edits"]
     assert CHANGE[1] in answer["difference"]
-    assert "attempts=9" not in answer["difference"]
+    assert "retries=9" not in answer["difference"]
     (told,) = (one for one in answer["diagnostics"] if one["code"] == "C009")
     assert told["help"].endswith("--merge keeps the edits")
 

@@ -249,4 +249,4 @@ def test_without_the_package_a_recording_is_refused_with_how_to_get_it(
     monkeypatch.setattr("executive.pictures.drawn.find_spec", lambda name: None)
     result = inspected("amigo", "--record", tmp_path / "reach.rrd")
     assert result.exit_code == 2
-    assert "pip install 'planlang[record]'" in result.output
+    assert "pip install 'rerun-sdk>=0.32'" in result.output

@@ -71,7 +71,7 @@ def test_a_strategy_of_a_package_is_written_into_the_plan_and_used(package: Path
     assert compiled.returncode == 0, compiled.stderr
     assert "from my_robot.recoveries import wait_a_moment" in compiled.stdout
     text = "".join(compiled.stdout.split())
-    assert "Recovery(GraspMissed,wait_a_moment,attempts=3,otherwise=ObjectUnfetchable" in text
+    assert "Recovery(GraspMissed,wait_a_moment,retries=3,otherwise=ObjectUnfetchable" in text
     run = python(package, "-c", RUN)
     assert run.stdout.split() == ["None", "7.0", "3"], run.stderr  # three attempts of 1 s, and two waits of 2 s
 

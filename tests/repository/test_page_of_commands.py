@@ -23,7 +23,7 @@ SHARED = ("json", "verbose", "quiet")
 """Options that every command has; they are explained once, unless a command says more of one."""
 TOP = """# Commands
 
-Written from what the program itself says: `planlang COMMAND --help` prints the same.
+Generated from the output of `planlang COMMAND --help`.
 
 Every command has these options:
 

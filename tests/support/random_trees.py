@@ -52,13 +52,13 @@ def plan_of(tree: Tree, fluents: list[Fluent[bool]]) -> Branch:
     made: dict[str, Callable[[], Any]] = {
         "work": lambda: partial(work, tree),
         "fluent": lambda: partial(wait_for, fluents[tree.number]),
-        "retry": lambda: partial(with_failure_handling, first, Recovery(PlanFailure, attempts=tree.number)),
+        "retry": lambda: partial(with_failure_handling, first, Recovery(PlanFailure, retries=tree.number)),
         "step": lambda: partial(
             perform,
             action("PurposefulAction"),
             otherwise=first,
             until=fluents[tree.children[1].number],
-            recoveries=[Recovery(PlanFailure, attempts=tree.number)],
+            recoveries=[Recovery(PlanFailure, retries=tree.number)],
         ),
         "protected": lambda: partial(unwind_protect, first, partial(work, tree), within=FOREVER),
         "shield": lambda: partial(shielded, tree.number, first),

@@ -32,7 +32,7 @@ SUPPORTS = 4
 """Pieces of furniture to try, nearest first."""
 PLACES = 2
 """Base poses to try at each."""
-AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), attempts=3)
+AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), retries=3)
 """Retry of motions that may succeed if repeated."""
 
 

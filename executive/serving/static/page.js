@@ -127,3 +127,6 @@ rememberKeys();
 document.querySelectorAll("[data-complete]").forEach(complete);
 document.querySelectorAll("[data-into]").forEach((field) => field.addEventListener("change", () => readInto(field)));
 document.querySelectorAll("[data-line]").forEach((link) => link.addEventListener("click", goTo));
+
+// Commands to copy name this server, as the browser knows it.
+for (const server of document.querySelectorAll(".server")) server.textContent = location.origin;

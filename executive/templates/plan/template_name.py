@@ -20,7 +20,7 @@ async def grasp() -> None:
     await perform(action("Reaching", to_location=BEFORE_IT), name="Approach")
     await perform(action("OpeningAGripper"), name="Open")
     await perform(action("Reaching", to_location=a_location(in_center_of=BOTTLE)), name="Reach")
-    await perform(action("ClosingAGripper"), name="Close", recoveries=[Recovery(GraspMissed, attempts=3)])
+    await perform(action("ClosingAGripper"), name="Close", recoveries=[Recovery(GraspMissed, retries=3)])
     await perform(action("Reaching", to_location=BEFORE_IT), name="Lift")
     await perform(action("Reaching", to_location=a_posture("carrying")), name="Carry")
 

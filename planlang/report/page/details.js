@@ -66,6 +66,7 @@ function showDetails(node) {
     : `${seconds(node.start)} to ${seconds(node.end)}`;
   details.replaceChildren(
     el("h2", {}, node.name, el("span", { class: `badge ${at}` }, CALLED[at])),
+    at === "queued" ? el("p", {}, `waits for ${waitAt(node, clock.time)[1] || "a resource"}`) : "",
     el("p", { class: "said" }, moment(momentOf(node), node.id, when), ` · ${node.kind}${node.label ? ` · ${node.label}` : ""}`),
     node.text ? el("p", { class: "mono" }, node.text) : "",
     ...(failure && at !== "failed" ? [el("p", {}, "fails at ", moment(node.end, node.id))] : []),

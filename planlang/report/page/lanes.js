@@ -103,7 +103,8 @@ const lanes = {
       if (right <= past && deep === 1) continue;
       past = right - 0.5;
       const top = y + 1 + (span.depth ?? 0) * each, name = tint[span.status] ?? "waiting";
-      const state = span.from > clock.time ? "waiting" : to > clock.time ? "running" : name;
+      const now = row.isStep && to > clock.time ? statusAt(span.node, clock.time) : "running";
+      const state = span.from > clock.time ? "waiting" : to > clock.time ? (now === "queued" ? "ended" : "running") : name;
       const base = state === "waiting" ? "raised" : `${state}-soft`;
       pen.fillStyle = ink[base] ?? ink.raised;
       pen.fillRect(left, top, right - left, each - 1);

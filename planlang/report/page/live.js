@@ -5,6 +5,7 @@ const live = {
   begin() {
     this.box.hidden = false;
     byId("share").hidden = true;
+    byId("aim").checked = true;  // who watches a run wants to see where it is
     for (const name of ["pause", "step", "stop"]) byId(`live-${name}`).addEventListener("click", () => this.press(name));
     byId("live-now").addEventListener("click", () => this.follow(true));
     byId("live-pace").addEventListener("change", (event) => this.send({ command: "pace", speed: Number(event.target.value) || null }));

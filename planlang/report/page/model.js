@@ -46,13 +46,24 @@ const never = "never";
 function statusAt(node, time) {
   if (node.start === null) return node.end !== null && time >= node.end ? never : "waiting";
   if (time < node.start) return "waiting";
-  if (node.end === null || time < node.end) return "running";
+  if (node.end === null || time < node.end) return waitAt(node, time) ? "queued" : "running";
   return node.status;
 }
-const MARKS = { succeeded: "✓", failed: "✕", running: "▸", evaporated: "⊘", waiting: "·", never: "⊘" };
+// The wait for resources that a running step is in at a moment: its own, or that of all its running children.
+function waitAt(node, time) {
+  if (node.wait) return node.wait[0] === null || time < node.wait[0] ? node.wait : undefined;
+  let wait;
+  for (const child of node.children) {
+    if (child.start === null || time < child.start || (child.end !== null && time >= child.end)) continue;
+    wait = waitAt(child, time);
+    if (!wait) return undefined;
+  }
+  return wait;
+}
+const MARKS = { succeeded: "✓", failed: "✕", running: "▸", evaporated: "⊘", waiting: "·", never: "⊘", queued: "‖" };
 const CALLED = {
   succeeded: "succeeded", failed: "failed", running: "running", evaporated: "evaporated", waiting: "not started",
-  never: "evaporated before it began", interrupted: "interrupted",
+  never: "evaporated before it began", interrupted: "interrupted", queued: "waiting for a resource",
 };
 
 const seconds = (time) => `${time.toFixed(2)} s`;

@@ -41,7 +41,7 @@ const tree = {
       ondblclick: () => clock.goTo(node.start ?? 0, node.id),
     },
     fold, el("span", { class: "mark", "aria-hidden": "true" }, MARKS[status]),
-    el("span", { class: "name" }, node.name), el("span", { class: "more" }, titleOf(node) || node.text),
+    el("span", { class: "name" }, node.name), el("span", { class: "more" }, status === "queued" ? `waits for ${waitAt(node, clock.time)[1]}` : titleOf(node) || node.text),
     el("span", { class: "when" }, spanOf(node)));
     row.style.paddingLeft = `${6 + depth * 15}px`;
     return row;

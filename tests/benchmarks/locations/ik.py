@@ -60,7 +60,7 @@ def measure(robot: Robot, number: int) -> list[Row]:
             _row(robot, "TRAC-IK (pytracik)", chain, targets, _trac_ik(robot, chain, targets, middle), (TIP, TURN))
         )
     except ImportError:
-        print("TRAC-IK is left out: pip install 'planlang[bench]'")
+        print("TRAC-IK is left out: make bench installs it")
     whole = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip)  # PyBullet moves all joints, the torso, too
     count = max(10, number // 20)
     some, starts = whole.fk(whole.sample(rng, count)), whole.sample(rng, (count, SEEDS))

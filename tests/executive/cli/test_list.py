@@ -83,6 +83,11 @@ def test_a_word_that_nothing_has_ends_with_1_and_a_suggestion() -> None:
     assert "did you mean" not in invoke("list", "classes", "song").stdout, "Tongs is no help"
 
 
+def test_a_misspelt_everyday_word_suggests_its_class() -> None:
+    said = invoke("list", "classes", "sidebord").stdout
+    assert said.rstrip().endswith("did you mean Cabinet-PieceOfFurniture?")
+
+
 def test_a_word_is_looked_for_at_beginnings_of_words() -> None:
     assert listed("classes", "waving") == []
     assert "DrinkingBottle" in [one["name"] for one in listed("classes", "bottle")]

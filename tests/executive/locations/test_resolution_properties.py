@@ -293,7 +293,7 @@ def test_the_iterator_goes_on_with_greater_efforts_until_there_are_no_more(
     gangway: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found, said = drained(gangway)
-    assert said.startswith(f"no more places than {len(found)} for in_reach_of(bottle): ")
+    assert said.startswith(f"only {len(found)} places were found for in_reach_of(bottle), and each failed: ")
     for one, other in combinations(found, 2):
         assert round(math.dist(one[:2], other[:2]), 4) > APART
     monkeypatch.setattr("executive.locations.search.BUDGETS", BUDGETS[:1])

@@ -188,7 +188,7 @@ def test_a_missed_grasp_is_cured_by_looking_and_grasping_again(before_bottle: St
 
     stage.run(
         lambda: with_failure_handling(
-            grasp, Recovery((GraspMissed, ManipulationFailure), look_and_repeat(THE_BOTTLE), attempts=2)
+            grasp, Recovery((GraspMissed, ManipulationFailure), look_and_repeat(THE_BOTTLE), retries=2)
         )
     )
     assert tries == [BOTTLE.pose, *moved]
@@ -392,7 +392,7 @@ def test_without_a_camera_a_thing_is_grasped_where_the_hand_has_felt_it(aside: f
         for one in (reach(BEFORE), OPEN, reach(AROUND), CLOSE):
             await perform(one)
 
-    stage.run(partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(THE_BOTTLE), attempts=2)))
+    stage.run(partial(with_failure_handling, grasp, Recovery(GraspMissed, look_and_repeat(THE_BOTTLE), retries=2)))
     assert held_by(stage.truth, "bottle") == "robot"
 
 

@@ -224,7 +224,7 @@ def test_a_bottle_hidden_from_everywhere_is_nowhere_to_be_found_after_three_reco
     async def plan() -> None:
         await with_failure_handling(
             body,
-            Recovery(ObjectNotFound, look_from_another_place(THE_BOTTLE), attempts=3, otherwise=ObjectNowhereToBeFound),
+            Recovery(ObjectNotFound, look_from_another_place(THE_BOTTLE), retries=3, otherwise=ObjectNowhereToBeFound),
         )
 
     with pytest.raises(ObjectNowhereToBeFound) as caught:
@@ -245,7 +245,7 @@ def test_a_bottle_behind_another_thing_is_found_from_another_place(make_stage: M
     async def plan() -> None:
         await with_failure_handling(
             body,
-            Recovery(ObjectNotFound, look_from_another_place(THE_BOTTLE), attempts=3, otherwise=ObjectNowhereToBeFound),
+            Recovery(ObjectNotFound, look_from_another_place(THE_BOTTLE), retries=3, otherwise=ObjectNowhereToBeFound),
         )
 
     stage.run(plan)

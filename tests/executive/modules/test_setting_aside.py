@@ -68,7 +68,7 @@ def failing(*failures: PlanFailure) -> Callable[[], Awaitable[None]]:
 
     async def plan() -> None:
         await fetch()
-        regrasp = Recovery(ObjectUndeliverable, put_down_and_regrasp(THE_BOTTLE, fetch), attempts=1)
+        regrasp = Recovery(ObjectUndeliverable, put_down_and_regrasp(THE_BOTTLE, fetch), retries=1)
         await with_failure_handling(deliver, regrasp)
 
     return plan
@@ -91,7 +91,7 @@ def test_where_no_hand_is_free_for_a_thing_what_one_holds_is_put_down_and_not_ta
 
     async def plan() -> None:
         await perform(action("ClosingAGripper", object_acted_on=THE_BOTTLE))
-        await with_failure_handling(grasp, Recovery(ObjectUndeliverable, put_down_and_regrasp(cup), attempts=1))
+        await with_failure_handling(grasp, Recovery(ObjectUndeliverable, put_down_and_regrasp(cup), retries=1))
 
     run = run_plan(plan)
     assert run.failure is None

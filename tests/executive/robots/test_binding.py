@@ -103,7 +103,7 @@ def test_a_robot_whose_package_is_not_installed_is_reported_as_not_compared(
     assert found.code == "B008"
     assert "(amigo)" in found.message
     assert found.help is not None
-    assert "pr2 was not compared (pip install 'planlang[pr2]')" in found.help
+    assert "pr2 was not compared (pip install 'example-robot-data>=4.1')" in found.help
 
 
 def test_a_pr2_has_two_arms_on_a_torso(corpus: Path) -> None:
@@ -285,7 +285,7 @@ def robot(request: pytest.FixtureRequest) -> Robot:
         try:
             distribution("example-robot-data")
         except PackageNotFoundError:
-            pytest.skip("needs planlang[pr2]")
+            pytest.skip("needs the extra pr2")
     return bind_robot(request.param)
 
 

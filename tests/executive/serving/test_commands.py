@@ -217,7 +217,7 @@ def test_an_update_makes_the_next_revision_and_earlier_ones_stay() -> None:
     words = ("push", "mine.omn", "--kind", "recipe", "--name", "updated")
     assert invoke(*words).stdout == "serveadrink.updated: revision 1\n"
     assert codes(invoke(*words)) == ["K036"], "it is there already"
-    assert invoke(*words, "--update").stdout == "serveadrink.updated: revision 1\n", "nothing has changed"
+    assert invoke(*words, "--update").stdout == ("serveadrink.updated: revision 1 has this content already\n")
     with Path("mine.omn").open("a") as file:
         file.write("\n# better\n")
     assert invoke(*words, "--update").stdout == "serveadrink.updated: revision 2\n"
@@ -252,7 +252,9 @@ def test_who_changes_something_needs_a_key_which_is_never_shown(
     assert codes(invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "odd")) == ["K034"]
     (tmp_path / "right").write_text(server.key("carl") + "\n")
     right = invoke("rate", "serveadrink.ada", "8", "--key-file", tmp_path / "right")
-    assert right.stdout == "serveadrink.ada: your 8 is counted; rated 5.0 by 1\n", right.output
+    assert right.stdout == (
+        "serveadrink.ada: saved your rating of 8; shown: 5.0, the median of 1 rating and two neutral ones of 5\n"
+    ), right.output
 
 
 def test_news_are_those_of_what_was_subscribed_to() -> None:
@@ -353,3 +355,10 @@ def test_an_entry_a_file_and_a_subscription_end_by_their_commands(
         assert refused.exit_code == 2, refused.output
     assert invoke("delete", "bottlemodel.old").stdout == "bottlemodel.old: deleted all of it\n"
     assert "bottlemodel.old" not in [one.uid for one in server.store.entries()]
+
+
+def test_a_rating_of_an_entry_of_ones_own_is_refused_without_advice_on_uploads() -> None:
+    refused = invoke("rate", "serveadrink.ada", "9")
+    assert (refused.exit_code, codes(refused)) == (2, ["K036"])
+    assert "your own entry; only others can rate it" in refused.stderr
+    assert "help:" not in refused.stderr

@@ -86,5 +86,5 @@ def test_without_its_packages_the_command_names_the_extra(tmp_path: Path, monkey
     refused = invoke(tmp_path / "kb.sqlite")
     assert refused.exit_code == 2
     assert "error K004" in refused.stderr
-    assert "pip install 'planlang[serve]'" in refused.stderr
+    assert "pip install 'fastapi>=0.115' " in refused.stderr
     assert not list(tmp_path.iterdir())

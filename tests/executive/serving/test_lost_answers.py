@@ -10,7 +10,7 @@ import pytest
 from planlang.files import Bundled
 from planlang.knowledge.answers import Declined
 from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Kind, NotTheAuthor
+from planlang.knowledge.entries import Kind, OwnEntry
 from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
@@ -47,7 +47,7 @@ def test_what_is_sent_again_is_done_once(server: RunningServer) -> None:
         entry = client.attach(made.uid, "note.txt", "text/plain", b"first")
         assert client.attachment(entry, entry.attachments[0]) == b"first"
         client.subscribe(made.uid)
-        with pytest.raises(NotTheAuthor):
+        with pytest.raises(OwnEntry):
             client.rate(entry, 7)
         with Client(server.url, server.key("bob"), transport=transport, sleep=lambda _: None) as bob:
             rated = bob.rate(entry, 7)

@@ -14,7 +14,7 @@ def test_recovery_stated_in_the_recipe_replaces_the_inherited_one(compiled: Any)
         "Individual: again\n    Types: k:Recovery\n"
         "    Facts: k:recoversAction Close, k:recoversFailure k:GraspMissed, k:strategy k:Repeat, k:attempts 4",
     )
-    assert "Recovery(GraspMissed, attempts=4)" in plan.source
+    assert "Recovery(GraspMissed, retries=4)" in plan.source
     assert "Recovery((GraspSlipped, GripperGoalNotReached), look_and_repeat(bottle)" in unbroken(plan.source)
 
 
@@ -31,10 +31,10 @@ def test_recovery_with_no_attempts_is_switched_off(compiled: Any) -> None:
 @pytest.mark.parametrize(
     ("stated", "written"),
     [
-        ("k:strategy k:FetchAgain, k:escalatesTo k:ObjectUnfetchable", "fetch_again(bottle), attempts=2)"),
-        ("k:strategy k:FetchAgain", "fetch_again(bottle), attempts=2, otherwise=None)"),
-        ("k:strategy k:Repeat", "attempts=2)"),
-        ("k:strategy k:Repeat, k:escalatesTo k:ObjectUnfetchable", "attempts=2, otherwise=ObjectUnfetchable)"),
+        ("k:strategy k:FetchAgain, k:escalatesTo k:ObjectUnfetchable", "fetch_again(bottle), retries=2)"),
+        ("k:strategy k:FetchAgain", "fetch_again(bottle), retries=2, otherwise=None)"),
+        ("k:strategy k:Repeat", "retries=2)"),
+        ("k:strategy k:Repeat, k:escalatesTo k:ObjectUnfetchable", "retries=2, otherwise=ObjectUnfetchable)"),
     ],
 )
 def test_last_failure_is_written_unless_the_strategy_says_it(compiled: Any, stated: str, written: str) -> None:
@@ -90,8 +90,8 @@ def test_steps_between_a_grasp_and_the_release_go_back_to_the_grasp_when_the_thi
     back = step("Back", "k:Translation-LocationChange", "k:toLocation value room:cup1")
     text = unbroken(compiled(*carrying(away, give, back), scopes=False).source)
     assert "fetch_bottle = partial(perform," in text
-    assert text.count("Recovery(ObjectLost, fetch_again(bottle), attempts=2") == 1, "around the grasp itself"
-    assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2") == 2
+    assert text.count("Recovery(ObjectLost, fetch_again(bottle), retries=2") == 1, "around the grasp itself"
+    assert text.count("Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), retries=2") == 2
     after_giving = text[text.index("perform(action(RECIPE + 'Give'") :].splitlines()[1:]
     assert [line for line in after_giving if "ObjectLost" in line] == [], "let go"
 

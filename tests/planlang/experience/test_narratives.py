@@ -87,7 +87,7 @@ async def fetch() -> None:
         except GraspMissed as missed:
             raise ObjectUnfetchable(what="cup1") from missed
 
-    await with_failure_handling(grasp, Recovery(ObjectUnfetchable, attempts=2))
+    await with_failure_handling(grasp, Recovery(ObjectUnfetchable, retries=2))
 
 
 @cache

@@ -442,7 +442,7 @@ def test_a_programming_error_of_a_process_module_ends_the_plan_as_itself_and_nam
             log.append("cleaned")
 
     cook = partial(perform, action("Cooking"))
-    recovered = partial(with_failure_handling, cook, Recovery(PlanFailure, attempts=3))
+    recovered = partial(with_failure_handling, cook, Recovery(PlanFailure, retries=3))
     executive = ScriptedExecutive(Script().on("Cooking", does=broken))
     with pytest.raises(AttributeError, match="what_is_not_there") as caught:
         go(partial(par, other, partial(try_all, recovered, other)), executive=executive)

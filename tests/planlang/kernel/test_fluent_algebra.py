@@ -192,11 +192,28 @@ def test_an_expression_as_goal_is_read_anew_from_the_world() -> None:
 
 def test_signals_say_what_they_are() -> None:
     fluent = Fluent(1, "count")
-    assert [str(fluent.changed()), str(fluent.pulsed()), repr(fluent + 1)] == [
+    assert [str(fluent.changed()), str(fluent.pulsed()), str(fluent + 1)] == [
         "a change of count",
         "a pulse of count",
-        "<(count + 1)>",
+        "(count + 1)",
     ]
+
+
+def test_signals_show_their_values_to_a_debugger() -> None:
+    fluent, unknown = Fluent(1, "count"), Fluent(None, "height")
+    assert [repr(fluent), repr(fluent > 2), repr(unknown + 1), repr(fluent.changed())] == [
+        "<count = 1>",
+        "<(count > 2) = False>",
+        "<(height + 1)>",
+        "<a change of count>",
+    ]
+
+
+def test_showing_a_world_fluent_does_not_read_the_world() -> None:
+    def read() -> bool:
+        raise AssertionError("the world was read")
+
+    assert repr(Fluent(False, "door_open", read=read)) == "<door_open = False>"
 
 
 def test_a_change_of_an_expression_can_be_waited_for() -> None:

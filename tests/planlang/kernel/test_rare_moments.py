@@ -352,7 +352,7 @@ def test_two_tasks_that_use_up_a_budget_at_once_are_decided_about_once() -> None
         raise GraspMissed(what="cup")
 
     async def trying() -> None:
-        await with_failure_handling(hopeless, Recovery(PlanFailure, attempts=3))
+        await with_failure_handling(hopeless, Recovery(PlanFailure, retries=3))
 
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, partial(par, trying, trying), attempts=0))

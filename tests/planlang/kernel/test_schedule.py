@@ -284,7 +284,7 @@ async def step(name):
     return {name, "set", "of", "words"}
 
 async def attempts(name):
-    return await with_failure_handling(partial(step, name), Recovery(PlanFailure, attempts=3, otherwise=Return(None)))
+    return await with_failure_handling(partial(step, name), Recovery(PlanFailure, retries=3, otherwise=Return(None)))
 
 async def plan():
     await par_each([f"s{n}" for n in range(20)], attempts, limit=5)

@@ -88,8 +88,8 @@ def test_nested_recoveries_share_the_attempts() -> None:
         runs.append(now())
         await misses()
 
-    inner = partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2))
-    outer = partial(with_failure_handling, inner, Recovery(GraspMissed, attempts=9))
+    inner = partial(with_failure_handling, body, Recovery(GraspMissed, retries=2))
+    outer = partial(with_failure_handling, inner, Recovery(GraspMissed, retries=9))
     with pytest.raises(BudgetExceeded, match="4 attempts is used up: with_failure_handling again 4 times"):
         go(partial(budget, outer, attempts=4))
     assert len(runs) == 5
@@ -114,8 +114,8 @@ def test_an_inner_budget_takes_from_the_outer_one_too() -> None:
         runs.append(now())
         await misses()
 
-    inner = partial(budget, partial(with_failure_handling, body, Recovery(GraspMissed, attempts=9)), attempts=3)
-    outer = partial(with_failure_handling, inner, Recovery(BudgetExceeded, attempts=9))
+    inner = partial(budget, partial(with_failure_handling, body, Recovery(GraspMissed, retries=9)), attempts=3)
+    outer = partial(with_failure_handling, inner, Recovery(BudgetExceeded, retries=9))
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, outer, attempts=6))
     assert (caught.value.attempts, caught.value.used) == (6, {"with_failure_handling": 6})
@@ -123,7 +123,7 @@ def test_an_inner_budget_takes_from_the_outer_one_too() -> None:
 
 
 def test_attempts_inside_an_inner_budget_with_enough_left_use_up_the_outer_one() -> None:
-    inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, attempts=9)), attempts=8)
+    inner = partial(budget, partial(with_failure_handling, misses, Recovery(GraspMissed, retries=9)), attempts=8)
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, inner, attempts=2))
     assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 2})
@@ -140,7 +140,7 @@ def test_that_a_budget_is_used_up_is_decided_after_the_round_whatever_the_schedu
         log.append("begun")
         await sleep(1)
 
-    asks = partial(with_failure_handling, fails, Recovery(GraspMissed, attempts=1))
+    asks = partial(with_failure_handling, fails, Recovery(GraspMissed, retries=1))
     with pytest.raises(BudgetExceeded):
         run(partial(budget, partial(par, beside, asks, beside), attempts=0), host=VirtualHost(), schedule=schedule)
     assert log == ["begun", "begun"]
@@ -156,7 +156,7 @@ def test_a_shielded_retry_goes_on_when_the_budget_is_used_up() -> None:
 
     async def plan() -> None:
         with shield():
-            await with_failure_handling(fails_once, Recovery(GraspMissed, attempts=1))
+            await with_failure_handling(fails_once, Recovery(GraspMissed, retries=1))
 
     with pytest.raises(BudgetExceeded):
         go(partial(budget, plan, attempts=0))
@@ -166,9 +166,9 @@ def test_a_shielded_retry_goes_on_when_the_budget_is_used_up() -> None:
 def test_a_shielded_retry_takes_from_the_budgets_that_have_attempts_left() -> None:
     async def shielded() -> None:
         with shield():
-            await with_failure_handling(misses, Recovery(GraspMissed, attempts=2))
+            await with_failure_handling(misses, Recovery(GraspMissed, retries=2))
 
-    outer = partial(with_failure_handling, partial(budget, shielded, attempts=0), Recovery(BudgetExceeded, attempts=1))
+    outer = partial(with_failure_handling, partial(budget, shielded, attempts=0), Recovery(BudgetExceeded, retries=1))
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, outer, attempts=2))
     assert (caught.value.attempts, caught.value.used) == (2, {"with_failure_handling": 2})
@@ -212,7 +212,7 @@ async def hopeless() -> None:
 
 def test_a_budget_of_time_does_not_count_attempts() -> None:
     with pytest.raises(GraspMissed):
-        go(partial(budget, partial(with_failure_handling, hopeless, Recovery(PlanFailure, attempts=5)), seconds=1))
+        go(partial(budget, partial(with_failure_handling, hopeless, Recovery(PlanFailure, retries=5)), seconds=1))
 
 
 def test_a_retry_in_the_cleanup_of_a_branch_that_is_evaporated_takes_no_budget_with_it() -> None:
@@ -238,7 +238,7 @@ def test_what_a_shield_keeps_goes_on_retrying_after_its_budget_is_used_up() -> N
 
     async def shielded() -> None:
         with shield():
-            await with_failure_handling(body, Recovery(PlanFailure, attempts=3))
+            await with_failure_handling(body, Recovery(PlanFailure, retries=3))
 
     with pytest.raises(BudgetExceeded):
         go(partial(budget, shielded, attempts=0))
@@ -259,8 +259,8 @@ def test_the_attempts_of_a_budget_bound_all_recoveries_inside_however_nested_and
         runs.append(1)
         raise GraspMissed
 
-    inner = partial(with_failure_handling, step, Recovery(GraspMissed, retry, attempts=3))
-    outer = partial(with_failure_handling, inner, Recovery(GraspMissed, retry, attempts=3))
+    inner = partial(with_failure_handling, step, Recovery(GraspMissed, retry, retries=3))
+    outer = partial(with_failure_handling, inner, Recovery(GraspMissed, retry, retries=3))
     with pytest.raises(BudgetExceeded, match=r"5 attempts.*with_failure_handling again 5 times") as caught:
         go(partial(budget, outer, attempts=5))
     assert len(runs) == 6
@@ -280,7 +280,7 @@ def test_branches_side_by_side_share_one_budget() -> None:
         raise GraspMissed
 
     def handled(name: str) -> Any:
-        return partial(with_failure_handling, partial(step, name), Recovery(GraspMissed, retry, attempts=9))
+        return partial(with_failure_handling, partial(step, name), Recovery(GraspMissed, retry, retries=9))
 
     with pytest.raises(BudgetExceeded):
         go(partial(budget, partial(par, handled("a"), handled("b")), attempts=3))
@@ -328,15 +328,15 @@ class Handlers:
 
 
 async def handled(body: Plan, handlers: Handlers) -> Any:
-    return await with_failure_handling(body, Recovery(GraspMissed, handlers.recover, attempts=3))
+    return await with_failure_handling(body, Recovery(GraspMissed, handlers.recover, retries=3))
 
 
 async def escalated(body: Plan, handlers: Handlers) -> Any:
-    return await with_failure_handling(body, Recovery(GraspMissed, attempts=0, otherwise=handlers.instead))
+    return await with_failure_handling(body, Recovery(GraspMissed, retries=0, otherwise=handlers.instead))
 
 
 async def given_up(body: Plan, handlers: Handlers) -> Any:
-    await with_failure_handling(body, Recovery(GraspMissed, attempts=0, otherwise=Return(None)))
+    await with_failure_handling(body, Recovery(GraspMissed, retries=0, otherwise=Return(None)))
     handlers.used.append(now())
 
 
@@ -357,7 +357,7 @@ CONSTRUCTS = [handled, escalated, given_up, tried, each_tried, states]
 AROUND: dict[str, Callable[[Plan], Plan]] = {
     "bare": lambda plan: plan,
     "in a sequence": lambda plan: partial(seq, plan),
-    "handled again": lambda plan: partial(with_failure_handling, plan, Recovery(PlanFailure, attempts=2)),
+    "handled again": lambda plan: partial(with_failure_handling, plan, Recovery(PlanFailure, retries=2)),
     "tried again": lambda plan: partial(try_in_order, plan, plan),
 }
 
@@ -430,7 +430,7 @@ def test_a_cleanup_recovers_from_its_own_failures() -> None:
         if missed:
             raise missed.pop()
 
-    cleanup = partial(with_failure_handling, retract, Recovery(GraspMissed, handlers.recover, attempts=2))
+    cleanup = partial(with_failure_handling, retract, Recovery(GraspMissed, handlers.recover, retries=2))
     with pytest.raises(Timeout) as raised:
         run(lambda: timeout(1, lambda: unwind_protect(partial(sleep, 9), cleanup)), host=VirtualHost())
     assert handlers.used == [1.25, 1.5]

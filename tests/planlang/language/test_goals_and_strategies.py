@@ -144,7 +144,7 @@ async def find() -> None:
 
 def test_looking_from_another_place_goes_where_it_should_be_visible_and_repeats(executive: Any, module: Any) -> None:
     eyes(executive, module, 1.0)
-    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), attempts=3, otherwise=ObjectNowhereToBeFound)
+    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), retries=3, otherwise=ObjectNowhereToBeFound)
     go(partial(with_failure_handling, find, recovery), executive)
     assert executive.log == ["looks at 0", "looks at 0", "at 1", "looks at 1", "looks at 1"]
     assert str(executive.asked[0]) == "visible_from(bottle1)"
@@ -152,7 +152,7 @@ def test_looking_from_another_place_goes_where_it_should_be_visible_and_repeats(
 
 def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module: Any) -> None:
     eyes(executive, module)
-    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), attempts=2, otherwise=ObjectNowhereToBeFound)
+    recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), retries=2, otherwise=ObjectNowhereToBeFound)
     with pytest.raises(ObjectNowhereToBeFound, match="bottle1"):
         go(partial(with_failure_handling, find, recovery), executive)
     assert [line for line in executive.log if line.startswith("looks")] == ["looks at 0"] * 2 + ["looks at 1"] * 5
@@ -183,7 +183,7 @@ def strategies_of(what: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("last", strategies_of(BOTTLE))
 def test_a_strategy_says_what_a_recovery_ends_in_unless_that_says_it_itself(last: str) -> None:
     do = strategies_of(BOTTLE)[last]
-    left_out = Recovery(ObjectNotFound, do, attempts=2).otherwise
+    left_out = Recovery(ObjectNotFound, do, retries=2).otherwise
     assert getattr(left_out, "__name__", "") == last
     assert Recovery(ObjectNotFound, do, otherwise=None).otherwise is None
     assert Recovery(ObjectNotFound, do, otherwise=ObjectUnreachable).otherwise is ObjectUnreachable

@@ -151,7 +151,7 @@ def test_no_recovery_of_the_plan_is_applied_to_an_inner_action_but_those_that_th
         return RETRY
 
     async def opens_with_patience(asked: Action) -> None:
-        await perform(DRIVE, recoveries=[Recovery(NavigationFailure, attempts=2)])
+        await perform(DRIVE, recoveries=[Recovery(NavigationFailure, retries=2)])
 
     executive.navigation.does = drives
     executive.extra.append(module("door", ("OpeningADoor",), opens))

@@ -126,7 +126,7 @@ def test_a_thing_of_which_nothing_is_known_is_looked_for_before_a_place_is(execu
         if not looked:
             raise ObjectUnresolvable(designator="Cup")
 
-    recovery = Recovery(ObjectUnresolvable, look_from_another_place(CUP), attempts=1)
+    recovery = Recovery(ObjectUnresolvable, look_from_another_place(CUP), retries=1)
     go(partial(with_failure_handling, fetch, recovery), executive)
     assert looked == [CUP]
     assert executive.asked == [], "no place to look from was asked for"

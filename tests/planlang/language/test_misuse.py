@@ -392,7 +392,7 @@ def test_a_number_of_times_is_a_whole_number_of_any_class() -> None:
 
     async def body() -> list[Any]:
         with contextlib.suppress(GraspMissed):
-            await with_failure_handling(misses, Recovery(GraspMissed, attempts=two))  # type: ignore[arg-type]
+            await with_failure_handling(misses, Recovery(GraspMissed, retries=two))  # type: ignore[arg-type]
         await state_machine(states, {("look", "seen"): "end"}, "look", "end", max_visits=two)  # type: ignore[arg-type]
         await partial_order({"a": take}, [], limit=two)  # type: ignore[arg-type]
         await budget(take, attempts=two)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ from planlang.failures import (
 from planlang.testing import Script, run_plan
 
 CUP, DOOR = an_object("Cup", "http://example.org/#cup1"), an_object("Door", "http://example.org/#door1")
-OPENS = Recovery(ObjectUnreachable, open_what_is_in_the_way(CUP), attempts=2)
+OPENS = Recovery(ObjectUnreachable, open_what_is_in_the_way(CUP), retries=2)
 
 
 def fetching(*failures: PlanFailure | None) -> Callable[[], object]:
@@ -87,7 +87,7 @@ def test_a_search_that_finds_the_same_once_more_is_not_repeated(failures: list[P
         raise tried[-1]
 
     async def plan() -> None:
-        again = Recovery(HandleNotReachable, step_back_and_repeat(DOOR), attempts=3)
+        again = Recovery(HandleNotReachable, step_back_and_repeat(DOOR), retries=3)
         await with_failure_handling(opening, again)
 
     assert isinstance(run_plan(plan).failure, HandleNotReachable)

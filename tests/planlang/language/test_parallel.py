@@ -195,6 +195,22 @@ def test_a_limit_is_at_least_one(limit: int) -> None:
             go(plan)
 
 
+@pytest.mark.parametrize(("named", "step"), [({"name": "Park"}, "Park"), ({}, "Waiting")])
+def test_timeout_names_the_step_that_took_too_long(
+    executive: Any, module: Any, named: dict[str, str], step: str
+) -> None:
+    async def wait(action: Action) -> None:
+        await sleep(60)
+
+    executive.extra.append(module("waiting", ("Waiting",), wait))
+
+    async def plan() -> None:
+        await timeout(2, partial(perform, action("Waiting"), **named))
+
+    with pytest.raises(Timeout, match=rf"{step} in plan/timeout took longer than 2 s"):
+        go(plan, executive)
+
+
 def test_timeout_names_its_construct_and_returns_after_the_cleanup() -> None:
     async def slow() -> None:
         await sleep(10)

@@ -40,6 +40,7 @@ from planlang.failures import (
     ObjectUnfetchable,
 )
 from planlang.language.recovery import matches
+from planlang.misuse import WrongValue
 from tests.support.examples import examples
 
 
@@ -61,21 +62,21 @@ class Body:
 
 def test_a_retry_runs_the_body_again_and_its_result_is_returned() -> None:
     body = Body(GraspMissed(), GraspMissed())
-    assert go(partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2))) == "done"
+    assert go(partial(with_failure_handling, body, Recovery(GraspMissed, retries=2))) == "done"
     assert body.runs == 3
 
 
 def test_when_the_attempts_are_used_up_the_failure_goes_outward() -> None:
     body = Body(*[GraspMissed(f"number {n}") for n in range(5)])
     with pytest.raises(GraspMissed, match="number 2"):
-        go(partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2)))
+        go(partial(with_failure_handling, body, Recovery(GraspMissed, retries=2)))
     assert body.runs == 3
 
 
 def test_attempts_zero_only_escalates() -> None:
     body = Body(GraspMissed(what="cup"))
     with pytest.raises(ObjectUnfetchable, match="cup") as caught:
-        go(partial(with_failure_handling, body, Recovery(GraspMissed, attempts=0, otherwise=ObjectUnfetchable)))
+        go(partial(with_failure_handling, body, Recovery(GraspMissed, retries=0, otherwise=ObjectUnfetchable)))
     assert isinstance(caught.value.__cause__, GraspMissed)
     assert body.runs == 1
 
@@ -89,11 +90,11 @@ def test_otherwise_may_be_a_function_of_the_failure_or_a_value() -> None:
             partial(
                 with_failure_handling,
                 Body(ObjectNotFound("dark")),
-                Recovery(ObjectNotFound, attempts=0, otherwise=lost),
+                Recovery(ObjectNotFound, retries=0, otherwise=lost),
             )
         )
     plan = partial(
-        with_failure_handling, Body(ObjectNotFound()), Recovery(ObjectNotFound, attempts=0, otherwise=Return(3))
+        with_failure_handling, Body(ObjectNotFound()), Recovery(ObjectNotFound, retries=0, otherwise=Return(3))
     )
     assert go(plan) == 3
 
@@ -128,9 +129,9 @@ def test_each_recovery_has_its_own_counter_and_an_exhausted_one_still_decides() 
             partial(
                 with_failure_handling,
                 body,
-                Recovery(GraspMissed, attempts=1),
-                Recovery(ObjectNotFound, attempts=1),
-                Recovery(LowLevelFailure, attempts=9),
+                Recovery(GraspMissed, retries=1),
+                Recovery(ObjectNotFound, retries=1),
+                Recovery(LowLevelFailure, retries=9),
             )
         )
     assert body.runs == 3
@@ -145,7 +146,7 @@ def test_the_counters_are_per_entry() -> None:
             runs += body.runs
         return runs
 
-    recovery = Recovery(GraspMissed, attempts=1)
+    recovery = Recovery(GraspMissed, retries=1)
     assert go(plan) == 6
 
 
@@ -236,7 +237,7 @@ def test_no_recovery_handles_a_programming_error() -> None:
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        go(partial(with_failure_handling, wrong, Recovery(PlanFailure, attempts=3)))
+        go(partial(with_failure_handling, wrong, Recovery(PlanFailure, retries=3)))
     with pytest.raises(TypeError, match="ZeroDivisionError is not a subclass of PlanFailure"):
         Recovery(ZeroDivisionError)  # type: ignore[arg-type]
 
@@ -246,7 +247,7 @@ def test_after_its_time_a_recovery_no_longer_retries() -> None:
 
     async def plan() -> float:
         with pytest.raises(GraspMissed):
-            await with_failure_handling(body, Recovery(GraspMissed, attempts=9, within=2.5))
+            await with_failure_handling(body, Recovery(GraspMissed, retries=9, within=2.5))
         return now()
 
     assert go(plan) == 3.0
@@ -256,7 +257,7 @@ def test_after_its_time_a_recovery_no_longer_retries() -> None:
 def test_a_failure_in_the_very_step_in_which_the_time_is_over_is_in_time() -> None:
     body = Body(*[GraspMissed()] * 10, duration=1.0)
     with pytest.raises(GraspMissed):
-        go(partial(with_failure_handling, body, Recovery(GraspMissed, attempts=9, within=2.0)))
+        go(partial(with_failure_handling, body, Recovery(GraspMissed, retries=9, within=2.0)))
     assert body.runs == 3
 
 
@@ -286,11 +287,11 @@ def test_alternatives_are_taken_one_per_retry_and_used_up() -> None:
             raise GraspMissed(grasp)
         return grasp
 
-    recovery = Recovery(GraspMissed, attempts=9, alternatives={"grasp": lambda: ["front", "side", "top"]})
+    recovery = Recovery(GraspMissed, retries=9, alternatives={"grasp": lambda: ["front", "side", "top"]})
     assert go(partial(with_failure_handling, body, recovery)) == "top"
     assert tried == [("front", "right"), ("side", "right"), ("top", "right")]
     two = Recovery(
-        GraspMissed, attempts=9, alternatives={"grasp": lambda: iter(["front", "side"])}, otherwise=ObjectUnfetchable
+        GraspMissed, retries=9, alternatives={"grasp": lambda: iter(["front", "side"])}, otherwise=ObjectUnfetchable
     )
     with pytest.raises(ObjectUnfetchable) as caught:
         go(partial(with_failure_handling, body, two))
@@ -331,7 +332,7 @@ def test_every_attempt_failure_and_decision_is_in_the_trace() -> None:
     body = Body(GraspMissed("one"), GraspMissed("two"))
     with pytest.raises(ObjectUnfetchable):
         go(
-            partial(with_failure_handling, body, Recovery(GraspMissed, attempts=1, otherwise=ObjectUnfetchable)),
+            partial(with_failure_handling, body, Recovery(GraspMissed, retries=1, otherwise=ObjectUnfetchable)),
             trace=trace,
         )
     told = [
@@ -405,10 +406,16 @@ def test_recoveries_do_what_the_table_of_counters_says(recoveries: Any, outcomes
             left[match] -= 1
         raise AssertionError
 
-    made = [Recovery(kind, partial(decide, word), attempts=attempts) for kind, attempts, word in recoveries]
+    made = [Recovery(kind, partial(decide, word), retries=attempts) for kind, attempts, word in recoveries]
     try:
         outcome = go(partial(with_failure_handling, body, *made))
     except PlanFailure as failure:
         outcome = type(failure)
     assert (runs, outcome) == model()
     assert runs <= 1 + sum(attempts for _, attempts, _ in recoveries)
+
+
+def test_attempts_is_read_as_the_former_name_of_retries() -> None:
+    assert Recovery(GraspMissed, attempts=2) == Recovery(GraspMissed, retries=2)
+    with pytest.raises(WrongValue, match="former name of retries"):
+        Recovery(GraspMissed, retries=3, attempts=2)

@@ -42,7 +42,7 @@ async def guarded(body: Branch, seconds: float) -> Any:
 
 
 async def recovering(body: Branch) -> Any:
-    return await with_failure_handling(body, Recovery(PlanFailure, attempts=2))
+    return await with_failure_handling(body, Recovery(PlanFailure, retries=2))
 
 
 LEAVES = st.one_of(
@@ -113,7 +113,7 @@ def test_location_scopes_goals_and_recoveries_are_told_what_the_executive_answer
     async def top() -> None:
         body = partial(achieve, holding(CUP), grasp)
         await at_location(
-            a_location(in_reach_of=CUP), partial(with_failure_handling, body, Recovery(GraspMissed, attempts=2))
+            a_location(in_reach_of=CUP), partial(with_failure_handling, body, Recovery(GraspMissed, retries=2))
         )
         await achieve(holding(CUP), grasp)
 

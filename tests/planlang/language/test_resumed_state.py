@@ -48,7 +48,7 @@ def test_attempts_that_were_used_stay_used() -> None:
         raise GraspMissed(what="cup")
 
     async def trying() -> None:
-        with_retries = partial(with_failure_handling, missing, Recovery(GraspMissed, attempts=2))
+        with_retries = partial(with_failure_handling, missing, Recovery(GraspMissed, retries=2))
         try:
             await seq(with_retries)
         except GraspMissed:
@@ -274,7 +274,7 @@ def test_belief_and_rules_of_a_script_go_on_where_they_were() -> None:
     async def top() -> None:
         grasp = partial(perform, action("ClosingAGripper", object_acted_on=cup))
         await at_location(
-            a_location(in_reach_of=cup), partial(with_failure_handling, grasp, Recovery(GraspMissed, attempts=2))
+            a_location(in_reach_of=cup), partial(with_failure_handling, grasp, Recovery(GraspMissed, retries=2))
         )
         await perform(action("ClosingAGripper", object_acted_on=an_object("Fork")))
 

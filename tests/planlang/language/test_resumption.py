@@ -62,7 +62,7 @@ async def recovered(done: list[str], name: str, seconds: float) -> Any:
             await missing(done, f"{name} once", seconds)
         return len(times)
 
-    return await with_failure_handling(body, Recovery(GraspMissed, attempts=2))
+    return await with_failure_handling(body, Recovery(GraspMissed, retries=2))
 
 
 async def caught(done: list[str], name: str, seconds: float) -> str:

@@ -19,7 +19,7 @@ CUP = an_object("Cup", "http://example.org/map#cup1")
 NEAR_CUP = a_location(in_reach_of=CUP)
 GRASP = action("GraspingSomething", object_acted_on=CUP)
 RECOVERIES = [
-    Recovery(GraspMissed, attempts=2, otherwise=ObjectUnfetchable),
+    Recovery(GraspMissed, retries=2, otherwise=ObjectUnfetchable),
     Recovery((ManipulationPoseUnreachable, GoalNotAchieved), otherwise=Return("given up")),
 ]
 ENDS = ("grasped", "nothing", "missed", "slipped", "unreachable")

@@ -40,7 +40,7 @@ async def fetch() -> None:
         return 7
 
     async def grasp() -> None:
-        await perform(action("ClosingAGripper"), recoveries=[Recovery(GraspMissed, attempts=2)])
+        await perform(action("ClosingAGripper"), recoveries=[Recovery(GraspMissed, retries=2)])
 
     await par(look, grasp)
 
@@ -162,6 +162,28 @@ def test_lanes_show_what_holds_a_resource_and_how_often() -> None:
     base = lanes["base"]
     assert [depth for _, _, _, depth in base[:2]] == [0, 1], "a drive at a location holds the base within that"
     assert all(end is None or start <= end for spans in lanes.values() for start, end, _, _ in spans)
+
+
+@plan
+async def grasp_with_both() -> None:
+    await par(*(partial(perform, action("ClosingAGripper"), name=name) for name in ("Left", "Right")))
+
+
+def test_a_step_that_waits_says_for_what_and_who_holds_it() -> None:
+    run = run_plan(grasp_with_both)
+    model = model_of(Told.of(run.events))
+    left, right = named(model, "gripper")
+    assert left["wait"] is None
+    assert (right["start"], right["wait"][0]) == (0.0, 1.0)
+    assert "(held by Left)" in right["wait"][1]
+
+
+def test_a_step_that_still_waits_names_what_is_held() -> None:
+    run = run_plan(grasp_with_both)
+    begun = [one for one in run.events if one.get("step", 0) == 0]
+    _, right = named(model_of(Told.of(begun)), "gripper")
+    assert (right["status"], right["wait"][0]) == ("running", None)
+    assert "(held by Left)" in right["wait"][1]
 
 
 def test_a_step_has_its_lines_in_plan_and_words_of_names() -> None:

@@ -36,7 +36,7 @@ async def carry() -> float:
 
 
 async def main() -> float:
-    return await with_failure_handling(carry, Recovery(ObjectLost, attempts=3))
+    return await with_failure_handling(carry, Recovery(ObjectLost, retries=3))
 
 
 @pytest.fixture(autouse=True)
@@ -180,7 +180,7 @@ async def tagged(body: Branch) -> object:
 
 
 async def recovering(body: Branch) -> object:
-    return await with_failure_handling(body, Recovery(PlanFailure, attempts=1, otherwise=Return("gave up")))
+    return await with_failure_handling(body, Recovery(PlanFailure, retries=1, otherwise=Return("gave up")))
 
 
 TIMES = st.sampled_from([0.0, 0.1, 0.2, 0.25])

@@ -24,7 +24,7 @@ async def drive() -> None:
 async def main() -> None:
     await drive_first()
     await par(look=lambda: sleep(2), listen=lambda: sleep(3))
-    await with_failure_handling(grasp, Recovery(GraspMissed, attempts=2, otherwise=ObjectUnfetchable))
+    await with_failure_handling(grasp, Recovery(GraspMissed, retries=2, otherwise=ObjectUnfetchable))
 
 
 async def drive_first() -> None:
@@ -205,7 +205,7 @@ def test_reasons_are_short_enough_to_be_shown_whole() -> None:
         raise GraspMissed("the gripper closed on nothing, and this is a very long story about how it came to that")
 
     async def body() -> None:
-        await with_failure_handling(lambda: tag("miss", miss), Recovery(GraspMissed, attempts=9))
+        await with_failure_handling(lambda: tag("miss", miss), Recovery(GraspMissed, retries=9))
 
     run = run_plan(body)
     reason = str(run.evaporated("miss"))

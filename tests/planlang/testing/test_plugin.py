@@ -18,7 +18,7 @@ PLAN = """
 
     async def serve():
         close = partial(perform, action("ClosingAGripper"), name="CloseGripper")
-        await with_failure_handling(close, Recovery(GraspMissed, attempts=2))
+        await with_failure_handling(close, Recovery(GraspMissed, retries=2))
         await par(look=partial(sleep, 1), listen=partial(sleep, 2))
         return "served"
 """

@@ -77,7 +77,7 @@ def test_a_rule_fails_a_number_of_times_after_a_time_then_the_action_succeeds() 
     script = Script().on("Reaching", fails=ManipulationPoseUnreachable, times=2, after=1.5)
 
     async def main() -> None:
-        await with_failure_handling(reach, Recovery(ManipulationPoseUnreachable, attempts=3))
+        await with_failure_handling(reach, Recovery(ManipulationPoseUnreachable, retries=3))
 
     run = run_plan(main, script=script)
     assert run.attempts("Reaching") == 3
@@ -117,7 +117,7 @@ def test_failures_are_made_by_class_by_function_or_after_an_example() -> None:
         script = Script().on("ClosingAGripper", fails=fails)
 
         async def main() -> None:
-            await with_failure_handling(close, Recovery(GraspMissed, attempts=1))
+            await with_failure_handling(close, Recovery(GraspMissed, retries=1))
 
         failure = run_plan(main, script=script).failure
         assert isinstance(failure, GraspMissed)

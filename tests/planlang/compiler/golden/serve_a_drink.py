@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 5a19b384ee3766ac634baad90269f3fd892ea1c6b102f3fd1d8764a1b742d249 unless it was edited.
+What follows has sha256 3e1cfa2381189818fe358285c44f8be491efee77acbcf15dae1a921c4dfeb723 unless it was edited.
 """
 
 from functools import partial
@@ -46,27 +46,27 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
     await perform(
         action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
     )
     await perform(
         action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER),
-        recoveries=[Recovery(GripperGoalNotReached, attempts=3)],
+        recoveries=[Recovery(GripperGoalNotReached, retries=3)],
     )
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)  # where the hand closes
     await perform(
         action(RECIPE + "ReachForBottle", below="Reaching", to_location=grasp_pose, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
     )
     await perform(action(RECIPE + "CloseGripper", below="ClosingAGripper", device_used=GRIPPER))
     # lift the bottle to where the hand came from
     await perform(
         action(RECIPE + "LiftBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
     )
     # bring the bottle close to the robot
     await perform(
         action(RECIPE + "ParkArm", below="Reaching", to_location=CARRYING, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
     )
 
 
@@ -86,7 +86,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
                 Recovery(
                     (GraspMissed, GraspSlipped, GripperGoalNotReached),
                     look_and_repeat(bottle),
-                    attempts=2,
+                    retries=2,
                     otherwise=ObjectUnfetchable,
                 ),
             ],
@@ -96,10 +96,10 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_location,
         a_location("graspingPlace", in_reach_of=bottle, using=GRIPPER),  # where the base stands to grasp
         at_grasping_place,
-        Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), attempts=2),
-        Recovery(ObjectNotFound, look_from_another_place(bottle), attempts=3),
-        Recovery(ObjectLost, fetch_again(bottle), attempts=2),
-        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle), attempts=1),
+        Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), retries=2),
+        Recovery(ObjectNotFound, look_from_another_place(bottle), retries=3),
+        Recovery(ObjectLost, fetch_again(bottle), retries=2),
+        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle), retries=1),
         reaching=(approach_pose, grasp_pose),
         by=action_class(RECIPE + "MoveBaseToGraspPose", below="Translation-LocationChange"),
     )
@@ -112,20 +112,20 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         # offer the bottle to the patient
         await perform(
             action(RECIPE + "ReachToHandoverPose", below="Reaching", to_location=handover_pose, device_used=GRIPPER),
-            recoveries=[Recovery(ManipulationGoalNotReached, attempts=3)],
+            recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
         )
         # let go of the bottle when the patient has taken it
         await perform(
             action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
-            recoveries=[Recovery(HandoverNotTaken, attempts=3)],
+            recoveries=[Recovery(HandoverNotTaken, retries=3)],
         )
 
     await at_location(
         a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
         at_handover_place,
-        Recovery(ObjectNotFound, look_from_another_place(patient), attempts=3),
-        Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), attempts=2),
-        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle, fetch_bottle), attempts=1),
+        Recovery(ObjectNotFound, look_from_another_place(patient), retries=3),
+        Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), retries=2),
+        Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle, fetch_bottle), retries=1),
         reaching=(handover_pose,),
         by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
     )
