@@ -27,7 +27,8 @@ from executive.robots.mechanism import Mechanism
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.geometry.urdf import BadXml, Element, numbers, read_tree, read_urdf
+from planlang.geometry.urdf import BadXml, Element, read_tree, read_urdf
+from planlang.geometry.urdf_schema import numbers
 from planlang.records import dataclass
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description

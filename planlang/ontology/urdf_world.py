@@ -27,7 +27,8 @@ from planlang.files import bundled, read_file
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rigid, rotation_of
 from planlang.geometry.shapes import corners
-from planlang.geometry.urdf import Element, Joint, Urdf, numbers, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
+from planlang.geometry.urdf_schema import numbers
 from planlang.ontology.terms import OWL, RDF, XSD, Literal, expand, is_vocabulary
 from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.records import dataclass
