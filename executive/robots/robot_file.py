@@ -36,7 +36,7 @@ from typing import Any
 from executive.robots.mechanism import Mount, NotInstalled, Range, ToolPoint, mounted, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.files import open_regular, read_file
+from planlang.files import beginning, decode, read_file
 from planlang.geometry.urdf_schema import FARTHEST
 from planlang.records import dataclass
 from sim import CameraModel
@@ -156,15 +156,6 @@ def looks_like_urdf(path: Path) -> bool:
     return text.lstrip("\ufeff \t\r\n").startswith("<robot")
 
 
-def beginning(path: Path) -> str:
-    """Read the first 4000 bytes of a file as text; empty if it cannot be read."""
-    try:
-        with open_regular(path) as file:
-            return file.read(4000).decode("utf-8", errors="replace")
-    except OSError:
-        return ""
-
-
 def read_robot_file(path: Path) -> RobotFile:
     """Read and check a robot file. Raises BadInput with all errors."""
     return read_robot(read_file(path, "B001"), path)
@@ -172,10 +163,10 @@ def read_robot_file(path: Path) -> RobotFile:
 
 def read_robot(content: bytes, path: Path) -> RobotFile:
     """Read and check the content of a robot file. Raises BadInput with all errors."""
+    text = decode(content, str(path))
     try:
-        text = content.decode("utf-8")
         table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except (ValueError, RecursionError) as problem:  # ValueError also for an integer of more than 4300 digits
         where = re.search(r"line (\d+), column (\d+)", str(problem))
         span = Span(str(path), *map(int, where.groups())) if where else Span(str(path))
         raise BadInput([error("B001", f"invalid TOML: {problem}", span)]) from None

@@ -23,7 +23,7 @@ from urllib.parse import quote
 import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.files import bundled, read_file
+from planlang.files import bundled, decode, read_file
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rigid, rotation_of
 from planlang.geometry.shapes import corners
@@ -320,8 +320,8 @@ def _bundled() -> tuple[Labels, ...]:
 def read_labels(path: Path) -> Labels:
     """Read a file of labels. Raises BadInput with all its errors (M020)."""
     content = read_file(path, "M020", largest=LARGEST)
+    text = decode(content, str(path)) if content.strip() else ""
     try:
-        text = content.decode("utf-8")
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
         line = re.search(r"line (\d+)", str(problem))
