@@ -5,6 +5,8 @@ A URDF that was loaded once is not tried again: the user's cache keeps the diges
 
 from __future__ import annotations
 
+import atexit
+from functools import cache
 from pathlib import Path
 
 from executive.processes.calls import Ending, Limits
@@ -24,21 +26,27 @@ _WHY = {
 }
 
 
+@cache
+def _source() -> Source:
+    """Start the process that loads, once: a draft and the robot that is bound to it are two URDFs."""
+    source = Source("sim.trial:prepared")
+    atexit.register(source.close)
+    return source
+
+
 def vet(urdf: Path) -> None:
     """Check that PyBullet can load a URDF. Raises BadInput (B009)."""
     description = read_description(urdf)
     key = f"{build()}\n{description.text}"  # the text names meshes by their content
     if _CACHE.load(key) is not None:
         return
-    source = Source("sim.trial:prepared")
-    worker = Worker(source, _LIMITS)
+    worker = Worker(_source(), _LIMITS)
     try:
         reply = worker.call(load, str(urdf), description.root)
         if reply.ending is Ending.LOST and worker.call(build).ending is not Ending.DONE:
             return  # no process can be started here, whatever it loads
     finally:
         worker.close()
-        source.close()
     if reply.ending is Ending.REFUSED:
         raise BadInput(reply.answer)
     if reply.ending is not Ending.DONE:

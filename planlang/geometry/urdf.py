@@ -381,17 +381,17 @@ class _Checker:
 
     def _check_mimic(self, name: str, joints: Mapping[str, Element]) -> None:
         """Check that a joint that mimics others follows, in the end, one that mimics none."""
-        followed = [name]
-        while (mimic := joints[followed[-1]].find("mimic")) is not None:
+        followed, at = [name], joints[name].find("mimic")
+        while at is not None and (mimic := joints[followed[-1]].find("mimic")) is not None:
             other = mimic.get("joint", "")
             if other in followed:
                 if other == name:  # each joint of a circle is reported once, those that lead to it are not
                     circle = "itself" if len(followed) == 1 else " and ".join((*followed[1:], "so itself"))
-                    self._bad(f"joint {name!r} mimics {circle}", mimic)
+                    self._bad(f"joint {name!r} mimics {circle}", at)
                 return
             if other not in joints:
                 if len(followed) == 1 and other:
-                    self._bad(f"joint {name!r} mimics a joint {other!r} that is not described", mimic)
+                    self._bad(f"joint {name!r} mimics a joint {other!r} that is not described", at)
                 return
             followed.append(other)
 
