@@ -86,6 +86,8 @@ def read_description(path: Path) -> Description:
     urdf = read_urdf(path)
     if (path, urdf.content) in _meshless:
         return _meshless[path, urdf.content]
+    if urdf.gaps:
+        raise BadInput(urdf.gaps)
     if len(urdf.joints) > MOST_JOINTS:
         message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
         fixed = sum(joint.kind == "fixed" for joint in urdf.joints)

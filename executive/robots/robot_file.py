@@ -144,16 +144,18 @@ def tool_link(arm: str) -> str:
 
 
 def looks_like_toml(path: Path) -> bool:
-    """Check whether a file is a robot file: by its content, never by its suffix."""
+    """Check whether a file is a robot file: by its content, and by its suffix if it has no content of another kind."""
     head = beginning(path)
     lines = [line.strip() for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if path.suffix.lower() == ".toml" and not (lines and re.match(r"[<@]|\w+\s*:", lines[0])):
+        return True
     return bool(lines) and re.match(r"\[[\w.\"-]+\]|[\w\"-]+\s*=", lines[0]) is not None
 
 
 def looks_like_urdf(path: Path) -> bool:
-    """Check whether the root element of a file is that of a URDF."""
+    """Check whether a file is a URDF, by its root element or its suffix."""
     text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", beginning(path), flags=re.DOTALL)
-    return text.lstrip("\ufeff \t\r\n").startswith("<robot")
+    return text.lstrip().startswith("<robot") or path.suffix.lower() in (".urdf", ".xacro")
 
 
 def read_robot_file(path: Path) -> RobotFile:

@@ -20,7 +20,16 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
-from planlang.geometry.urdf_schema import FARTHEST, RULES, TYPES, children_of, expressions_in, numbers, problems_in
+from planlang.geometry.urdf_schema import (
+    FARTHEST,
+    RULES,
+    TYPES,
+    WITHOUT_SHAPE,
+    children_of,
+    expressions_in,
+    numbers,
+    problems_in,
+)
 from planlang.records import dataclass
 
 LARGEST = 16_000_000
@@ -194,6 +203,8 @@ class Urdf:
     """The joints, in the order of the file."""
     diagnostics: tuple[Diagnostic, ...] = ()
     """Notes about what was read otherwise than it is written."""
+    gaps: tuple[Diagnostic, ...] = ()
+    """Errors in masses, materials and the name of the robot, which have no shape or pose."""
 
     def plain(self) -> Element:
         """Copy what the format knows, without extensions; joints have the type and the limits that were read."""
@@ -238,7 +249,7 @@ def read_urdf(path: Path) -> Urdf:
     checker = _Checker(path, robot)
     root = checker.check()
     joints = _with_followed_limits({element.get("name", ""): _joint(element) for element in robot.findall("joint")})
-    found = Urdf(path, content, robot, root, joints, tuple(checker.endless()))
+    found = Urdf(path, content, robot, root, joints, tuple(checker.endless()), tuple(checker.gaps))
     while len(_kept) >= MOST_KEPT:
         del _kept[next(iter(_kept))]
     _kept[path, content] = found
@@ -343,11 +354,12 @@ class _Checker:
     def __init__(self, path: Path, robot: Element) -> None:
         self.path, self.robot = path, robot
         self.found: list[Diagnostic] = []
+        self.gaps: list[Diagnostic] = []
 
     def check(self) -> str:
         """Run all checks and return the root link; raises BadInput."""
         for what, element in expressions_in(self.robot):  # the first: all other problems may follow from it
-            self._bad(f"{what} is not expanded", element, XACRO.format(self.path.stem))
+            self._bad(f"{what} is not expanded", element, XACRO.format(self.path.stem.removesuffix(".urdf")))
             raise BadInput(self.found)
         links, joints = self._named("link"), self._named("joint")
         if not links:
@@ -366,9 +378,11 @@ class _Checker:
         if not self.found and all(child and parent for child, parent in above.items()):
             self._check_roots(links, above, roots)
         for problem, element in problems_in(self.robot):
-            self._bad(problem, element)
+            assert isinstance(element, Element)
+            found = self.gaps if element.tag in WITHOUT_SHAPE else self.found
+            found.append(error("B009", problem, Span(str(self.path), element.line)))
         if self.found:
-            raise BadInput(self.found)
+            raise BadInput([*self.found, *self.gaps])
         return roots[0]
 
     def endless(self) -> Iterator[Diagnostic]:

@@ -82,6 +82,8 @@ RULES = {
     "mimic": Rule({"joint": _NAME, "multiplier": _FACTOR, "offset": _FACTOR}),
 }
 """Tag -> rule; the limits of a joint have ranges that depend on its type."""
+WITHOUT_SHAPE = ("robot", "inertial", "mass", "inertia", "material", "color")
+"""Elements without shape or pose: only who loads the URDF into a simulator needs them complete."""
 
 
 def problems_in(element: ElementTree.Element, owner: str = "") -> Iterator[tuple[str, ElementTree.Element]]:

@@ -20,7 +20,8 @@ radius = 0.3
 fixed = true
 """
 WORLD = """<robot name="flat"><link name="floor"/><link name="table">
-<collision><geometry><box size="1 1 0.7"/></geometry></collision></link><joint name="j" type="fixed"><parent link="floor"/><child link="table"/></joint></robot>"""
+<collision><geometry><box size="1 1 0.7"/></geometry></collision></link>
+<joint name="j" type="fixed"><parent link="floor"/><child link="table"/></joint></robot>"""
 LABELS = '[links.table]\nclass = "KitchenIsland"\n'
 GRID = "image: grid.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
 PLAN = """from planlang import plan, sleep
@@ -79,7 +80,7 @@ def test_a_text_with_a_byte_order_mark_is_the_text_without(
     (folder / name).unlink()
     if name in ("cart.urdf", "flat.urdf"):
         (folder / name).write_text(text)
-    assert results[0].exit_code == 0
+    assert results[0].exit_code == 0, results[0].output
     assert results[1].output == results[0].output
 
 

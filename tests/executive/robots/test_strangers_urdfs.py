@@ -21,6 +21,7 @@ from executive.robots.draft import draft_of
 from planlang.diagnostics import BadInput
 from planlang.geometry.urdf import read_urdf
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
+from sim.description import read_description
 
 INERTIAL = (
     '<inertial><origin xyz="0 0 0.1"/><mass value="5"/>'
@@ -145,7 +146,7 @@ def cart(tmp_path: Path) -> Callable[[str, str], Path]:
 def test_what_the_format_requires_is_reported_with_its_line(cart: Callable[[str, str], Path], what: str) -> None:
     before, after, line, message = REQUIRED[what]
     with pytest.raises(BadInput) as caught:
-        read_urdf(cart(before, after))
+        read_description(cart(before, after))
     (found,) = [one for one in caught.value.diagnostics if message in one.message]
     assert (found.code, found.span and found.span.line) == ("B009", line)
 
