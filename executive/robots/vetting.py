@@ -6,6 +6,8 @@ A URDF that was loaded once is not tried again: the user's cache keeps the diges
 from __future__ import annotations
 
 import atexit
+import os
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -42,13 +44,13 @@ def vet(urdf: Path) -> None:
         return
     worker = Worker(_source(), _LIMITS)
     try:
-        reply = worker.call(load, str(urdf), description.root)
+        reply = worker.call(load, os.path.abspath(urdf), description.root)  # that process has a folder of its own
         if reply.ending is Ending.LOST and worker.call(build).ending is not Ending.DONE:
             return  # no process can be started here, whatever it loads
     finally:
         worker.close()
     if reply.ending is Ending.REFUSED:
-        raise BadInput(reply.answer)
+        raise BadInput([replace(one, span=Span(str(urdf))) for one in reply.answer])
     if reply.ending is not Ending.DONE:
         why = _WHY.get(reply.ending, str(reply.answer))
         advice = "simplify its meshes and shapes, or leave out links, until it loads"

@@ -223,6 +223,16 @@ def test_a_urdf_that_takes_too_long_to_load_is_refused(
 
 
 @pytest.mark.usefixtures("other_cache")
+def test_a_urdf_is_found_from_the_folder_that_the_process_is_in_now(
+    cart: Callable[[str, str], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = cart("", "")
+    vetting.vet(path)  # starts the other process in this folder
+    monkeypatch.chdir(path.parent)
+    vetting.vet(cart("0.4 0.3 0.2", "0.5 0.3 0.2").relative_to(path.parent))
+
+
+@pytest.mark.usefixtures("other_cache")
 def test_a_urdf_is_tried_once_and_bundled_ones_never(
     cart: Callable[[str, str], Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
