@@ -56,7 +56,7 @@ _KEYS: dict[str, tuple[str, ...]] = {
 }
 """Valid keys of each table."""
 _RANGES: Mapping[tuple[str, str], tuple[float, float, str]] = {
-    ("base", "radius"): (0.01, 10.0, "m"),
+    ("base", "radius"): (0.01, 100.0, "m"),
     ("base", "speed"): (0.01, 100.0, "m/s"),
     ("base", "acceleration"): (0.01, 1000.0, "m/s2"),
     ("base", "turn_speed"): (0.01, 100.0, "rad/s"),
@@ -66,7 +66,7 @@ _RANGES: Mapping[tuple[str, str], tuple[float, float, str]] = {
     ("joints.*", "acceleration"): (0.001, 1e4, "rad/s2 or m/s2"),
     ("joints.*", "jerk"): (0.001, 1e6, "rad/s3 or m/s3"),
     ("arms.*", "payload"): (1e-3, 1e4, "kg"),
-    ("arms.*.gripper", "max_opening"): (1e-4, 10.0, "m"),
+    ("arms.*.gripper", "max_opening"): (1e-4, 100.0, "m"),
     ("camera", "fov"): (0.01, 3.1, "rad"),
     ("camera", "near"): (1e-3, 100.0, "m"),
     ("camera", "far"): (0.01, 1000.0, "m"),
@@ -76,7 +76,7 @@ _RANGES: Mapping[tuple[str, str], tuple[float, float, str]] = {
 """Plausible ranges: beyond them, motions take years or no time, and pictures no or all memory."""
 _SHOWN = 60
 """Characters of a bad value in a message."""
-_FARTHEST = 10.0
+_FARTHEST = 100.0
 """Greatest coordinate of a point at a hand or a base, and greatest extent of a mount [m]."""
 
 
