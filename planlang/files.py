@@ -99,8 +99,23 @@ _SOMETHING = re.compile(rb"[^ \t\r\n\xef\xbb\xbf\xff\xfe\x00]")
 _ENCODINGS = ("utf-8", "utf-16", "utf-16-le", "utf-16-be", "ascii", "iso8859-1", "iso8859-15", "cp1252")
 
 
+def beginning(path: Path, most: int = 4000) -> str:
+    """Read the first bytes of a file as text; empty if it cannot be read."""
+    try:
+        with open_regular(path) as file:
+            content = file.read(most)
+    except OSError:
+        return ""
+    return content.decode(encoding_of(content), errors="replace")
+
+
+def encoding_of(content: bytes) -> str:
+    """Name the encoding that a byte order mark states, else UTF-8; decoding drops the mark."""
+    return "utf-16" if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
+
+
 def decode(content: bytes | str, file: str) -> str:
-    """Decode an XML or Manchester file; line ends stay. Raises BadInput if it cannot be decoded.
+    """Decode a text file; line ends stay. Raises BadInput if it cannot be decoded.
 
     A byte order mark decides the encoding, else the XML declaration, else it is UTF-8.
     """
@@ -110,10 +125,8 @@ def decode(content: bytes | str, file: str) -> str:
         raise BadInput([error("O003", f"the file is larger than {LARGEST_ONTOLOGY // 1_000_000} MB", Span(file))])
     if not _SOMETHING.search(content):
         raise BadInput([error("O002", "the file is empty", Span(file))])
-    name = "utf-8-sig"
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        name = "utf-16"
-    elif match := _DECLARATION.match(content):
+    name = encoding_of(content)
+    if name == "utf-8-sig" and (match := _DECLARATION.match(content)):
         name = match[1].decode("ascii")
     try:
         codec = codecs.lookup(name).name

@@ -61,7 +61,7 @@ def merge_plan(path: Path, fresh: str, recipe: str) -> tuple[int, ...]:
     """
     content, span = read_file(path, "C001", largest=LARGEST_PLAN), Span(str(path))
     try:
-        plan = content.decode("utf-8")
+        plan = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise BadInput([error("C002", "the plan is not in UTF-8", span, "save it as UTF-8")]) from None
     if has_conflicts(plan):

@@ -19,13 +19,13 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
-from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
+from planlang.geometry.urdf import Element, Joint, read_urdf
+from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.records import dataclass
 from sim.meshes import Meshes
 
 MOST_JOINTS = 127
 """Number of links whose poses PyBullet returns."""
-_KEPT = {"robot", "link", "joint", "material"}
 _PRIMITIVES = {"box", "cylinder", "sphere", "capsule", "plane"}
 """Shapes other than meshes that PyBullet reads on every platform."""
 _SHOWN = 4
@@ -86,20 +86,17 @@ def read_description(path: Path) -> Description:
     urdf = read_urdf(path)
     if (path, urdf.content) in _meshless:
         return _meshless[path, urdf.content]
+    if urdf.gaps:
+        raise BadInput(urdf.gaps)
     if len(urdf.joints) > MOST_JOINTS:
         message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
         fixed = sum(joint.kind == "fixed" for joint in urdf.joints)
         advice = f"{fixed} of them are fixed: merge links that never move into the link that carries them"
         raise BadInput([error("B009", message, Span(str(path), urdf.tree.line), advice if fixed else None)])
-    robot = tree_of(urdf.content)  # a copy of its own, modified below
-    for child in list(robot):
-        if child.tag not in _KEPT:
-            robot.remove(child)
-    for element in robot.iter():
-        element.attrib.pop("concave", None)  # PyBullet's: such a mesh has no vertices to read, and all here are convex
+    robot = urdf.plain()
     _without_empty_shapes(robot)
     meshless = all(shape.tag in _PRIMITIVES for shape in robot.iterfind("link/*/geometry/*"))
-    warnings = []
+    warnings = list(urdf.diagnostics)
     if robot.find("link/collision") is None:
         warnings.append(_visuals_as_collisions(path, robot))
     files: Mapping[str, bytes] = {}
@@ -109,9 +106,6 @@ def read_description(path: Path) -> Description:
         files = meshes.files
         if meshes.absent:
             warnings.append(_mesh_warning(meshes.absent, shapeless, path))
-    for texture_holder in robot.iter("material"):
-        for texture in texture_holder.findall("texture"):
-            texture_holder.remove(texture)
     ElementTree.indent(robot)
     description = Description(
         path, ElementTree.tostring(robot, "unicode"), files, urdf.root, _followers(urdf.joints), tuple(warnings)

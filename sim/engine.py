@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import locale
 import os
 import sys
 from collections.abc import Iterator
@@ -36,6 +37,33 @@ def quiet() -> Iterator[None]:
             os.dup2(copy, descriptor)
             os.close(copy)
         os.close(null)
+
+
+_NUMERIC = 1 << locale.LC_NUMERIC
+"""``LC_NUMERIC_MASK`` of <locale.h> in the C libraries of Linux."""
+
+
+@contextlib.contextmanager
+def c_numbers() -> Iterator[None]:
+    """Let C code of this thread read numbers with a decimal point, whatever locale the process has chosen.
+
+    In a process that has called ``setlocale``, as programs with windows do, PyBullet would read "0.35" as 0 where
+    people write "0,35". ``uselocale`` changes the thread alone, so that the host's other threads keep their locale.
+    """
+    if locale.localeconv()["decimal_point"] == ".":
+        yield
+        return
+    library = ctypes.CDLL(None)
+    library.newlocale.restype = library.uselocale.restype = ctypes.c_void_p
+    library.newlocale.argtypes = [ctypes.c_int, ctypes.c_char_p, ctypes.c_void_p]
+    library.uselocale.argtypes = library.freelocale.argtypes = [ctypes.c_void_p]
+    chosen = library.newlocale(_NUMERIC, b"C", None)
+    before = library.uselocale(chosen)
+    try:
+        yield
+    finally:
+        library.uselocale(before)
+        library.freelocale(chosen)
 
 
 def _import() -> Any:

@@ -15,7 +15,7 @@ from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim.description import Follower, loadable, read_description
-from sim.engine import bullet, quiet
+from sim.engine import bullet, c_numbers, quiet
 from sim.scene import RobotBody
 
 BASE = ("x", "y", "yaw")
@@ -94,7 +94,7 @@ class Robot:
 
     def _load(self) -> int:
         """Load the URDF into the client; raises BadInput if PyBullet refuses it."""
-        with loadable(self.description) as path, quiet():
+        with loadable(self.description) as path, quiet(), c_numbers():
             # the cache goes by file name, and temporary files reuse names
             bullet.setPhysicsEngineParameter(enableFileCaching=0, physicsClientId=self.client)
             # true cylinders, not polyhedra: faster and exact

@@ -23,7 +23,7 @@ from planlang import explain
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
-from planlang.files import Bundled
+from planlang.files import Bundled, beginning
 from planlang.outputs import PNG, check_outputs, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
@@ -92,9 +92,7 @@ def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
     if path.suffix.lower() in (".toml", ".urdf"):
         return Bundled.ROBOT.find(name), _robot
     path = Bundled.RECIPE.find(name)
-    with path.open("rb") as file:
-        is_trace = file.read(1) == b"{"
-    if is_trace:
+    if beginning(path, 8).startswith("{"):
         return path, _trace
     return path, _plan if isinstance(read(name), PlanFile) else _recipe_or_other
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
-from planlang.files import Bundled, open_regular, read_at_most
+from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
 from planlang.outputs import LARGEST_PLAN, PlanHeader, header
 from planlang.plan_versions import unresolved
 from planlang.records import dataclass
@@ -152,9 +152,14 @@ def read(name: str) -> PlanFile | RecipeFile:
             content = read_at_most(file, LARGEST_PLAN + 1)
     except OSError as problem:
         raise BadInput([error("C001", f"{name} cannot be read: {problem.strerror}")]) from None
-    text = content.decode("utf-8", errors="replace").lstrip("\ufeff")
-    if starts_like_owl(text) or content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # UTF-16
+    encoding = encoding_of(content)
+    text = content.decode(encoding, errors="replace")
+    if starts_like_owl(text):
         return RecipeFile(path)
+    if encoding == "utf-16":  # Python reads no such source
+        raise BadInput([error("C002", f"{path.name} is in UTF-16", Span(str(path)), "save it as UTF-8")])
+    if "\ufffd" in text:
+        decode(content, str(path))  # raises, unless the character is meant
     return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
 
 

@@ -15,7 +15,8 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rigid, rotation_of
 from planlang.geometry.mesh import mesh_of
 from planlang.geometry.shapes import Size, SolidKind
-from planlang.geometry.urdf import numbers, tree_of
+from planlang.geometry.urdf import tree_of
+from planlang.geometry.urdf_schema import numbers
 from planlang.records import dataclass
 
 if TYPE_CHECKING:

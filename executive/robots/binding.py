@@ -31,6 +31,7 @@ from executive.robots.robot_file import (
     read_robot,
     read_robot_file,
 )
+from executive.robots.vetting import vet
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.files import Bundled
@@ -134,10 +135,10 @@ def _mentions(urdf: Path, joints: Iterable[str]) -> bool:
 
 
 def _urdf_of(numbers: RobotFile, urdf: Path | None) -> Path:
-    """Choose the user's URDF, with links added at the grip points of a robot file, else the robot file's own URDF."""
+    """Choose the user's URDF, with what a robot file adds and changes, else the robot file's own URDF."""
     if urdf is None:
         return numbers.urdf
-    return mounted(urdf, None, numbers.tools) if numbers.tools else urdf
+    return mounted(urdf, None, numbers.tools, numbers.ranges) if numbers.tools or numbers.ranges else urdf
 
 
 def _matching(model: SelfModel, absent: dict[str, str]) -> RobotFile | None:
@@ -200,6 +201,8 @@ def _assumed(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> 
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
     mechanism = Mechanism(urdf)
     diagnostics = list(read_description(urdf).diagnostics)
+    if numbers is None or numbers.path.parent != Bundled.ROBOT.folder or urdf != numbers.urdf:
+        vet(urdf)
     if numbers is not None:
         diagnostics += _check(numbers, mechanism)
         if has_errors(diagnostics):
@@ -299,7 +302,7 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         joint(moved, "camera.neck")
     if numbers.torso is not None:
         joint(numbers.torso, "torso")
-    for moved in numbers.limits:
+    for moved in (*numbers.limits, *numbers.ranges):
         joint(moved, f"joints.{moved}")
     for posture, positions in numbers.postures.items():
         for moved, position in positions.items():

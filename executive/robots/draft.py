@@ -26,8 +26,10 @@ from executive.robots.hand_shape import HandShape, shape_of
 from executive.robots.mechanism import Mechanism
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
+from executive.robots.vetting import vet
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.geometry.urdf import BadXml, Element, numbers, read_tree, read_urdf
+from planlang.geometry.urdf import BadXml, Element, read_tree, read_urdf
+from planlang.geometry.urdf_schema import numbers
 from planlang.records import dataclass
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description
@@ -42,6 +44,8 @@ PAYLOAD = 1.0
 """Default payload of an arm [kg], which any arm should carry: URDFs state none."""
 USUAL_OPENING = 0.07
 """Example of an opening where it is missing [m]."""
+USUAL_LIMITS = {"revolute": (-2.9, 2.9), "prismatic": (0.0, 0.3)}
+"""Example of a range where the URDF's is implausible [rad, m]."""
 TURNS = 8 * np.pi
 """A greater range of a revolute joint is presumed to be an error [rad]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
@@ -165,6 +169,7 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
     beside = urdf.with_suffix(".srdf")
     source = srdf if srdf is not None else beside if beside.is_file() else None
     srdf_content = read_srdf(source, mechanism.joints, mechanism.links) if source is not None else None
+    vet(urdf)
     world = PlanningWorld(Scene(()), RobotBody(urdf, CameraModel(mechanism.root)))
     try:
         return _Maker(Draft(urdf), mechanism, srdf_content, world).make(named or urdf.name)
@@ -291,8 +296,9 @@ class _Maker:
         self._gripper(name, shape)
         for joint in limb.joints:
             if joint.kind in ("revolute", "prismatic") and not 1e-6 < joint.upper - joint.lower < TURNS:
-                low, high = joint.lower, joint.upper
-                table.add(f"limits of {joint.name}", [low, high], "the URDF's range is implausible", Status.MISSING)
+                why = f"the URDF's range, {joint.lower:g} to {joint.upper:g}, is implausible"
+                usual = USUAL_LIMITS[joint.kind]
+                self.draft.table("joints", joint.name).add("limits", usual, why, Status.MISSING)
 
     def _gripper(self, name: str, shape: HandShape) -> None:
         table = self.draft.table("arms", name, "gripper")

@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
 from pathlib import Path
@@ -21,7 +22,7 @@ from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.geometry.mesh import mesh_places
-from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tree, read_urdf
+from planlang.geometry.urdf import Element, Joint, displacement, read_urdf
 from planlang.records import dataclass
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
@@ -49,6 +50,8 @@ class Mount:
 
 ToolPoint = tuple[str, tuple[float, float, float]]
 """A link, and a point in its frame [m]."""
+Range = tuple[float, float]
+"""Lower and upper limit of a joint [rad, m]."""
 
 
 def packaged(name: str, file: str) -> Path:
@@ -71,16 +74,18 @@ def packaged(name: str, file: str) -> Path:
     raise NotInstalled(f"the installed package {name} has no {file}")
 
 
-def mounted(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint] | None = None) -> Path:
-    """Write a copy of a URDF, put on a base and with additional links at tool points; return its path.
+def mounted(
+    urdf: Path,
+    mount: Mount | None,
+    tools: Mapping[str, ToolPoint] | None = None,
+    ranges: Mapping[str, Range] | None = None,
+) -> Path:
+    """Write a copy of a URDF, put on a base, with additional links at tool points and other ranges of joints.
 
-    Paths of meshes are made absolute; the copy is in a folder of this process. The path of a URDF that cannot be read
-    is returned unchanged, so that its reader reports the error.
+    Returns its path. Paths of meshes are made absolute; the copy is in a folder of this process. Raises BadInput for an
+    invalid URDF.
     """
-    try:
-        content = _text(urdf, mount, tools or {}).encode()
-    except BadXml:
-        return urdf
+    content = _text(urdf, mount, tools or {}, ranges or {}).encode()
     path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
     path.write_bytes(content)
     return path
@@ -94,13 +99,16 @@ def _own_folder() -> Path:
     return Path(folder)
 
 
-def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> str:
-    robot = read_tree(urdf)
+def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], ranges: Mapping[str, Range]) -> str:
+    robot = deepcopy(read_urdf(urdf).tree)
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
         resolved = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if resolved is not None:
             mesh.set("filename", str(resolved.resolve()))
+    for joint in robot.findall("joint"):
+        if joint.get("name") in ranges:
+            _limit(joint, *ranges[joint.get("name", "")])
     if mount is not None:
         _put_on(robot, mount)
     for name, (link, at) in tools.items():
@@ -125,6 +133,15 @@ def _put_on(robot: Element, mount: Mount) -> None:
             ElementTree.SubElement(geometry, "cylinder", radius=repr(mount.size[0] / 2), length=repr(height))
     robot.insert(0, base)
     _fix(robot, BASE, roots[0] or "" if roots else "", MOUNT, mount.at)
+
+
+def _limit(joint: ElementTree.Element, lower: float, upper: float) -> None:
+    """Replace the range of a joint; one that turned without end has one then."""
+    if joint.get("type") == "continuous":
+        joint.set("type", "revolute")
+    limit = joint.find("limit")
+    limit = ElementTree.SubElement(joint, "limit") if limit is None else limit
+    limit.attrib |= {"lower": repr(lower), "upper": repr(upper)}
 
 
 def _fix(robot: Element, parent: str, child: str, name: str, at: tuple[float, float, float]) -> None:

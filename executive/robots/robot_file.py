@@ -14,7 +14,8 @@ allowed_contacts = [["a", "b"]] # links that may touch
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
 [camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints),
                                 # recognises (classes; all)
-[joints.NAME]                   # speed, acceleration, jerk; [joints.default] for all others
+[joints.NAME]                   # speed, acceleration, jerk; [joints.default] for all others; limits (lower, upper)
+                                # if those of the URDF are wrong
 [postures.NAME]                 # joint = position
 ```
 
@@ -27,16 +28,17 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.robots.mechanism import Mount, NotInstalled, ToolPoint, mounted, packaged
+from executive.robots.mechanism import Mount, NotInstalled, Range, ToolPoint, mounted, packaged
 from executive.robots.robot import Axis, BaseDrive, JointLimits
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.extras import install_command
-from planlang.files import open_regular, read_file
+from planlang.files import beginning, decode, read_file
+from planlang.geometry.urdf_schema import FARTHEST
 from planlang.records import dataclass
 from sim import CameraModel
 
@@ -51,9 +53,32 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "arms.*": ("tip", "tool_offset", "hand", "side", "approach", "closing", "payload", "gripper"),
     "arms.*.gripper": ("opened", "closed", "fingers", "max_opening"),
     "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck", "recognises"),
-    "joints.*": ("speed", "acceleration", "jerk"),
+    "joints.*": ("speed", "acceleration", "jerk", "limits"),
 }
 """Valid keys of each table."""
+_RANGES: Mapping[tuple[str, str], tuple[float, float, str]] = {
+    ("base", "radius"): (0.01, 100.0, "m"),
+    ("base", "speed"): (0.01, 100.0, "m/s"),
+    ("base", "acceleration"): (0.01, 1000.0, "m/s2"),
+    ("base", "turn_speed"): (0.01, 100.0, "rad/s"),
+    ("base", "turn_acceleration"): (0.01, 1000.0, "rad/s2"),
+    ("base", "jerk"): (0.01, 1e5, "m/s3"),
+    ("joints.*", "speed"): (0.001, 100.0, "rad/s or m/s"),
+    ("joints.*", "acceleration"): (0.001, 1e4, "rad/s2 or m/s2"),
+    ("joints.*", "jerk"): (0.001, 1e6, "rad/s3 or m/s3"),
+    ("arms.*", "payload"): (1e-3, 1e4, "kg"),
+    ("arms.*.gripper", "max_opening"): (1e-4, 100.0, "m"),
+    ("camera", "fov"): (0.01, 3.1, "rad"),
+    ("camera", "near"): (1e-3, 100.0, "m"),
+    ("camera", "far"): (0.01, 1000.0, "m"),
+    ("camera", "width"): (1, 4096, "pixels"),
+    ("camera", "height"): (1, 4096, "pixels"),
+}
+"""Plausible ranges: beyond them, motions take years or no time, and pictures no or all memory."""
+_SHOWN = 60
+"""Characters of a bad value in a message."""
+_FARTHEST = 100.0
+"""Greatest coordinate of a point at a hand or a base, and greatest extent of a mount [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +126,8 @@ class RobotFile:
     allowed_contacts: tuple[tuple[str, str], ...]
     tools: Mapping[str, ToolPoint]
     """Links to add at grip points, by name."""
+    ranges: Mapping[str, Range]
+    """Lower and upper limits [rad, m] to use instead of those of the URDF, by joint."""
     span: Callable[[str], Span]
     """Source span of a dotted key, or of the nearest table around it."""
 
@@ -118,25 +145,18 @@ def tool_link(arm: str) -> str:
 
 
 def looks_like_toml(path: Path) -> bool:
-    """Check whether a file is a robot file: by its content, never by its suffix."""
+    """Check whether a file is a robot file: by its content, and by its suffix if it has no content of another kind."""
     head = beginning(path)
     lines = [line.strip() for line in head.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if path.suffix.lower() == ".toml" and not (lines and re.match(r"[<@]|\w+\s*:", lines[0])):
+        return True
     return bool(lines) and re.match(r"\[[\w.\"-]+\]|[\w\"-]+\s*=", lines[0]) is not None
 
 
 def looks_like_urdf(path: Path) -> bool:
-    """Check whether the root element of a file is that of a URDF."""
+    """Check whether a file is a URDF, by its root element or its suffix."""
     text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", beginning(path), flags=re.DOTALL)
-    return text.lstrip("\ufeff \t\r\n").startswith("<robot")
-
-
-def beginning(path: Path) -> str:
-    """Read the first 4000 bytes of a file as text; empty if it cannot be read."""
-    try:
-        with open_regular(path) as file:
-            return file.read(4000).decode("utf-8", errors="replace")
-    except OSError:
-        return ""
+    return text.lstrip().startswith("<robot") or path.suffix.lower() in (".urdf", ".xacro")
 
 
 def read_robot_file(path: Path) -> RobotFile:
@@ -146,10 +166,10 @@ def read_robot_file(path: Path) -> RobotFile:
 
 def read_robot(content: bytes, path: Path) -> RobotFile:
     """Read and check the content of a robot file. Raises BadInput with all errors."""
+    text = decode(content, str(path))
     try:
-        text = content.decode("utf-8")
         table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+    except (ValueError, RecursionError) as problem:  # ValueError also for an integer of more than 4300 digits
         where = re.search(r"line (\d+), column (\d+)", str(problem))
         span = Span(str(path), *map(int, where.groups())) if where else Span(str(path))
         raise BadInput([error("B001", f"invalid TOML: {problem}", span)]) from None
@@ -195,7 +215,7 @@ class _Table:
 
     def __init__(self, report: _Report, values: Mapping[str, Any], name: str = "", kind: str | None = "") -> None:
         """Check the keys against those of ``kind`` in :data:`_KEYS`; None allows any key."""
-        self.report, self.values, self.name = report, values, name
+        self.report, self.values, self.name, self.kind = report, values, name, kind
         for key in values if kind is not None else ():
             if key not in _KEYS[kind or ""]:
                 self.bad(key, "unknown key", f"valid here: {', '.join(_KEYS[kind or ''])}")
@@ -222,50 +242,59 @@ class _Table:
         """Read a string; required unless it has a default."""
         value = self.values.get(key, default)
         if not isinstance(value, str):
-            self.bad(key, "missing" if value is None else f"must be a string, not {value!r}")
+            self.bad(key, "missing" if value is None else f"must be a string, not {_shown(value)}")
             return ""
         return value
 
-    def number(self, key: str, default: float | None = None, *, positive: bool = False) -> float:
-        """Read a finite number; required unless it has a default."""
+    def number(self, key: str, default: float | None = None) -> float:
+        """Read a finite number, within its range if it has one; required unless it has a default."""
         value = self.values.get(key, default)
+        least, most, unit = _RANGES.get((self.kind or "", key), (-FARTHEST, FARTHEST, ""))
         if not _is_number(value):
-            self.bad(key, "missing" if value is None else f"must be a finite number, not {value!r}")
-            return 1.0
-        if positive and value <= 0:
-            self.bad(key, f"must be positive, not {float(value)}")
-            return 1.0
-        return float(value)
-
-    def numbers(self, keys: Iterable[str]) -> Iterator[float]:
-        """Read several positive numbers."""
-        return (self.number(key, positive=True) for key in keys)
+            self.bad(key, "missing" if value is None else f"must be a finite number, not {_shown(value)}")
+        elif not least <= value <= most:
+            self.bad(key, f"must be between {least:g} and {most:g} {unit}, not {float(value):g}")
+        else:
+            return float(value)
+        return 1.0 if default is None else default
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Read a list of strings; empty if it is absent."""
         value = self.values.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            self.bad(key, f"must be a list of names, not {value!r}")
+            self.bad(key, f"must be a list of names, not {_shown(value)}")
             return ()
         return tuple(value)
 
     def vector(self, key: str, default: Axis = (0.0, 0.0, 0.0)) -> Axis:
-        """Read three finite numbers [m]."""
+        """Read the coordinates of a point near the robot [m]."""
         value = self.values.get(key, list(default))
         if not isinstance(value, list) or len(value) != 3 or not all(map(_is_number, value)):
-            self.bad(key, f"must be three numbers, not {value!r}")
+            self.bad(key, f"must be three numbers, not {_shown(value)}")
+            return default
+        if max(map(abs, value)) > _FARTHEST:
+            self.bad(key, f"must be three numbers of at most {_FARTHEST:g} m, not {_shown(value)}")
             return default
         return (float(value[0]), float(value[1]), float(value[2]))
+
+    def range(self, key: str) -> tuple[float, float]:
+        """Read the lower and upper limit of a joint [rad, m]."""
+        value = self.values[key]
+        if not isinstance(value, list) or len(value) != 2 or not all(map(_is_number, value)):
+            self.bad(key, f"must be two numbers, the lower and the upper limit, not {_shown(value)}")
+        elif not -FARTHEST <= value[0] < value[1] <= FARTHEST:
+            self.bad(key, f"the lower limit must be less than the upper one, not {_shown(value)}")
+        else:
+            return (float(value[0]), float(value[1]))
+        return (-1.0, 1.0)
 
     def axis(self, key: str, default: Axis) -> Axis:
         """Read a direction of any length as a unit vector."""
         value = self.values.get(key, default)
-        numbers = (
-            isinstance(value, (list, tuple)) and len(value) == 3 and all(isinstance(v, (int, float)) for v in value)
-        )
+        numbers = isinstance(value, (list, tuple)) and len(value) == 3 and all(map(_is_number, value))
         length = math.hypot(*value) if numbers else 0.0
         if not 1e-9 < length < math.inf:
-            self.bad(key, f"must be three numbers, not all 0, not {value!r}")
+            self.bad(key, f"must be three numbers, not all 0, not {_shown(value)}")
             return default
         return (value[0] / length, value[1] / length, value[2] / length)
 
@@ -280,12 +309,11 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     offsets = {name: arm.vector("tool_offset") for name, arm in arms.items() if "tool_offset" in arm.values}
     tools = {tool_link(name): (arms[name].text("tip"), offset) for name, offset in offsets.items()}
     mount = _mount(table)
-    urdf, model = _urdf(path, table, mount, tools), table.text("self_model", "")
+    limits, ranges = _joints(table)
+    urdf, model = _urdf(path, table, mount, tools, ranges), table.text("self_model", "")
     if model and not (path.parent / model).is_file():
         table.bad("self_model", f"file not found beside this one: {model}")
     camera, neck = _camera(table)
-    keys = _KEYS["joints.*"]
-    limits = {name: JointLimits(*joint.numbers(keys)) for name, joint in table.tables("joints", "joints.*").items()}
     postures = table.table("postures", None)
     return RobotFile(
         path,
@@ -302,8 +330,19 @@ def _robot(path: Path, table: _Table) -> RobotFile:
         {name: postures.positions(name) for name in postures.values},
         _pairs(table),
         tools,
+        ranges,
         table.report.span,
     )
+
+
+def _joints(table: _Table) -> tuple[dict[str, JointLimits], dict[str, Range]]:
+    """Read the limits of motion of joints, and the ranges of those whose range in the URDF is wrong, by name."""
+    joints, (*keys, limits) = table.tables("joints", "joints.*"), _KEYS["joints.*"]
+    ranges = {name: joint.range(limits) for name, joint in joints.items() if limits in joint.values}
+    if "default" in ranges:
+        joints["default"].bad(limits, "limits are those of one joint")
+    motions = {name: joint for name, joint in joints.items() if name not in ranges or len(joint.values) > 1}
+    return {name: JointLimits(*map(joint.number, keys)) for name, joint in motions.items()}, ranges
 
 
 def _base(table: _Table, mount: Mount | None) -> BaseDrive:
@@ -312,11 +351,13 @@ def _base(table: _Table, mount: Mount | None) -> BaseDrive:
     is_fixed = table.values.get(fixed, False)
     if not isinstance(is_fixed, bool):
         table.bad(fixed, f"must be true or false, not {is_fixed!r}")
-    base = BaseDrive(*table.numbers(keys)) if is_fixed is False else replace(DEFAULT_BASE, fixed=True)
-    return replace(base, radius=max(table.number("radius", positive=True), 0.0 if mount is None else mount.radius))
+    base = BaseDrive(*map(table.number, keys)) if is_fixed is False else replace(DEFAULT_BASE, fixed=True)
+    return replace(base, radius=max(table.number("radius"), 0.0 if mount is None else mount.radius))
 
 
-def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> Path:
+def _urdf(
+    path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, ToolPoint], ranges: Mapping[str, Range]
+) -> Path:
     value = table.values.get("urdf")
     if isinstance(value, dict):
         source = table.table("urdf", "urdf")
@@ -332,7 +373,8 @@ def _urdf(path: Path, table: _Table, mount: Mount | None, tools: Mapping[str, To
         urdf = path.parent / table.text("urdf")
         if value is not None and not urdf.is_file():
             table.bad("urdf", f"file not found beside this one: {value}")
-    return urdf if (mount is None and not tools) or table.report.problems else mounted(urdf, mount, tools)
+    is_as_it_is = mount is None and not tools and not ranges
+    return urdf if is_as_it_is or table.report.problems else mounted(urdf, mount, tools, ranges)
 
 
 def _mount(table: _Table) -> Mount | None:
@@ -340,10 +382,11 @@ def _mount(table: _Table) -> Mount | None:
         return None
     inner = table.table("mount", "mount")
     size = inner.values.get("size")
-    if not isinstance(size, list) or len(size) not in (2, 3) or not all(_is_number(v) and v > 0 for v in size):
-        inner.bad("size", "must be positive numbers: x, y and z, or diameter and height")
+    extents: list[Any] = size if isinstance(size, list) and len(size) in (2, 3) else [None]
+    if not all(_is_number(one) and 0 < one <= _FARTHEST for one in extents):
+        inner.bad("size", f"must be positive numbers of at most {_FARTHEST:g} m: x, y and z, or diameter and height")
         return None
-    return Mount(tuple(map(float, size)), inner.vector("at", (0.0, 0.0, size[-1])))
+    return Mount(tuple(map(float, extents)), inner.vector("at", (0.0, 0.0, float(extents[-1]))))
 
 
 def _arm(name: str, table: _Table) -> ArmNumbers:
@@ -356,7 +399,7 @@ def _arm(name: str, table: _Table) -> ArmNumbers:
     tip_link = table.text("tip")
     tip = tool_link(name) if "tool_offset" in table.values else tip_link
     gripper = _gripper(table.table("gripper", "arms.*.gripper")) if "gripper" in table.values else None
-    payload = table.number("payload", positive=True) if "payload" in table.values else math.inf
+    payload = table.number("payload") if "payload" in table.values else math.inf
     return ArmNumbers(name, tip, table.text("hand", "") or tip_link, side, approach, closing, gripper, payload)
 
 
@@ -364,20 +407,18 @@ def _gripper(table: _Table) -> GripperNumbers:
     opened, closed = table.positions("opened"), table.positions("closed")
     if not opened or set(opened) != set(closed):
         table.bad("closed", "opened and closed must have the same joints, at least one")
-    return GripperNumbers(opened, closed, table.texts("fingers"), table.number("max_opening", positive=True))
+    return GripperNumbers(opened, closed, table.texts("fingers"), table.number("max_opening"))
 
 
 def _camera(table: _Table) -> tuple[CameraModel | None, tuple[str, ...]]:
     if "camera" not in table.values:
         return None, ()
     inner = table.table("camera", "camera")
-    fov = inner.number("fov", 1.0, positive=True)
-    near, far = inner.number("near", 0.3, positive=True), inner.number("far", 4.0, positive=True)
-    if not fov < math.pi:
-        inner.bad("fov", f"must be less than pi, not {fov}")
+    fov = inner.number("fov", 1.0)
+    near, far = inner.number("near", 0.3), inner.number("far", 4.0)
     if near >= far:
         inner.bad("far", f"must be greater than near ({near} m)")
-    width, height = (int(inner.number(key, size, positive=True)) for key, size in (("width", 160), ("height", 120)))
+    width, height = (int(inner.number(key, size)) for key, size in (("width", 160), ("height", 120)))
     forward, up = inner.axis("forward", (0.0, 0.0, 1.0)), inner.axis("up", (0.0, -1.0, 0.0))
     recognises = inner.texts("recognises") if "recognises" in inner.values else None
     model = CameraModel(inner.text("link"), fov, near, far, width, height, forward, up, recognises)
@@ -396,4 +437,13 @@ def _pairs(table: _Table) -> tuple[tuple[str, str], ...]:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    """Check for a finite number; an integer too large for a float is none."""
+    try:
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."

@@ -12,6 +12,7 @@ import json
 import os
 import stat
 import time
+from codecs import BOM_UTF8
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -114,7 +115,7 @@ def write_sweep(path: Path, header: Header, rows: Sequence[Row]) -> None:
 def read_sweep(path: Path) -> Sweep:
     """Read the file of a sweep; an incomplete last line is ignored. Raises BadInput if it is invalid otherwise."""
     content = read_file(path, largest=LARGEST)
-    *lines, rest = content.split(b"\n")
+    *lines, rest = content.removeprefix(BOM_UTF8).split(b"\n")
     if not lines:
         raise BadInput([_invalid(path, 1)])
     header = _parse(lines[0], path, 1)

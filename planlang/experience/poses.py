@@ -15,7 +15,7 @@ from typing import Any
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.experience.traces import LATEST, LONGEST, roles_of
-from planlang.files import read_file
+from planlang.files import encoding_of, read_file
 from planlang.outputs import MARK
 from planlang.records import dataclass
 
@@ -159,7 +159,8 @@ def read_poses(lines: Sequence[str]) -> tuple[Mapping[str, Any], list[Transform]
 
 def read_log(path: Path, header: Mapping[str, Any]) -> list[Transform]:
     """Read the pose log of the run with a certain trace header. Raises BadInput for malformed logs and other runs."""
-    lines = read_file(path, "C001", largest=LARGEST).decode(errors="replace").splitlines(keepends=True)
+    content = read_file(path, "C001", largest=LARGEST)
+    lines = content.decode(encoding_of(content), errors="replace").splitlines(keepends=True)
     try:
         head, transforms = read_poses(lines)
     except ValueError as problem:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.files import open_regular, read_at_most
+from planlang.files import encoding_of, open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, moved, product
 from planlang.geometry.urdf import BadXml, tree_of
 from planlang.records import dataclass
@@ -141,7 +141,7 @@ def _fans(counts: Sequence[int], corners: Faces) -> Faces:
 def _read_obj(content: bytes) -> Mesh:
     vertices: list[list[float]] = []
     parts: list[tuple[list[int], list[int]]] = [([], [])]
-    for line in content.decode("utf-8", "replace").replace("\\\n", " ").splitlines():
+    for line in content.decode(encoding_of(content), "replace").replace("\\\n", " ").splitlines():
         words = line.split()
         match words[:1]:
             case ["v"]:

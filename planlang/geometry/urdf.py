@@ -1,7 +1,7 @@
 """The URDF reader: parses and checks the tree of links and joints, without loading shapes or meshes.
 
-Format: https://wiki.ros.org/urdf/XML. URDFs are untrusted: the XML parser refuses entities and external references,
-limits size and depth, and records the line of each element.
+URDFs are untrusted: the XML parser refuses entities and external references, limits size and depth, and records the
+line of each element; planlang/geometry/urdf_schema.py has what the format requires.
 """
 
 from __future__ import annotations
@@ -9,16 +9,27 @@ from __future__ import annotations
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import replace
 from pathlib import Path
 from xml.parsers import expat
 
 import numpy as np
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
+from planlang.geometry.urdf_schema import (
+    FARTHEST,
+    RULES,
+    TYPES,
+    WITHOUT_SHAPE,
+    children_of,
+    expressions_in,
+    numbers,
+    problems_in,
+)
 from planlang.records import dataclass
 
 LARGEST = 16_000_000
@@ -136,31 +147,8 @@ class _Reader:
         raise BadXml(f"it declares an entity ({name}), which is refused", self._parser.CurrentLineNumber)
 
 
-KINDS = ("revolute", "continuous", "prismatic", "fixed")
+KINDS = TYPES[:4]
 """Joint types of kinematic chains; "floating" and "planar" joints are read, but no chain may contain them."""
-
-_NUMBERS = {
-    ("origin", "xyz"): 3,
-    ("origin", "rpy"): 3,
-    ("axis", "xyz"): 3,
-    ("box", "size"): 3,
-    ("cylinder", "radius"): 1,
-    ("cylinder", "length"): 1,
-    ("capsule", "radius"): 1,
-    ("capsule", "length"): 1,
-    ("sphere", "radius"): 1,
-    ("mesh", "scale"): 3,
-    ("color", "rgba"): 4,
-    ("mass", "value"): 1,
-    ("limit", "lower"): 1,
-    ("limit", "upper"): 1,
-    ("limit", "velocity"): 1,
-    ("limit", "effort"): 1,
-    ("mimic", "multiplier"): 1,
-    ("mimic", "offset"): 1,
-    **{("inertia", f"i{axes}"): 1 for axes in ("xx", "xy", "xz", "yy", "yz", "zz")},
-}
-"""(element, attribute) -> number of values."""
 _SHOWN = 4
 """Names shown in a message."""
 
@@ -178,7 +166,8 @@ class Mimic:
 class Joint:
     """A joint: ``origin`` (4, 4) of the child in the parent at position 0, unit ``axis`` (3,) in the child's frame.
 
-    Limits are in rad or m, ``velocity`` is in rad/s or m/s; continuous joints have the limits -pi and pi.
+    Limits are in rad or m, ``velocity`` is in rad/s or m/s; continuous joints have the limits -pi and pi. A joint that
+    mimics another and states no limits has those that follow from the other's.
     """
 
     name: str
@@ -212,6 +201,21 @@ class Urdf:
     """The link that is no joint's child."""
     joints: tuple[Joint, ...]
     """The joints, in the order of the file."""
+    diagnostics: tuple[Diagnostic, ...] = ()
+    """Notes about what was read otherwise than it is written."""
+    gaps: tuple[Diagnostic, ...] = ()
+    """Errors in masses, materials and the name of the robot, which have no shape or pose."""
+
+    def plain(self) -> Element:
+        """Copy what the format knows, without extensions; joints have the type and the limits that were read."""
+        robot = _plain(self.tree)
+        for element, joint in zip(robot.findall("joint"), self.joints, strict=True):
+            element.set("type", joint.kind)
+            limit = element.find("limit")
+            if joint.kind in ("revolute", "prismatic") and _limits(limit) != (joint.lower, joint.upper):
+                limit = ElementTree.SubElement(element, "limit") if limit is None else limit
+                limit.attrib |= {"lower": repr(joint.lower), "upper": repr(joint.upper)}
+        return robot
 
 
 class NoSuchChain(Exception):
@@ -242,8 +246,10 @@ def read_urdf(path: Path) -> Urdf:
     if robot.tag != "robot":
         message = f"is not URDF: its root element is <{robot.tag}>, not <robot>"
         raise BadInput([error("B009", message, Span(str(path), robot.line))])
-    root = _Checker(path, robot).check()
-    found = Urdf(path, content, robot, root, tuple(_joint(element) for element in robot.findall("joint")))
+    checker = _Checker(path, robot)
+    root = checker.check()
+    joints = _with_followed_limits({element.get("name", ""): _joint(element) for element in robot.findall("joint")})
+    found = Urdf(path, content, robot, root, joints, tuple(checker.endless()), tuple(checker.gaps))
     while len(_kept) >= MOST_KEPT:
         del _kept[next(iter(_kept))]
     _kept[path, content] = found
@@ -292,9 +298,9 @@ def _joint(element: ElementTree.Element) -> Joint:
     kind = element.get("type", "")
     origin = rigid(rotation_of(*stated("origin", "rpy", "0 0 0")), np.array(stated("origin", "xyz", "0 0 0")))
     axis = np.array(stated("axis", "xyz", "1 0 0"))
-    lower, upper = stated("limit", "lower", "0")[0], stated("limit", "upper", "0")[0]
-    if kind == "continuous":
-        lower, upper = -math.pi, math.pi
+    lower, upper = _limits(element.find("limit"))
+    if kind == "continuous" or _is_endless(element):
+        kind, lower, upper = "continuous", -math.pi, math.pi
     follows = element.find("mimic")
     mimic = None
     if follows is not None:
@@ -307,15 +313,54 @@ def _joint(element: ElementTree.Element) -> Joint:
     return Joint(element.get("name", ""), kind, *ends, origin, axis, lower, upper, velocity, mimic)
 
 
+def _limits(limit: ElementTree.Element | None) -> tuple[float, float]:
+    lower, upper = ("0", "0") if limit is None else (limit.get("lower", "0"), limit.get("upper", "0"))
+    return numbers(lower)[0], numbers(upper)[0]
+
+
+def _is_endless(joint: ElementTree.Element) -> bool:
+    """Check whether a revolute joint has limits that stand for none: converters write 1e16 for a wheel."""
+    return joint.get("type") == "revolute" and max(map(abs, _limits(joint.find("limit")))) > FARTHEST
+
+
+def _with_followed_limits(joints: dict[str, Joint]) -> tuple[Joint, ...]:
+    """Give joints that mimic others and have no range of their own the range that follows from the others'."""
+    found: dict[str, Joint] = {}
+
+    def completed(joint: Joint) -> Joint:
+        mimic = joint.mimic
+        if joint.name in found or mimic is None or joint.kind not in ("revolute", "prismatic"):
+            return found.setdefault(joint.name, joint)
+        if joint.lower == joint.upper == 0:
+            other = completed(joints[mimic.joint])
+            ends = sorted(mimic.multiplier * end + mimic.offset for end in (other.lower, other.upper))
+            joint = replace(joint, lower=ends[0], upper=ends[1])
+        return found.setdefault(joint.name, joint)
+
+    return tuple(map(completed, joints.values()))
+
+
+def _plain(element: ElementTree.Element) -> Element:
+    known = RULES[element.tag].attributes if element.tag in RULES else ()
+    copied = Element(element.tag, {name: text for name, text in element.items() if name in known})
+    copied.line = element.line if isinstance(element, Element) else 1
+    copied.extend(map(_plain, children_of(element)))
+    return copied
+
+
 class _Checker:
     """Collects everything that makes a URDF unusable."""
 
     def __init__(self, path: Path, robot: Element) -> None:
         self.path, self.robot = path, robot
         self.found: list[Diagnostic] = []
+        self.gaps: list[Diagnostic] = []
 
     def check(self) -> str:
         """Run all checks and return the root link; raises BadInput."""
+        for what, element in expressions_in(self.robot):  # the first: all other problems may follow from it
+            self._bad(f"{what} is not expanded", element, XACRO.format(self.path.stem.removesuffix(".urdf")))
+            raise BadInput(self.found)
         links, joints = self._named("link"), self._named("joint")
         if not links:
             self._bad("the robot has no links", self.robot)
@@ -323,21 +368,46 @@ class _Checker:
         for name, joint in joints.items():
             ends = [_linked(joint, end) for end in ("parent", "child")]
             for end, link in zip(("parent", "child"), ends, strict=True):
-                if link not in links:
-                    problem = f"has a {end} link {link!r} that is not described" if link else f"names no {end} link"
-                    self._bad(f"joint {name!r} {problem}", joint)
-            if ends[1] in above:
+                if link and link not in links:
+                    self._bad(f"joint {name!r} has a {end} link {link!r} that is not described", joint)
+            if ends[1] and ends[1] in above:
                 self._bad(f"link {ends[1]!r} hangs from two joints", joint)
             above[ends[1]] = ends[0]
+            self._check_mimic(name, joints)
         roots = [name for name in links if name not in above]
-        if not self.found:
+        if not self.found and all(child and parent for child, parent in above.items()):
             self._check_roots(links, above, roots)
-        self._numbers()
-        for name, joint in joints.items():
-            self._range(name, joint)
+        for problem, element in problems_in(self.robot):
+            assert isinstance(element, Element)
+            found = self.gaps if element.tag in WITHOUT_SHAPE else self.found
+            found.append(error("B009", problem, Span(str(self.path), element.line)))
         if self.found:
-            raise BadInput(self.found)
+            raise BadInput([*self.found, *self.gaps])
         return roots[0]
+
+    def endless(self) -> Iterator[Diagnostic]:
+        """Yield a note for each revolute joint that is read as continuous."""
+        for joint in self.robot.findall("joint"):
+            if _is_endless(joint):
+                message = f"joint {joint.get('name')!r} turns without end: its limits are beyond {FARTHEST:g} rad"
+                line = joint.line if isinstance(joint, Element) else 1
+                yield note("B010", message, Span(str(self.path), line), 'write type="continuous"')
+
+    def _check_mimic(self, name: str, joints: Mapping[str, Element]) -> None:
+        """Check that a joint that mimics others follows, in the end, one that mimics none."""
+        followed, at = [name], joints[name].find("mimic")
+        while at is not None and (mimic := joints[followed[-1]].find("mimic")) is not None:
+            other = mimic.get("joint", "")
+            if other in followed:
+                if other == name:  # each joint of a circle is reported once, those that lead to it are not
+                    circle = "itself" if len(followed) == 1 else " and ".join((*followed[1:], "so itself"))
+                    self._bad(f"joint {name!r} mimics {circle}", at)
+                return
+            if other not in joints:
+                if len(followed) == 1 and other:
+                    self._bad(f"joint {name!r} mimics a joint {other!r} that is not described", at)
+                return
+            followed.append(other)
 
     def _check_roots(self, links: Mapping[str, Element], above: Mapping[str, str], roots: Sequence[str]) -> None:
         """Check that all links form one tree."""
@@ -362,36 +432,10 @@ class _Checker:
             assert isinstance(element, Element)
             if element.tag == tag:
                 name = element.get("name", "")
-                if not name:
-                    self._bad(f"a {tag} has no name", element)
-                elif name in named:
+                if name and name in named:
                     self._bad(f"there are two {tag}s {name!r}", element)
                 named[name] = element
         return named
-
-    def _numbers(self) -> None:
-        for element in self.robot.iter():
-            for attribute, text in element.items():
-                wanted = _NUMBERS.get((element.tag, attribute))
-                if wanted is not None and len(numbers(text)) not in ({1, 3} if element.tag == "mesh" else {wanted}):
-                    message = f"<{element.tag} {attribute}={text[:60]!r}>: {wanted} finite number(s) expected"
-                    self._bad(message, element, XACRO.format(self.path.stem) if "${" in text or "$(" in text else None)
-        for geometry in self.robot.iter("geometry"):
-            for shape in geometry:
-                needed = extents_of(shape)
-                values = [value for attribute in needed for value in numbers(shape.get(attribute, ""))]
-                if needed and not (values and min(values) >= 0):
-                    self._bad(f"<{shape.tag}> needs a nonnegative {' and '.join(needed)}", shape)
-
-    def _range(self, name: str, joint: Element) -> None:
-        """Report moving joints with a zero axis or with reversed limits."""
-        kind, axis, limit = joint.get("type", ""), joint.find("axis"), joint.find("limit")
-        if kind in KINDS[:3] and axis is not None and not any(numbers(axis.get("xyz", "1 0 0"))):
-            self._bad(f"joint {name!r} has an axis of length zero", joint)
-        if kind in ("revolute", "prismatic") and limit is not None:
-            lower, upper = (numbers(limit.get(end, "0")) for end in ("lower", "upper"))
-            if lower and upper and lower[0] > upper[0]:
-                self._bad(f"joint {name!r} has limits [{lower[0]}, {upper[0]}] the wrong way round", joint)
 
     def _bad(self, message: str, element: ElementTree.Element, help: str | None = None) -> None:
         assert isinstance(element, Element)
@@ -401,17 +445,3 @@ class _Checker:
 def _linked(joint: ElementTree.Element, end: str) -> str:
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
-
-
-def extents_of(shape: ElementTree.Element) -> list[str]:
-    """Names of the attributes that hold the extents of a primitive."""
-    return [attribute for tag, attribute in _NUMBERS if tag == shape.tag and tag != "mesh"]
-
-
-def numbers(text: str) -> tuple[float, ...]:
-    """Parse the numbers of an attribute; empty unless all are finite."""
-    try:
-        values = tuple(float(word) for word in text.split())
-    except ValueError:
-        return ()
-    return values if all(map(math.isfinite, values)) else ()

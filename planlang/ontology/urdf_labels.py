@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
-from planlang.files import bundled, read_file
+from planlang.files import bundled, decode, read_file
 from planlang.ontology.terms import is_vocabulary
 from planlang.records import dataclass
 
@@ -93,8 +93,8 @@ def _bundled() -> tuple[Labels, ...]:
 def read_labels(path: Path) -> Labels:
     """Read a file of labels. Raises BadInput with all its errors (M020)."""
     content = read_file(path, "M020", largest=LARGEST)
+    text = decode(content, str(path)) if content.strip() else ""
     try:
-        text = content.decode("utf-8")
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
         line = re.search(r"line (\d+)", str(problem))

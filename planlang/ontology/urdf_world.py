@@ -25,7 +25,8 @@ from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
 from planlang.geometry.matrices import product, rigid, rotation_of
 from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of, mesh_places
 from planlang.geometry.shapes import corners, outline_of
-from planlang.geometry.urdf import Element, Joint, Urdf, numbers, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
+from planlang.geometry.urdf_schema import numbers
 from planlang.ontology.terms import OWL, RDF, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.ontology.urdf_labels import FARTHEST, Label, Triplet, labels_for

@@ -30,7 +30,7 @@ def nodes_of(tree: RunTree, labels: Mapping[str, str], index: Mapping[int, int])
 
     ``labels`` maps classes of actions (local names) to the labels of the recipe.
     """
-    held = [(name, node, *span) for node in tree.numbered.values() for name, *span in _held(node)]
+    held = [(name, node, begun, ended) for node in tree.numbered.values() for name, begun, ended in _held(node)]
     within: dict[int, bool] = {}  # filled in one pass, because parents come before children
     nodes = []
     for number, node in sorted(tree.numbered.items()):

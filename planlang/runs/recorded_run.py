@@ -15,6 +15,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from planlang.files import encoding_of
 from planlang.kernel.schedule import parse_draws
 from planlang.records import dataclass
 from planlang.runs.codec import SCHEMA, Exact, load, load_failure
@@ -118,6 +119,8 @@ def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
             if len(text) > LONGEST_LINE:
                 raise DamagedTrace(f"a line of more than {LONGEST_LINE // 1_000_000} MB", len(texts) + 1)
             texts.append(text)
+    if texts and encoding_of(texts[0]) == "utf-16":
+        raise DamagedTrace("in UTF-16; save it as UTF-8", 1)
     torn = bool(texts) and not texts[-1].endswith(b"\n")
     records: list[Any] = []
     for number, text in enumerate(texts, 1):

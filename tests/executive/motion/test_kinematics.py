@@ -171,10 +171,10 @@ def test_links_that_form_no_chain_are_refused_with_the_reason(small: Path, base:
     [
         ("<robot", "is not XML"),
         ("<sdf/>", "root element is <sdf>"),
-        (SMALL.replace('lower="-1"', 'lower="x"'), "<limit lower='x'>: 1 finite number"),
+        (SMALL.replace('lower="-1"', 'lower="x"'), "<limit lower='x'> of joint 'turn': 1 finite number"),
         (SMALL.replace('lower="-1"', 'lower="3"'), "joint 'turn' has limits .* wrong way round"),
         (SMALL.replace('xyz="0 0 2"', 'xyz="0 0 0"'), "joint 'turn' has an axis of length zero"),
-        (SMALL.replace('<parent link="a"/>', ""), "joint 'turn' names no parent link"),
+        (SMALL.replace('<parent link="a"/>', ""), "<joint> 'turn' has no <parent>"),
     ],
 )
 def test_file_that_is_no_urdf_is_refused_with_the_reason(tmp_path: Path, text: str, said: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -259,12 +260,27 @@ def test_a_urdf_that_cannot_be_a_robot_is_refused(tmp_path: Path, content: str) 
     assert {d.code for d in caught.value.diagnostics} == {"B009"}
 
 
-@pytest.mark.parametrize("limits", ["0 0", "-1e9 1e9", "-1e308 1e308", "0 1e-12"])
-def test_implausible_limits_are_reported(tmp_path: Path, limits: str) -> None:
+@pytest.mark.parametrize("limits", ["0 0", "-90 90", "0 1e-12"])
+def test_implausible_limits_are_reported_under_the_key_that_replaces_them(tmp_path: Path, limits: str) -> None:
+    urdf, file = tmp_path / "robot.urdf", tmp_path / "robot.toml"
+    urdf.write_text(arm(limits=limits))
+    draft = draft_of(urdf)
+    assert bind_draft(draft, urdf).arms
+    assert any(d.message.startswith("[joints.j0] missing: limits: ") for d in draft.diagnostics() if d.code == "B016")
+    advised = re.sub(r"(?m)^# (\[joints\.j\d\]|limits = )", r"\1", draft.text())
+    file.write_text(advised)
+    robot = bind_robot(file)
+    assert not has_errors(robot.diagnostics)
+    assert [(joint.lower, joint.upper) for joint in read_urdf(robot.urdf).joints if joint.name == "j0"] == [(-2.9, 2.9)]
+    assert robot.limits["j0"] == bind_draft(draft, urdf).limits["j0"], "its speed is still that of the URDF"
+
+
+@pytest.mark.parametrize("limits", ["-1e9 1e9", "-1e308 1e308", "-1e16 1e16"])
+def test_a_revolute_joint_without_a_plausible_end_is_read_as_continuous(tmp_path: Path, limits: str) -> None:
     (tmp_path / "robot.urdf").write_text(arm(limits=limits))
-    draft = draft_of(tmp_path / "robot.urdf")
-    bind_draft(draft, tmp_path / "robot.urdf")
-    assert any("limits of j0" in d.message for d in draft.diagnostics() if d.code == "B016")
+    robot = bind_robot(tmp_path / "robot.urdf")
+    assert robot.arms
+    assert any("turns without end" in d.message for d in robot.diagnostics if d.code == "B010")
 
 
 @pytest.mark.parametrize(
