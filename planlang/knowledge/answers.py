@@ -17,6 +17,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from planlang.diagnostics import Diagnostic, Severity, Span
 from planlang.knowledge.entries import Changed, Entry, EntryExists, News, NoSuchEntry, NotTheAuthor, Refused, is_uid
 from planlang.records import dataclass
+from planlang.visible import visible
 
 Links = tuple[tuple[str, str], ...]
 """Pairs of a property and a class (IRIs)."""
@@ -164,11 +165,8 @@ def _shown(data: object) -> str:
 
 
 def printed(text: str, breaks: str = "") -> str:
-    """Make untrusted text safe for a terminal: bounded length, no control characters except those in ``breaks``."""
-    short = text[:LONGEST_TEXT]
-    if short.isprintable():
-        return short
-    return "".join(one if one.isprintable() or one in breaks else "\N{REPLACEMENT CHARACTER}" for one in short)
+    """Make untrusted text safe for a terminal: bounded length, escapes for what is not displayed (:func:`visible`)."""
+    return visible(text[:LONGEST_TEXT], breaks)
 
 
 def read_diagnostics(data: Mapping[str, Any]) -> tuple[Diagnostic, ...]:

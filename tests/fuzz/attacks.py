@@ -357,7 +357,7 @@ def _child(case: Case, folder: Path, cache: Path) -> None:
         _limit(case.limits)
         if case.environment or case.limits:
             paths = os.pathsep.join((str(ROOT), environment.get("PYTHONPATH", "")))
-            environment["PYTHONPATH"] = paths
+            environment |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}  # a limit would cut compiled files off
             words = [sys.executable, str(ROOT / "planlang_command.py"), *case.words]
             os.execve(sys.executable, [os.fsencode(word) for word in words], environment)
         os.environ.clear()

@@ -293,7 +293,7 @@ def commands(options: argparse.Namespace) -> int:
             found[known] = found.get(known, 0) + 1
             if found[known] == 1:
                 case = outcome.case
-                print(f"{outcome.problem}\n    {case.line()}\n    {', '.join(case.steps)}")
+                print(f"{outcome.problem[:300]}\n    {case.line()}\n    {', '.join(case.steps)}")
                 print(f"    again: python tests/fuzz/run.py --case {case.name}", flush=True)
 
         parts = tuple(options.parts.split(","))
