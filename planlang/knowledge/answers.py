@@ -33,6 +33,10 @@ class NoAnswer(Exception):
     """The server cannot be reached or does not respond in time."""
 
 
+class ProxyFails(NoAnswer):
+    """The proxy on the way to the server does not respond, or refuses."""
+
+
 class NotAsAgreed(Exception):
     """Not a knowledge-base response, or its digest does not match."""
 
