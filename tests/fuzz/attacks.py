@@ -32,6 +32,8 @@ LONG = 40.0
 MEGABYTES = 1500
 _ADDRESSES = 6_000_000_000
 """Address space of a case without limits [bytes], so that it does not take the machine with it."""
+_WRITING = ("convert", "merge")
+"""Commands that write a file to stdout, which keeps its characters."""
 _WAITING = ("serve", "watch", "--watch", "--gui")
 _HIDDEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]")
 
@@ -355,9 +357,9 @@ def _child(case: Case, folder: Path, cache: Path) -> None:
         }
         environment = {name: value for name, value in environment.items() if case.environment.get(name, "") is not None}
         _limit(case.limits)
+        environment["PYTHONPATH"] = os.pathsep.join((str(ROOT), environment.get("PYTHONPATH", "")))
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"  # a limit would cut compiled files off
         if case.environment or case.limits:
-            paths = os.pathsep.join((str(ROOT), environment.get("PYTHONPATH", "")))
-            environment |= {"PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1"}  # a limit would cut compiled files off
             words = [sys.executable, str(ROOT / "planlang_command.py"), *case.words]
             os.execve(sys.executable, [os.fsencode(word) for word in words], environment)
         os.environ.clear()
@@ -398,14 +400,14 @@ def _judged(one: Running, status: int, used: resource.struct_rusage) -> Outcome:
         path.unlink()
     shutil.rmtree(one.folder, ignore_errors=True)
     said = "\n".join(texts)
-    problem = one.problem or _problem(case, status, said, interrupted=one.interrupted is not None)
+    problem = one.problem or _problem(case, status, said, texts[1], interrupted=one.interrupted is not None)
     megabytes = used.ru_maxrss // 1024
     if problem is None and megabytes > MEGABYTES:
         problem = f"memory: {megabytes} MB"
     return Outcome(case, problem, used.ru_utime + used.ru_stime, megabytes, texts[1][-3000:])
 
 
-def _problem(case: Case, status: int, said: str, *, interrupted: bool) -> str | None:
+def _problem(case: Case, status: int, said: str, errors: str, *, interrupted: bool) -> str | None:
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         if "t" in case.limits and number in (signal.SIGXCPU, signal.SIGKILL):
@@ -421,7 +423,7 @@ def _problem(case: Case, status: int, said: str, *, interrupted: bool) -> str | 
     if code not in allowed:
         last = said.strip().splitlines()[-1:] or [""]
         return f"exit {code}: {last[0][:200]}"
-    if hidden := _HIDDEN.search(said):
+    if hidden := _HIDDEN.search(errors if case.words[0] in _WRITING else said):
         return f"printed raw: U+{ord(hidden[0]):04X}"
     return None
 
