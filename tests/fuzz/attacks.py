@@ -178,6 +178,9 @@ def case_of(part: str, seed: int, number: int, sources: Path) -> Case:
     lines = LINES.split("\n")[1:-1]
     if part != "files":
         lines += CHEAP.split("\n")[1:-1]
+    if part == "files":  # each kind as often as another, however many commands read it
+        kind = f"{{{draw.choice(list(KINDS))}}}"
+        lines = [line for line in lines if kind in line]
     words = [word.replace("_", " ") if word.count("_") > 1 else word for word in draw.choice(lines).split()]
     named = [draw.choice(KINDS[word[1:-1]]) if word.startswith("{") else word for word in words]
     if part == "files":
@@ -400,14 +403,14 @@ def _judged(one: Running, status: int, used: resource.struct_rusage) -> Outcome:
         path.unlink()
     shutil.rmtree(one.folder, ignore_errors=True)
     said = "\n".join(texts)
-    problem = one.problem or _problem(case, status, said, texts[1], interrupted=one.interrupted is not None)
+    problem = one.problem or problem_of(case, status, said, texts[1], interrupted=one.interrupted is not None)
     megabytes = used.ru_maxrss // 1024
     if problem is None and megabytes > MEGABYTES:
         problem = f"memory: {megabytes} MB"
     return Outcome(case, problem, used.ru_utime + used.ru_stime, megabytes, texts[1][-3000:])
 
 
-def _problem(case: Case, status: int, said: str, errors: str, *, interrupted: bool) -> str | None:
+def problem_of(case: Case, status: int, said: str, errors: str, *, interrupted: bool) -> str | None:
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         if "t" in case.limits and number in (signal.SIGXCPU, signal.SIGKILL):
@@ -423,7 +426,9 @@ def _problem(case: Case, status: int, said: str, errors: str, *, interrupted: bo
     if code not in allowed:
         last = said.strip().splitlines()[-1:] or [""]
         return f"exit {code}: {last[0][:200]}"
-    if hidden := _HIDDEN.search(errors if case.words[0] in _WRITING else said):
+    if "FORCE_COLOR" not in case.environment and (
+        hidden := _HIDDEN.search(errors if case.words[0] in _WRITING else said)
+    ):
         return f"printed raw: U+{ord(hidden[0]):04X}"
     return None
 
