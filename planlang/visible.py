@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 import unicodedata
 
-_ESCAPE = re.compile(r"\\x([0-9a-f]{2})|\\u([0-9a-f]{4})|\\U([0-9a-f]{8})")
+_ESCAPE = re.compile(r"\\u([0-9a-f]{4})|\\U([0-9a-f]{8})")
 
 
 def visible(text: str, breaks: str = "\n\t") -> str:
-    r"""Replace characters that are not displayed by their escapes in Python, such as ``\x1b`` and ``\u202e``.
+    r"""Replace characters that are not displayed by escapes such as ``\u202e``, which Python, TOML and Turtle know.
 
     These are all but letters, marks, numbers, punctuation, symbols, spaces, and the characters in ``breaks``. The
     result is a fixed point, so that text may pass here twice.
@@ -25,7 +25,7 @@ def visible(text: str, breaks: str = "\n\t") -> str:
 
 def meant(text: str) -> str:
     """Return the text of which :func:`visible` made this one, if that had no backslash."""
-    return _ESCAPE.sub(lambda found: chr(int(found[1] or found[2] or found[3], 16)), text)
+    return _ESCAPE.sub(lambda found: chr(int(found[1] or found[2], 16)), text)
 
 
 def _line(text: str, breaks: str = "\t") -> str:
@@ -33,5 +33,5 @@ def _line(text: str, breaks: str = "\t") -> str:
 
 
 def _escaped(one: str) -> str:
-    is_shown = one.isprintable() or unicodedata.category(one) == "Zs"
-    return one if is_shown else one.encode("unicode_escape").decode("ascii")
+    code, is_shown = ord(one), one.isprintable() or unicodedata.category(one) == "Zs"
+    return one if is_shown else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

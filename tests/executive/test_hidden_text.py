@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -109,3 +110,18 @@ def test_letters_marks_symbols_and_spaces_stay_as_they_are(text: str) -> None:
 def test_escaped_text_is_escaped_once_and_can_be_read_back() -> None:
     assert visible(visible(EVIL)) == visible(EVIL)
     assert meant(visible(EVIL)) == EVIL
+
+
+def test_a_robot_file_has_no_hidden_characters_and_the_names_of_the_urdf(tmp_path: Path) -> None:
+    name = "cart\u202e\u0085\u200b"
+    urdf = tmp_path / "cart.urdf"
+    urdf.write_text(
+        f'<robot name="{name}"><link name="base_{name}"><collision><geometry><box size="0.5 0.5 0.5"/></geometry>'
+        "</collision></link></robot>",
+        encoding="utf-8",
+    )
+    result = invoke("robot", "make", urdf, "-o", tmp_path / "cart.toml")
+    assert result.exit_code == 0, result.output
+    text = (tmp_path / "cart.toml").read_text()
+    assert (hidden(text), hidden(result.output)) == ([], [])
+    assert tomllib.loads(text)["name"] == name
