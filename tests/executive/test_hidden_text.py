@@ -108,6 +108,14 @@ def test_letters_marks_symbols_and_spaces_stay_as_they_are(text: str) -> None:
 
 
 def test_escaped_text_is_escaped_once_and_can_be_read_back() -> None:
+    for sequence in (
+        "\x1b]52;c;bHM=\x07",
+        "\x1b]8;;file:///etc\x1b\\name\x1b]8;;\x1b\\",
+        "\x1b[1A\x1b[K",
+        "\x9b2J",
+        "\r",
+    ):
+        assert hidden(visible(sequence)) == []
     assert visible(visible(EVIL)) == visible(EVIL)
     assert meant(visible(EVIL)) == EVIL
 

@@ -82,6 +82,8 @@ def test_socks_without_its_package_is_bad_input(monkeypatch: pytest.MonkeyPatch)
         ("http://[::1]:8080", "[::1]"),
         ("http://[::1]:8080", "::1"),
         ("http://[::1]:8080", "[::1]:8080"),
+        ("http://[fe11::2]:8080", "fe11::/16"),
+        ("http://127.0.0.1:8080", "localhost,127.0.0.1,::1,[::1]"),
         ("http://kb.example.org", "*"),
     ],
 )
@@ -103,6 +105,12 @@ def test_other_hosts_are_reached_through_it(url: str, listed: str) -> None:
     proxy = proxy_of(url, {"http_proxy": "127.0.0.1:3128", "HTTP_PROXY": "http://x:1", "no_proxy": listed})
     assert proxy is not None
     assert (proxy.url, proxy.variable) == ("http://127.0.0.1:3128", "http_proxy")
+
+
+def test_a_proxy_without_a_scheme_is_one_of_http() -> None:
+    proxy = proxy_of("http://kb.example.org", {"ALL_PROXY": "127.0.0.1:7890"})
+    assert proxy is not None
+    assert proxy.url == "http://127.0.0.1:7890"
 
 
 def test_a_proxy_that_does_not_answer_is_blamed_and_not_the_server(monkeypatch: pytest.MonkeyPatch) -> None:
