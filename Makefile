@@ -9,7 +9,8 @@
 # make processors   the bundled recipe as other processors would run it, ten seeds: the same decisions
 # make docs    the documentation as pages in build/docs/VERSION; fails on a link that leads nowhere
 # make counts  lines, files, modules of a run, import circles, names that exist twice
-# make fuzz    broken files; FUZZ_SECONDS=1800 for half an hour, FUZZ_SEED=7 for other cases
+# make fuzz    broken files, then attacks on all commands; FUZZ_SECONDS=1800 FUZZ_CASES=2000 for longer,
+#              FUZZ_SEED=7 for other cases
 # make bench-locations   how places are found, beside samplers and other inverse kinematics, judged by PyBullet;
 #                        PARTS=hard,infeasible for some of it, ROOMS=20 for less; finished parts are kept in .venv
 #
@@ -26,6 +27,7 @@ BIN := $(VENV)/bin
 SEEDS ?= 30
 JOBS ?= 2
 FUZZ_SECONDS ?= 60
+FUZZ_CASES ?= 150
 FUZZ_SEED ?= 0
 PYTEST_ARGS ?=
 
@@ -156,6 +158,7 @@ homes: $(VENV)/.pr2-stamp
 
 fuzz: $(VENV)/.dev-stamp
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)
+	$(BIN)/python tests/fuzz/run.py --cases $(FUZZ_CASES) --seed $(FUZZ_SEED) --jobs $(JOBS)
 
 maps: $(VENV)/.pr2-stamp
 	$(BIN)/python tests/executive/locations/test_bundled_maps.py

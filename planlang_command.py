@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
-INTERRUPTED, IN_THE_WAY = 130, 2
+INTERRUPTED, IN_THE_WAY, UNWRITTEN = 130, 2, 2
 YOUNG = 200_000
 """New objects after which the collector looks for garbage: of those of importing, reading and assembling nearly all
 stay (of the first 100,000 of a run 650 do not)."""
@@ -40,8 +40,12 @@ def main() -> None:
         with suppress(OSError):
             sys.stderr.write("interrupted\n")
         sys.exit(_code(INTERRUPTED))
+    except OSError:
+        if _flushed():
+            raise
+        sys.exit(UNWRITTEN)  # stderr cannot be written either: nothing can be said
     except SystemExit as end:
-        sys.exit(_code(end.code))
+        sys.exit(_code(end.code) if _flushed() else _code(end.code) or UNWRITTEN)
     finally:
         # The interpreter ends with looking twice through all objects for garbage: a twelfth of a short run.
         gc.freeze()
@@ -49,6 +53,18 @@ def main() -> None:
 
 def _code(code: object) -> int | str | None:
     return 128 + _received[0] if _received and code == INTERRUPTED else code  # type: ignore[return-value]
+
+
+def _flushed() -> bool:
+    """Write what the standard streams hold; a full disk would end the interpreter with a code of its own."""
+    is_written = True
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            is_written = False
+    return is_written
 
 
 def _handle_signals() -> None:
@@ -74,6 +90,8 @@ def _open_closed_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # the lowest free number, which is this one
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115  open as long as the process
+    # letters that its encoding lacks; stderr does so by itself
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
 
 
 def _check_packages() -> None:

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from planlang.records import dataclass
+from planlang.visible import visible
 
 
 class Severity(Enum):
@@ -86,7 +87,7 @@ class Diagnostic:
     def __str__(self) -> str:
         where = f"{self.span}: " if self.span else ""
         text = f"{where}{self.severity.value} {self.code} {self.message}"
-        return f"{text}\n    help: {self.help}" if self.help else text
+        return visible(f"{text}\n    help: {self.help}" if self.help else text)
 
     def as_json(self) -> dict[str, object]:
         """Convert to a JSON object; span and help may be null, the suggestion may be missing."""

@@ -27,6 +27,7 @@ from pathlib import Path
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import bundled, from_printable
 from planlang.records import dataclass
+from planlang.visible import meant
 
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
@@ -291,4 +292,5 @@ def header(source: str) -> PlanHeader | None:
     if found is None:
         return None
     options = tuple((found["options"] or "").split())
-    return PlanHeader(found["version"], found["recipe"], found["sha256"], found["task"], options, found["digest"])
+    recipe = meant(found["recipe"])
+    return PlanHeader(found["version"], recipe, found["sha256"], found["task"], options, found["digest"])

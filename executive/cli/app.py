@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from collections.abc import Callable
@@ -126,7 +127,9 @@ def main() -> NoReturn:
             name, message, advice = explain(problem)
             give(name, Answer(ExitCode.BAD_INPUT, data={"error": message, "help": advice}), as_json=True)
         else:
-            problem.show()
+            shown = io.StringIO()
+            problem.show(file=shown)
+            say(shown.getvalue().removesuffix("\n"))
             if guessed := guessed_value(problem.format_message()):
                 say(f"    help: {guessed}")
         code = ExitCode.BAD_INPUT

@@ -19,6 +19,7 @@ from executive.commands.base_arguments import Arguments, Detail
 from executive.commands.resources import no_room, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.progress import Report, unreported
+from planlang.visible import visible
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
@@ -57,9 +58,13 @@ def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.
         whole = {"command": command, "exit_code": int(reply.exit_code), **reply.data}
         whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
         text = json.dumps(whole, indent=2, ensure_ascii=False, default=str)
+        if text != visible(text):
+            text = json.dumps(whole, indent=2, default=str)
     else:
         show(reply.diagnostics, detail)
         text = reply.text.removesuffix("\n")
+        if "source" not in reply.data or sys.stdout.isatty():  # a file keeps its characters
+            text = visible(text)
     try:
         if text:
             typer.echo(text)
@@ -117,7 +122,7 @@ def _print(diagnostic: Diagnostic, others: int) -> None:
 def say(line: str) -> None:
     """Print one line to stderr."""
     PROGRESS.clear()
-    typer.echo(line, err=True)
+    typer.echo(visible(line), err=True)
 
 
 def silent(_: object) -> None:

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 import typer
 
 from planlang.records import dataclass
+from planlang.visible import visible
 
 SHORT = 2.0
 """Shorter work is not shown [s]."""
@@ -114,11 +115,11 @@ class Progress:
                 return
             self._shown, work = now, self._works[-1]
             if not is_terminal:
-                typer.echo(work.line(now), err=True)
+                typer.echo(visible(work.line(now)), err=True)
                 return
             bar = "" if work.is_open else f"[{'#' * int(BAR * work.share):{BAR}}] "
             width = shutil.get_terminal_size().columns - 1
-            sys.stderr.write(f"\r{(bar + work.line(now))[:width]}\x1b[K")
+            sys.stderr.write(f"\r{(bar + visible(work.line(now), breaks=''))[:width]}\x1b[K")
             sys.stderr.flush()
             self._is_drawn = True
 

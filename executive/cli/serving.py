@@ -16,7 +16,7 @@ from executive.serving.app import application
 from executive.serving.rates import Rates
 from executive.serving.running import run
 from executive.serving.serving import now
-from executive.serving.workers import Staff
+from executive.serving.workers import Failed, Staff
 from planlang.diagnostics import BadInput, error
 from planlang.extras import install_command
 from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable
@@ -35,6 +35,10 @@ def command(arguments: ServeArguments) -> Answer:
         if arguments.new_key is not None or arguments.drop_keys is not None:
             return _keys(store, arguments)
         return _serve(store, arguments)
+    except Failed as problem:
+        advice = "raise the limit, or end other programs"
+        message = f"the processes of the checks do not start: {problem}"
+        return Answer(ExitCode.OUT_OF_RESOURCES, (error("C020", message, help=advice),))
     except Unreachable as problem:
         advice = "the endpoint and the storage must be reachable when a server starts"
         if isinstance(problem, Full):

@@ -18,6 +18,7 @@ from planlang.diagnostics import BadInput, error
 from planlang.knowledge.answers import NoAnswer
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import News
+from planlang.visible import visible
 
 MOST_KEPT = 10_000
 """Number of the latest news that --json prints at the end."""
@@ -98,5 +99,5 @@ def _followed(client: Client, after: int, arguments: WatchArguments) -> Iterator
 
 
 def _print(news: News) -> None:
-    typer.echo(f"{news.number:6}  {news.made}  {news.change.value:8}  {news.uid} by {news.author}")
+    typer.echo(visible(f"{news.number:6}  {news.made}  {news.change.value:8}  {news.uid} by {news.author}"))
     sys.stdout.flush()

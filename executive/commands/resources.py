@@ -7,6 +7,7 @@ import os
 import tempfile
 
 from planlang.diagnostics import Diagnostic, error
+from planlang.shell_limits import inherited
 
 try:
     import resource
@@ -18,6 +19,9 @@ LEAST = 320_000_000
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 """Errors of a full or read-only file system."""
+_NO_FILES = {errno.EMFILE, errno.ENFILE}
+_NOT_MAPPED = "failed to map segment"
+"""Message of the loader if memory does not suffice for a compiled module."""
 _NO_THREAD = "can't start new thread"
 """Python's message if memory or the limit of processes does not suffice for a thread."""
 
@@ -31,7 +35,18 @@ def check_memory() -> None:
 
 def out_of_resources(problem: Exception) -> Diagnostic | None:
     """Diagnose an error caused by a lack of memory or of a temporary folder; None for other errors."""
-    if isinstance(problem, MemoryError) or (isinstance(problem, RuntimeError) and str(problem) == _NO_THREAD):
+    if isinstance(problem, OSError) and problem.errno in _NO_FILES:
+        advice = "raise the limit, or close other programs"
+        return error("C020", f"no more files can be opened{_most('RLIMIT_NOFILE', 'files (ulimit -n)')}", help=advice)
+    if isinstance(problem, BlockingIOError | ChildProcessError):
+        advice = "raise the limit, or end other programs"
+        return error("C020", f"no process can be started{_most('RLIMIT_NPROC', 'processes (ulimit -u)')}", help=advice)
+    if (
+        isinstance(problem, MemoryError)
+        or (isinstance(problem, RuntimeError) and str(problem) == _NO_THREAD)
+        or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM)
+        or (isinstance(problem, ImportError) and _NOT_MAPPED in str(problem))
+    ):
         limit, reason = _limit(), f": {problem}" if str(problem) else ""
         limited = "" if limit is None else f"; the address space is limited to {limit // 1_000_000} MB (ulimit -v)"
         advice = "raise the limit, or end other programs; large maps and robots need more than 350 MB"
@@ -40,6 +55,12 @@ def out_of_resources(problem: Exception) -> Diagnostic | None:
         advice = "free space on the disk, or set TMPDIR to a writable folder"
         return error("C021", f"no folder for temporary files: {problem.strerror}", help=advice)
     return None
+
+
+def _most(kind: str, what: str) -> str:
+    """State a limit of the shell; "" without one."""
+    most = None if resource is None else inherited(getattr(resource, kind))
+    return "" if most is None else f": the shell allows {most} {what}"
 
 
 def no_room(problem: Exception) -> Diagnostic | None:
@@ -64,5 +85,4 @@ def _limit() -> int | None:
     """Limit of the address space [bytes]; None without one."""
     if resource is None:
         return None
-    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return None if soft == resource.RLIM_INFINITY else soft
+    return inherited(resource.RLIMIT_AS)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from enum import StrEnum
 from typing import Any
 
-from planlang.kernel.runner import is_interrupted, unwatched
+from planlang.kernel.runner import interrupter, is_interrupted, unwatched
 from planlang.kernel.tree import Node
 from planlang.language.performing import is_inner
 from planlang.runs.recorded_run import SPANS
@@ -21,6 +21,8 @@ PATIENCE = 0.1
 """Longest wait without a check for Ctrl-C [s], which locks do not let through on all systems."""
 AHEAD = 0.02
 """Lead over the clock at which a paced run waits [s]; shorter waits would be lost in the latency of the system."""
+INSISTING = 1.0
+"""Time after which a further stop counts [s]: cleanups run after the first, which a double click must not end."""
 
 
 class Command(StrEnum):
@@ -31,12 +33,7 @@ class Command(StrEnum):
     STEP = "step"
     """Continue until an action of the plan has ended."""
     STOP = "stop"
-    """End the run like Ctrl-C."""
-
-
-def interrupted() -> None:
-    """End a run like Ctrl-C."""
-    raise KeyboardInterrupt
+    """End the run like Ctrl-C; given again after ``INSISTING``, like Ctrl-C pressed twice."""
 
 
 class Gate:
@@ -48,21 +45,22 @@ class Gate:
         *,
         paused: bool = False,
         speed: float | None = None,
-        stop: Callable[[], object] = interrupted,
         on_change: Callable[[], object] = lambda: None,
     ) -> None:
         """Set up the gate for a run at ``rate`` [world steps/s].
 
-        ``speed`` is plan time per wall-clock time; None means as fast as possible. In the run's thread, ``stop`` is
-        called to end the run, and ``on_change`` after each command or completed step.
+        ``speed`` is plan time per wall-clock time; None means as fast as possible. ``on_change`` is called in the run's
+        thread after each command or completed step.
         """
         self._rate = rate
-        self._stop, self._on_change = stop, on_change
+        self._on_change = on_change
         self._changed = threading.Condition()
         self._paused = paused
         self._stepping = False
-        self._stopped: bool | None = None
-        """None while the run goes on, False once a stop was requested, True after ``stop`` was called."""
+        self._stopped: float | None = None
+        """Time of the last stop that counted [s]; None while the run goes on."""
+        self._interrupt: Callable[[], None] | None = None
+        """Interrupts the run, from any thread; None until the run has begun."""
         self._speed = speed
         self._changes, self._reported = 0, -1
         """Number of changes of the state (commands and completed steps), and how many of them were reported."""
@@ -75,6 +73,11 @@ class Gate:
     def is_held(self) -> bool:
         """True while no plan time passes."""
         return self._paused and not self._stepping
+
+    @property
+    def _is_ending(self) -> bool:
+        """True once the run is interrupted, or will be as soon as it begins, so that its trace is complete."""
+        return self._stopped is not None or is_interrupted()
 
     @property
     def speed(self) -> float | None:
@@ -92,7 +95,7 @@ class Gate:
                 case Command.STEP:
                     self._paused, self._stepping = True, True
                 case Command.STOP:
-                    self._stopped = False if self._stopped is None else self._stopped
+                    self._stop(time.monotonic())
             self._mark = None
             self._changes += 1
             self._changed.notify_all()
@@ -105,6 +108,7 @@ class Gate:
 
     def heard(self, record: Mapping[str, Any], node: Node | None) -> None:
         """Listen to the trace: a run that executes one step is held again at the end of an action."""
+        self._know_the_run()
         if not self._stepping or record["event"] not in SPANS or record["event"] == "started":
             return
         if record["kind"] == "perform" and node is not None and not is_inner(node):
@@ -112,17 +116,29 @@ class Gate:
                 self._stepping = False
                 self._changes += 1
 
+    def _stop(self, now: float) -> None:
+        """Interrupt the run at once, also while it computes; one that has not begun will be when it does."""
+        if self._stopped is None or (self._interrupt is not None and now - self._stopped > INSISTING):
+            self._stopped = now
+            if self._interrupt is not None:
+                self._interrupt()
+
+    def _know_the_run(self) -> None:
+        if self._interrupt is None:
+            with self._changed:
+                self._interrupt = interrupter()
+                if self._stopped is not None and self._interrupt is not None:
+                    self._interrupt()
+
     def passed(self, step: int) -> None:
-        """Wait while the run is held or ahead of the clock, and end the run if a stop was requested."""
+        """Wait while the run is held or ahead of the clock."""
         self.step = step
+        self._know_the_run()
         self._report_changes()
-        if self._stopped is None and not is_interrupted() and (self.is_held or self._speed is not None):
+        if not self._is_ending and (self.is_held or self._speed is not None):
             with unwatched():
                 while self._waits(step):
                     self._report_changes()
-        if self._stopped is False:  # only once, since the plan's cleanup passes here, too
-            self._stopped = True
-            self._stop()
 
     def _report_changes(self) -> None:
         if self._reported != self._changes:
@@ -132,7 +148,7 @@ class Gate:
     def _waits(self, step: int) -> bool:
         """Wait for at most ``PATIENCE``; returns False once the run may go on."""
         with self._changed:
-            if self._stopped is not None or is_interrupted():
+            if self._is_ending:
                 return False
             if self.is_held:
                 self._mark = None

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import base64
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from typing import Any
 
 from executive.live.gate import Command, Gate
@@ -38,9 +36,7 @@ class LiveRun:
     def __init__(self, watching: Watching, context: Context, rate: int, announce: Callable[[str], object]) -> None:
         """Open the server; ``announce`` is called with its URL now and when a browser holds the run."""
         self._watching, self._context = watching, context
-        self.gate = Gate(
-            rate, paused=True, speed=PACE, stop=partial(signal.raise_signal, signal.SIGINT), on_change=self._publish
-        )
+        self.gate = Gate(rate, paused=True, speed=PACE, on_change=self._publish)
         self._announce = announce
         self._changed = threading.Condition()
         self._news: dict[str, Any] = {}

@@ -1,17 +1,20 @@
 """HTTP server for the page of a live run, for browsers on this computer only: the standard library's, in a thread.
 
-Requests need the token in the URL. The Host header is checked against DNS rebinding, and the Origin header of commands,
-which are POST requests, against forgery by other pages (CSRF).
+Requests need the token in the URL; connections without one are few and short. The Host header is checked against DNS
+rebinding, and the Origin header of commands, which are POST requests, against forgery by other pages (CSRF).
 """
 
 from __future__ import annotations
 
 import json
 import secrets
+import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import Thread
+from socket import SHUT_RDWR, socket
+from threading import Lock, Thread
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
@@ -19,6 +22,10 @@ from urllib.parse import parse_qs, urlsplit
 HERE = "127.0.0.1"
 LONGEST_COMMAND = 1000
 """Largest command [bytes]."""
+MOST_STRANGERS = 64
+"""Connections that have not shown the token, at a time."""
+STRANGER_SECONDS = 10.0
+"""Time that they have for a request with it [s]."""
 CLOSING = 0.05
 """Polling interval of the server, and so the longest time for its shutdown [s]."""
 NEVER_KEPT = {
@@ -70,13 +77,49 @@ class LiveServer:
 
 
 class _Server(ThreadingHTTPServer):
+    """Each connection has a thread. Those that have not shown the token are few, and soon closed."""
+
     daemon_threads = True
     block_on_close = False  # the thread of a page that waits for updates would never end
+    request_queue_size = 128
 
     def __init__(self, place: tuple[str, int], served: Served, token: str) -> None:
         super().__init__(place, _Request)
         self.served, self.token = served, token
+        self._lock = Lock()
+        self._strangers: dict[socket, float] = {}
+        """Connections without a valid request so far, the oldest first, and since when they are open [s]."""
         self.hosts = {f"{name}:{self.server_port}" for name in (HERE, "localhost")}
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread; beyond ``MOST_STRANGERS`` the oldest connection of a stranger is closed."""
+        with self._lock:
+            self._strangers[request] = time.monotonic()
+            for one in list(self._strangers)[:-MOST_STRANGERS]:
+                self._end(one)
+        super().process_request(request, client_address)
+
+    def service_actions(self) -> None:
+        """Close the connections of strangers whose time is over; called at each poll."""
+        latest = time.monotonic() - STRANGER_SECONDS
+        with self._lock:
+            for one in [one for one, since in self._strangers.items() if since < latest]:
+                self._end(one)
+
+    def _end(self, request: socket) -> None:
+        del self._strangers[request]
+        with suppress(OSError):
+            request.shutdown(SHUT_RDWR)  # its thread reads the end, and closes it
+
+    def know(self, request: socket) -> None:
+        """Leave a connection open as long as its browser wants: it has shown the token."""
+        with self._lock:
+            self._strangers.pop(request, None)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        self.know(request)
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore errors of closed connections."""
@@ -131,6 +174,7 @@ class _Request(BaseHTTPRequestHandler):
         if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
             self._refuse(HTTPStatus.FORBIDDEN, "open the address that planlang run --watch printed")
             return None
+        self.server.know(self.connection)
         return path._replace(path=rest)
 
     def _command(self) -> Mapping[str, Any] | None:

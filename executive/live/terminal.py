@@ -14,6 +14,7 @@ from rich.tree import Tree
 from planlang.kernel.tree import Node
 from planlang.report.tree import PLUMBING, is_minor
 from planlang.runs.run_tree import RunTree, TaskNode
+from planlang.visible import visible
 
 PERIOD = 0.125
 """Shortest time between two refreshes [s], since each takes milliseconds of the run."""
@@ -89,10 +90,10 @@ class TerminalTree:
 
 def _line(node: TaskNode) -> Text:
     style = _STYLES.get(node.status, "")
-    line = Text(f"{_MARKS.get(node.status, ' ')} {node.action or node.name}", style)
+    line = Text(visible(f"{_MARKS.get(node.status, ' ')} {node.action or node.name}", breaks=""), style)
     if node.start is not None:
         end = f"{node.end - node.start:.2f} s" if node.end is not None else "..."
         line.append(f"  {end}", "dim")
     if node.failure is not None:
-        line.append(f"  {node.failure['type']}: {node.failure['message']}", "red")
+        line.append(visible(f"  {node.failure['type']}: {node.failure['message']}"), "red")
     return line

@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape
 from PIL import Image, ImageDraw, ImageFont
 
 from planlang.outputs import MARK
+from planlang.visible import visible
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
@@ -65,7 +66,8 @@ class Pen:
         down = {"a": font(size).getmetrics()[0], "m": 0.3 * size * FINE, "s": 0.0}[anchor[1]]
         style = f'font-size="{size * FINE}" text-anchor="{across}" fill="{_hex(fill)}"'
         border = f' paint-order="stroke" stroke="{_hex(PAPER)}" stroke-width="{2 * border_width}"' if halo else ""
-        self.elements.append(f'<text x="{at[0]:.1f}" y="{at[1] + down:.1f}" {style}{border}>{escape(text)}</text>')
+        shown = escape(visible(text))
+        self.elements.append(f'<text x="{at[0]:.1f}" y="{at[1] + down:.1f}" {style}{border}>{shown}</text>')
 
 
 def _listed(points: Path) -> str:

@@ -21,6 +21,7 @@ from typing import Any
 
 from executive.processes.calls import LAYOUT, Ending, Limits, Performs, Reply
 from planlang.diagnostics import BadInput
+from planlang.shell_limits import inherited, lower
 
 _SET_PARENT_DEATH_SIGNAL = 1
 """``PR_SET_PDEATHSIG`` of Linux, prctl(2)."""
@@ -44,7 +45,11 @@ def main(prepare: str, arguments: Sequence[str]) -> None:
             return
         limits = Limits(*LAYOUT.unpack(message))
         connection = socket.socket(fileno=handles[0])
-        if os.fork() == 0:
+        try:
+            process = os.fork()
+        except OSError:  # no memory, or no more processes (ulimit -u): the caller finds the connection closed
+            process = -1
+        if process == 0:
             _end_with(source)
             control.close()
             os.close(0)
@@ -64,21 +69,23 @@ def _end_with(source: int) -> None:
 
 def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) -> None:
     """Answer pickled calls (function, arguments) until the connection is closed."""
-    size, used = _address_space(), 0.0
+    size, used, most = _address_space(), 0.0, inherited(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_AS, (size + limits.memory, size + limits.memory))
+    memory = lower(resource.RLIMIT_AS, size + limits.memory) - size
     while True:
         try:
             function, arguments = pickle.load(stream)
         except EOFError:
             return
-        _limit_time(limits)
+        _limit_time(limits, most)
         ending, answer = _call(performs, function, arguments)
         signal.setitimer(signal.ITIMER_REAL, 0)
         before, used = used, _cpu_time()
-        pickle.dump(Reply(ending, answer, used - before), stream)
+        # its state is unreliable, or the shell's limit near: the next call gets a new worker
+        is_last = ending is Ending.MEMORY or (most is not None and used + limits.seconds + 1 > most)
+        pickle.dump(Reply(ending, memory if ending is Ending.MEMORY else answer, used - before, is_last), stream)
         stream.flush()
-        if ending is Ending.MEMORY:  # its state is unreliable; the next call gets a new worker
+        if is_last:
             return
 
 
@@ -93,13 +100,14 @@ def _call(performs: Performs, function: Any, arguments: Sequence[Any]) -> tuple[
         return Ending.FAILED, f"{type(problem).__name__}: {problem}"
 
 
-def _limit_time(limits: Limits) -> None:
-    """Set the limits of CPU and wall-clock time for the next call.
+def _limit_time(limits: Limits, most: int | None) -> None:
+    """Set the limits of CPU and wall-clock time for the next call; of CPU time at ``most`` what the shell allows [s].
 
     The kernel enforces them by signals with their default action, which also end code in C.
     """
     end = int(_cpu_time()) + limits.seconds + 1
-    resource.setrlimit(resource.RLIMIT_CPU, (end, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+    soft = end if most is None else min(end, most)
+    resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     signal.setitimer(signal.ITIMER_REAL, limits.wall)
 
 

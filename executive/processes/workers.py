@@ -89,7 +89,7 @@ class Worker:
 
     def __init__(self, source: Source, limits: Limits) -> None:
         """Configure the worker, which is forked by the first call; ``limits`` apply to each call."""
-        self._source, self._limits = source, limits
+        self._source, self._limits = source, limits.within_shell()
         self._connection: socket.socket | None = None
 
     def call(self, function: Callable[..., object], *arguments: object) -> Reply:
@@ -100,7 +100,7 @@ class Worker:
                 with suppress(ConnectionError):  # the source has just ended
                     reply = self._try(function, arguments)
             finally:
-                if reply.ending in _ENDED:
+                if reply.is_last or reply.ending in _ENDED:
                     self.close()
             if reply.ending is not Ending.LOST:
                 break
@@ -116,7 +116,7 @@ class Worker:
             self._stream.flush()
             reply: Reply = pickle.load(self._stream)
         except (EOFError, ConnectionError, pickle.UnpicklingError):
-            longest = min(limits.seconds, limits.wall or limits.seconds)
+            longest = min(limits.seconds, limits.wall or limits.seconds)  # of CPU time it takes as long by the clock
             return Reply(Ending.LATE if time.monotonic() - began >= longest else Ending.LOST)
         return reply
 

@@ -31,6 +31,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.geometry.urdf import BadXml, Element, read_tree, read_urdf
 from planlang.geometry.urdf_schema import numbers
 from planlang.records import dataclass
+from planlang.visible import visible
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description
 
@@ -49,7 +50,6 @@ USUAL_LIMITS = {"revolute": (-2.9, 2.9), "prismatic": (0.0, 0.3)}
 TURNS = 8 * np.pi
 """A greater range of a revolute joint is presumed to be an error [rad]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
-_UNSAFE = {"\x7f": "\\u007f"}
 
 
 class Status(Enum):
@@ -120,7 +120,7 @@ class Draft:
         """Write the whole file."""
         head = f"# Made from {self.urdf.name} by planlang robot make. Lengths in metres, angles in radians, times in s."
         lines = [line for table in self.tables for line in table.lines()]
-        return "\n".join([" ".join(head.split()), "", *lines]) + "\n"
+        return visible("\n".join([" ".join(head.split()), "", *lines]) + "\n")
 
     def diagnostics(self) -> list[Diagnostic]:
         """List assumed values as notes, and missing ones as warnings, by table."""
@@ -146,7 +146,7 @@ def toml(value: Any, *, is_key: bool = False) -> str:
         case str():
             if is_key and re.fullmatch(r"[A-Za-z0-9_-]+", value):
                 return value
-            return "".join(_UNSAFE.get(c, c) for c in json.dumps(value, ensure_ascii=False))
+            return json.dumps(value, ensure_ascii=False)  # text() escapes what TOML does not take
         case bool():
             return "true" if value else "false"
         case float() | np.floating():

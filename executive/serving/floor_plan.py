@@ -19,6 +19,7 @@ from planlang.geometry.shapes import area, outline_of
 from planlang.geometry.shapes import corners as corners_of
 from planlang.knowledge.entries import Entry, Kind
 from planlang.records import dataclass
+from planlang.visible import visible
 
 MOST_THINGS = 2_000
 """Largest number of things drawn."""
@@ -104,7 +105,7 @@ def _shape(one: _Outlined, points: Array, environment: SemanticMap, *, is_room: 
     assert thing.size is not None
     size = " x ".join(f"{extent:.2f}" for extent in thing.size)
     classes = ", ".join(map(local_name, thing.types))
-    title = escape(f"{_name(thing, environment)}: {classes}, {size} m, top at {one.top:.2f} m")
+    title = escape(visible(f"{_name(thing, environment)}: {classes}, {size} m, top at {one.top:.2f} m"))
     drawn = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
     return f'<polygon class="{"room" if is_room else "thing"}" points="{drawn}"><title>{title}</title></polygon>'
 
@@ -124,7 +125,7 @@ def _labels(places: Iterable[tuple[str, Array]]) -> Iterable[str]:
             if all(abs(at - other) >= LINE or abs(x - there) >= half + wide for there, other, wide in placed):
                 placed.append((x, at, half))
                 place = f'x="{x:.1f}" y="{at + LINE / 3:.1f}"'
-                yield f'<text class="name" text-anchor="middle" {place}>{escape(name)}</text>'
+                yield f'<text class="name" text-anchor="middle" {place}>{escape(visible(name))}</text>'
                 break
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from executive.processes.calls import Ending, Limits
-from executive.processes.workers import ATTEMPTS, Source, Worker
+from executive.processes.workers import Source, Worker
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
 
@@ -89,8 +89,8 @@ class Workers:
             case Ending.FAILED:
                 raise Failed(str(reply.answer))
             case Ending.LOST:
-                raise Failed(f"{ATTEMPTS} workers died in {function.__name__}")
-        raise BadInput([_beyond(self._limits, is_late=reply.ending is Ending.LATE)])
+                raise Failed(f"{function.__name__}: {reply.beyond(self._limits)}")
+        raise BadInput([_beyond(self._limits.within_shell(), is_late=reply.ending is Ending.LATE)])
 
     def _acquire(self) -> Worker:
         with self._lock:

@@ -16,7 +16,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from executive.processes.calls import Ending, Limits, Performs, Reply
-from executive.processes.workers import ATTEMPTS, Source, Worker
+from executive.processes.workers import Source, Worker
 from executive.sweeps.records import CRASHED, Done, Task, World
 from planlang.diagnostics import BadInput
 
@@ -94,12 +94,11 @@ def _done(world: World, reply: Reply, limits: Limits) -> Done:
         case Ending.FAILED:
             kind, message = str(reply.answer).partition(": ")[0], str(reply.answer)
         case Ending.MEMORY:
-            kind, message = "OutOfMemory", f"it needed more than {limits.memory / 1e6:g} MB of memory"
+            kind, message = "OutOfMemory", reply.beyond(limits)
         case Ending.LATE:
-            kind = "OutOfTime"
-            message = f"it took more than {limits.seconds} s of CPU time, or {limits.wall:g} s in all"
+            kind, message = "OutOfTime", reply.beyond(limits)
         case Ending.LOST:
-            kind, message = "ProcessEnded", f"{ATTEMPTS} processes in a row died without a result"
+            kind, message = "ProcessEnded", reply.beyond(limits)
     return Done({**known, "outcome": CRASHED, "failure": [kind], "message": message}, reply.seconds)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from executive.sweeps.records import CRASHED, Row, first_sentence, is_reached
 from planlang.records import dataclass
+from planlang.visible import visible
 
 REACHED = "reached"
 _Z = 1.959964
@@ -101,7 +102,8 @@ def csv_text(rows: Sequence[Row]) -> str:
 
 
 def _cell(value: Any) -> Any:
-    return " < ".join(map(str, value)) if isinstance(value, list) else value
+    text = " < ".join(map(str, value)) if isinstance(value, list) else value
+    return visible(text) if isinstance(text, str) else text
 
 
 def _cause_lines(found: Sequence[Cause]) -> Iterator[str]:

@@ -43,6 +43,7 @@ from planlang.recipe.model import (
     Thing,
 )
 from planlang.records import dataclass
+from planlang.visible import visible
 
 if TYPE_CHECKING:
     from planlang.compiler.drawing import GraphDrawing
@@ -166,11 +167,12 @@ def _type(symbols: Symbols, thing: Thing) -> str:
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
-    """Write a docstring, without characters that would end it or form an escape."""
+    """Write a docstring, without characters that would end it; what is not displayed is written as its escape."""
     indent = INDENT * depth
     lines: list[str] = []
     for paragraph in paragraphs:
         text = " ".join(paragraph.split()).replace("\\", "/").replace('"', "'")
+        text = visible(text)
         lines += textwrap.wrap(text, WIDTH - len(indent) - 6, break_long_words=False, break_on_hyphens=False) or [""]
     if len(lines) == 1:
         return [f'{indent}"""{lines[0]}"""']

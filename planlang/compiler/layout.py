@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 from planlang.records import dataclass
+from planlang.visible import visible
 
 WIDTH = 120
 """Columns of a line, as in planlang's own code, so that a step with its properties fits on one. ``ruff format
@@ -148,12 +149,12 @@ def assignment(targets: Sequence[Expression], expression: Expression, *, depth: 
 def comment(text: str, depth: int) -> list[str]:
     """Write a comment."""
     start = INDENT * depth + "# "
-    return textwrap.wrap(" ".join(text.split()), WIDTH, initial_indent=start, subsequent_indent=start)
+    return textwrap.wrap(visible(" ".join(text.split())), WIDTH, initial_indent=start, subsequent_indent=start)
 
 
 def with_comment(lines: list[str], text: str, depth: int) -> list[str]:
     """Add a comment to lines: beside a single line if it fits, else above."""
-    beside = f"{lines[0]}  # {' '.join(text.split())}"
+    beside = f"{lines[0]}  # {visible(' '.join(text.split()))}"
     return [beside] if len(lines) == 1 and len(beside) <= WIDTH else [*comment(text, depth), *lines]
 
 

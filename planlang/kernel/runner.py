@@ -259,6 +259,14 @@ def is_interrupted() -> bool:
     return running.scheduler is not None and running.scheduler.interrupts > 0
 
 
+def interrupter() -> Callable[[], None] | None:
+    """Return a function that interrupts the run in this thread as Ctrl-C does; None without a run.
+
+    Any thread may call it, also where SIGINT is ignored, as in commands that a script starts in the background.
+    """
+    return None if running.scheduler is None else partial(_interrupt, running.scheduler)
+
+
 def _debugged(frame: FrameType | None) -> bool:
     """Check whether the code runs in a debugger."""
     while frame is not None:
@@ -378,7 +386,7 @@ def _spoil(scheduler: Scheduler, error: BaseException) -> None:
 
 
 def _interrupt(scheduler: Scheduler) -> None:
-    """Count a Ctrl-C, in the signal handler; the watchdog interrupts a plan that does not react to the second."""
+    """Count a Ctrl-C, in the signal handler or another thread; at the second, the watchdog interrupts the plan."""
     scheduler.interrupts += 1
     scheduler.inbox.put(None)
     if scheduler.interrupts > 1:

@@ -17,6 +17,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from planlang.diagnostics import Diagnostic, Severity, Span
 from planlang.knowledge.entries import Changed, Entry, EntryExists, News, NoSuchEntry, NotTheAuthor, Refused, is_uid
 from planlang.records import dataclass
+from planlang.visible import visible
 
 Links = tuple[tuple[str, str], ...]
 """Pairs of a property and a class (IRIs)."""
@@ -30,6 +31,10 @@ _DIGEST = re.compile(r"(?:^|[\s,])sha-256=:([A-Za-z0-9+/=]+):")
 
 class NoAnswer(Exception):
     """The server cannot be reached or does not respond in time."""
+
+
+class ProxyFails(NoAnswer):
+    """The proxy on the way to the server does not respond, or refuses."""
 
 
 class NotAsAgreed(Exception):
@@ -164,11 +169,8 @@ def _shown(data: object) -> str:
 
 
 def printed(text: str, breaks: str = "") -> str:
-    """Make untrusted text safe for a terminal: bounded length, no control characters except those in ``breaks``."""
-    short = text[:LONGEST_TEXT]
-    if short.isprintable():
-        return short
-    return "".join(one if one.isprintable() or one in breaks else "\N{REPLACEMENT CHARACTER}" for one in short)
+    """Make untrusted text safe for a terminal: bounded length, escapes for what is not displayed (:func:`visible`)."""
+    return visible(text[:LONGEST_TEXT], breaks)
 
 
 def read_diagnostics(data: Mapping[str, Any]) -> tuple[Diagnostic, ...]:

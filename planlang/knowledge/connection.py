@@ -18,7 +18,8 @@ from urllib.parse import urlsplit
 import httpx
 
 from planlang.cache import Cache
-from planlang.knowledge.answers import NoAnswer, NotAsAgreed, TooMany, as_json, printed, refusal
+from planlang.knowledge.answers import NoAnswer, NotAsAgreed, ProxyFails, TooMany, as_json, printed, refusal
+from planlang.knowledge.network import http_client, proxy_of
 from planlang.records import dataclass
 
 LARGEST = 16_000_000
@@ -65,7 +66,8 @@ class Connection:
         headers = {"Accept-Encoding": "identity", "User-Agent": "planlang"}
         if key is not None:
             headers["Authorization"] = f"Bearer {key}"
-        self._http = httpx.Client(headers=headers, timeout=_TIMEOUT, transport=transport)
+        self._proxy = proxy_of(self.url) if transport is None else None
+        self._http = http_client(self.url, self._proxy, headers=headers, timeout=_TIMEOUT, transport=transport)
         self._http.cookies.jar.set_policy(DefaultCookiePolicy(allowed_domains=[]))
 
     def close(self) -> None:
@@ -112,7 +114,7 @@ class Connection:
                 reply = self._once(request)
             except httpx.TransportError as problem:
                 if number == attempts or isinstance(problem, httpx.UnsupportedProtocol):
-                    raise NoAnswer(f"{self.url} does not answer: {printed(_reason(problem))}") from None
+                    raise self._silent(problem) from None
                 self._sleep(_pause(number))
                 continue
             pause = _stated_pause(reply.headers)
@@ -121,12 +123,24 @@ class Connection:
             self._sleep(_pause(number) if pause is None else pause)
         raise AssertionError("a request is sent at least once")
 
+    def _silent(self, problem: httpx.TransportError) -> NoAnswer:
+        """Blame the proxy, if there is one and no connection to the server was made."""
+        is_before = isinstance(problem, httpx.ProxyError | httpx.ConnectError | httpx.ConnectTimeout)
+        reason = printed(_reason(problem))
+        if self._proxy is not None and is_before and "CERTIFICATE_VERIFY_FAILED" not in reason:
+            return ProxyFails(f"{self._proxy} does not answer: {reason}")
+        return NoAnswer(f"{self.url} does not answer: {reason}")
+
     def _judged(self, reply: Reply, pause: float | None) -> Reply:
         if 200 <= reply.status < 300 or reply.status == 304:
             return reply
         problem = refusal(reply.status, reply.body)
         if reply.status in _UNANSWERED and not _is_problem(reply):
+            if self._proxy is not None:
+                raise ProxyFails(f"{self.url} does not answer, or not through {self._proxy}: status {reply.status}")
             raise NoAnswer(f"{self.url} does not answer: status {reply.status}")
+        if reply.status == httpx.codes.PROXY_AUTHENTICATION_REQUIRED and self._proxy is not None:
+            raise ProxyFails(f"{self._proxy} wants a name and a password: write http://NAME:PASSWORD@HOST:PORT")
         if isinstance(problem, TooMany) and pause is not None:
             problem.add_note(f"the server asks to try again in {pause:.0f} s")
         raise problem
@@ -154,8 +168,12 @@ def checked_url(url: str) -> str:
     try:
         parts = urlsplit(url)
         httpx.URL(url).host.encode("idna")
-    except (httpx.InvalidURL, UnicodeError) as problem:
-        raise ValueError(_BARE if "@" in url else str(problem)) from None  # the problem may quote a password
+        is_port = parts.port != 0
+    except (httpx.InvalidURL, ValueError) as problem:
+        reason = "the host is not a valid name" if isinstance(problem, UnicodeError) else str(problem)
+        raise ValueError(_BARE if "@" in url else reason) from None  # the problem may quote a password
+    if not is_port:
+        raise ValueError("the port 0 is none")
     if parts.scheme not in ("http", "https") or not parts.hostname or not url.isprintable() or " " in url:
         raise ValueError("an address begins with http:// or https:// and a host")
     if parts.username is not None or parts.query or parts.fragment:
@@ -185,7 +203,9 @@ def _stated_pause(headers: Mapping[str, str]) -> float | None:
 
 
 def _reason(problem: httpx.TransportError) -> str:
-    return str(problem) or type(problem).__name__
+    reason = str(problem) or type(problem).__name__
+    is_unknown = "CERTIFICATE_VERIFY_FAILED" in reason
+    return reason + ("; SSL_CERT_FILE names the certificates of authorities to trust" if is_unknown else "")
 
 
 def _packed(reply: Reply) -> bytes:

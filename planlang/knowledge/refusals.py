@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from planlang.diagnostics import BadInput, Diagnostic, error, has_errors, warning
-from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgreed, printed
+from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgreed, ProxyFails, printed
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
@@ -13,6 +13,7 @@ KEY = "PLANLANG_KEY"
 HOW_TO_MAKE_A_KEY = "on the server, planlang serve --store FILE --new-key AUTHOR creates one"
 _NO_ADDRESS = "give the address of a server; planlang serve --store FILE starts one for the store in a file"
 _SILENT = "check the address, and that planlang serve is running there"
+_PROXY = "correct the variable, unset it, or list the host of the server in NO_PROXY"
 _ADVICE: dict[type[Refused], str] = {
     KeyNeeded: f"give your key by --key-file FILE or {KEY}; {HOW_TO_MAKE_A_KEY}",
     NoSuchEntry: "planlang search lists the entries",
@@ -40,6 +41,8 @@ def _without_user(url: str) -> str:
 def diagnostics_of(url: str, problem: NoAnswer | NotAsAgreed | Refused) -> tuple[Diagnostic, ...]:
     """Convert the exception of a failed request to diagnostics: the server's own, or one with advice."""
     match problem:
+        case ProxyFails():
+            return (error("K031", str(problem), help=_PROXY),)
         case NoAnswer():
             return (error("K031", str(problem), help=_SILENT),)
         case NotAsAgreed():

@@ -20,6 +20,8 @@ from typing import Any
 
 import pyoxigraph as ox
 
+from planlang.shell_limits import lower
+
 _FORMATS = {
     "application/rdf+xml": ox.RdfFormat.RDF_XML,
     "text/turtle": ox.RdfFormat.TURTLE,
@@ -38,7 +40,7 @@ def close_off(room: int) -> None:
     for number in range(3, limit):
         if not _is_open(number):
             os.dup2(2, number)  # no free number is left below the limit
-    resource.setrlimit(resource.RLIMIT_AS, (size + room, size + room))
+    lower(resource.RLIMIT_AS, size + room)
 
 
 def _size() -> int:

@@ -43,6 +43,7 @@ from planlang.knowledge.entries import (
     rating_of,
     uid_of,
 )
+from planlang.knowledge.network import http_client, proxy_of
 from planlang.records import dataclass
 
 _GRAPH = "urn:planlang:catalogue"
@@ -87,7 +88,8 @@ class SparqlStore:
         """
         headers = {} if key is None else {"Authorization": f"Bearer {key}"}
         base = url.removeprefix(SCHEME).rstrip("/") + "/"
-        self._http = httpx.Client(base_url=base, headers=headers, timeout=_SECONDS)
+        proxy = proxy_of(base)
+        self._http = http_client(base, proxy, base_url=base, headers=headers, timeout=_SECONDS)
         self._contents = _storage(contents) if isinstance(contents, str) else contents
         self._kept = revisions_kept
 

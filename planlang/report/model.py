@@ -16,6 +16,7 @@ from planlang.report.story import story_of
 from planlang.report.tree import lanes_of, marks_of, nodes_of, pose_text, shown
 from planlang.report.wording import Wording
 from planlang.runs.run_tree import RunTree
+from planlang.visible import visible
 
 if TYPE_CHECKING:
     from planlang.compiler.drawing.task_graph import TaskGraph
@@ -101,7 +102,7 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
             lines += [] if drive is None else [[1, *drive]]
         node |= {"lines": lines} if lines else {}
     name = str(run.header.get("plan", tree.roots[0].name if tree.roots else "run"))
-    return {
+    model = {
         "schema": SCHEMA,
         "title": shown(name, 120),
         "outcome": _outcome(run, failures),
@@ -120,6 +121,18 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
         "notes": [_note(one) for one in context.notes],
         **parts,
     }
+    return {key: _visible(value) for key, value in model.items()}
+
+
+def _visible(data: Any) -> Any:
+    """Escape all texts in a part of the model; names stay equal to each other."""
+    if isinstance(data, str):
+        return visible(data)
+    if isinstance(data, dict):
+        return {_visible(key): _visible(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_visible(one) for one in data]
+    return data
 
 
 def _note(one: Diagnostic) -> dict[str, str]:

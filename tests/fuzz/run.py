@@ -4,11 +4,17 @@
     python tests/fuzz/run.py --seconds 60 --seed 5   a minute of other cases
     python tests/fuzz/run.py --case 5:1234           one case again, by its seed and number
     python tests/fuzz/run.py --file finds/x.owl      a file that was found, again
+    python tests/fuzz/run.py --cases 2000 --seed 3   attacks on all commands: files, arguments, environments, limits
+    python tests/fuzz/run.py --case files:3:17       one of them again; --keep FOLDER keeps its files
 
-Each case is a real file (the bundled ones, and the corpus where it is beside this checkout) whose bytes or triples were
-changed, chosen by seed and number alone. Workers read, check, compile, draw and fix it with bounded memory and time. A
-case that ends otherwise than in diagnostics is written to --finds: made as small as it gets, beside a JSON file that
-says what came of it and which seed and number it has. Exit 1 when there was any.
+Each case is a real file (the bundled ones, and the corpus where it is beside this checkout) whose bytes or triples
+were changed, chosen by seed and number alone. Workers read, check, compile, draw and fix it with bounded memory and
+time. A case that ends otherwise than in diagnostics is written to --finds: made as small as it gets, beside a JSON file
+that says what came of it and which seed and number it has. Exit 1 when there was any.
+
+``--cases`` attacks the commands instead (attacks.py): it counts exit 70 and other codes that are none of the command's,
+signals, tracebacks, raw control characters, commands that compute for 20 s without a word, and more than 1.5 GB of
+memory, and prints each cause once, with the case that shows it again.
 """
 
 # ruff: noqa: T201 - it reports
@@ -17,11 +23,13 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib
 import json
 import os
 import random
 import re
 import select
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -38,6 +46,11 @@ LARGEST = 120_000
 
 SECONDS = 300.0
 """For one case, by the clock; the worker itself ends what computes for too long, and says where."""
+
+WARM = ("planlang_command", "executive.cli.app", "executive.cli.run", "executive.cli.show", "executive.cli.report",
+        "executive.cli.enable", "executive.cli.search", "executive.cli.sweep", "executive.runs.plan_run", "sim.world",
+        "planlang.compiler", "executive.robots.robot")  # fmt: skip
+"""Modules imported once, before the processes of the attacks are forked."""
 
 TRIES = 300
 """Runs that go into making a find smaller."""
@@ -244,6 +257,54 @@ def again(kind: str, content: bytes) -> int:
     return 1 if problem else 0
 
 
+def commands(options: argparse.Namespace) -> int:
+    """Attack the commands; or repeat one case and show what it prints."""
+    import attacks
+    import sources as made
+
+    for name in WARM:
+        importlib.import_module(name)
+    with tempfile.TemporaryDirectory(prefix="planlang-fuzz-", ignore_cleanup_errors=True) as folder:
+        sources = Path(folder) / "sources"
+        sources.mkdir()
+        runner = attacks.Runner(sources, Path(folder))
+        made.make(sources, runner.prepared)
+        if options.case:
+            part, seed, number = options.case.split(":")
+            case = attacks.case_of(part, int(seed), int(number), sources)
+            print(f"{case.line()}\n{', '.join(case.steps)}")
+            if options.keep:
+                shutil.copytree(runner.prepare(case), options.keep, symlinks=True, dirs_exist_ok=True)
+            runner.start(case)
+            outcome = runner.wait()
+            print(f"{outcome.said}\n{outcome.problem or 'nothing'}, {outcome.seconds:.1f} s, {outcome.megabytes} MB")
+            return 1 if outcome.problem else 0
+        found: dict[str, int] = {}
+        total, most = [0, 0.0], 0
+
+        def tell(outcome: attacks.Outcome) -> None:
+            nonlocal most
+            total[0] += 1
+            total[1] += outcome.seconds
+            most = max(most, outcome.megabytes)
+            if outcome.problem is None:
+                return
+            known = attacks.signature(outcome.case, outcome.problem)
+            found[known] = found.get(known, 0) + 1
+            if found[known] == 1:
+                case = outcome.case
+                print(f"{outcome.problem[:300]}\n    {case.line()}\n    {', '.join(case.steps)}")
+                print(f"    again: python tests/fuzz/run.py --case {case.name}", flush=True)
+
+        parts = tuple(options.parts.split(","))
+        cases = attacks.drawn(options.seed, options.first, options.cases, parts, sources)
+        attacks.attack(cases, runner, options.jobs, tell)
+    print(f"{total[0]} attacks of seed {options.seed}, {len(found)} causes; {total[1]:.0f} s of computing, {most} MB")
+    for known, times in sorted(found.items()):
+        print(f"  {times} times {known}")
+    return 1 if found else 0
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60)
@@ -251,10 +312,15 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--finds", type=Path, default=ROOT / "fuzz-finds")
-    parser.add_argument("--case", help="SEED:NUMBER, this case alone")
+    parser.add_argument("--case", help="SEED:NUMBER or PART:SEED:NUMBER, this case alone")
+    parser.add_argument("--cases", type=int, help="attack the commands so many times")
+    parser.add_argument("--parts", default="files,arguments,environments,limits", help="with --cases: only these")
+    parser.add_argument("--keep", type=Path, help="with --case: keep its files in this folder")
     parser.add_argument("--file", type=Path, help="this file alone")
     parser.add_argument("--kind", choices=KINDS, default="recipes", help="what --file is")
     options = parser.parse_args()
+    if options.cases or (options.case or "").count(":") == 2:
+        return commands(options)
     if options.file:
         return again(options.kind, options.file.read_bytes())
     if options.case:

@@ -31,6 +31,7 @@ from planlang.recipe.model import (
 from planlang.recipe.order import recipe_order
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
+from planlang.visible import visible
 
 
 class Order(Enum):
@@ -312,14 +313,11 @@ LONGEST_TEXT = 2000
 """Maximum length of a tooltip: labels in an untrusted file may have any length."""
 
 _SPACE = re.compile(r"\s+")
-_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Co", "Cn"})
-"""Unicode categories that are not displayed: controls, bidirectional marks, surrogates, ..."""
 
 
 def shown(text: str, longest: int = LONGEST_TEXT) -> str:
-    """Put text on one line, with ``\N{REPLACEMENT CHARACTER}`` for characters that cannot be displayed."""
-    line = _SPACE.sub(" ", text).strip()
-    line = "".join("\N{REPLACEMENT CHARACTER}" if unicodedata.category(c) in _HIDDEN else c for c in line)
+    """Put text on one line, with escapes for characters that are not displayed."""
+    line = visible(_SPACE.sub(" ", text).strip())
     return line if len(line) <= longest else line[: longest - 1].rstrip() + "…"
 
 

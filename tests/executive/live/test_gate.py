@@ -35,8 +35,9 @@ class GatedWorld:
 class Watched:
     """A plan of three movements of an arm, each half a second long, in a thread that a gate holds."""
 
-    def __init__(self, gate: Gate) -> None:
+    def __init__(self, gate: Gate, of: Callable[..., Any] | None = None) -> None:
         self.gate, self.trace = gate, Trace()
+        self._plan = of or three_movements
         self.trace.listeners = (gate.heard,)
         self.raised: BaseException | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -46,7 +47,7 @@ class Watched:
         script = Script().on("Reaching", after=0.5)
         try:
             run(
-                three_movements,
+                self._plan,
                 host=SimulationHost(GatedWorld(self.gate)),
                 executive=ScriptedExecutive(script),
                 trace=self.trace,
@@ -128,3 +129,42 @@ def test_a_paced_run_is_no_faster_than_its_speed(speed: float) -> None:
     watched = Watched(Gate(240, speed=speed))
     watched.wait()
     assert time.monotonic() - began >= 1.5 / speed - 0.03
+
+
+def test_a_run_is_stopped_before_it_has_begun() -> None:
+    gate = Gate(240)
+    gate.command(Command.STOP)
+    watched = Watched(gate)
+    watched.wait()
+    assert isinstance(watched.raised, KeyboardInterrupt)
+    assert gate.step <= 1
+
+
+def test_a_run_that_computes_is_stopped_at_the_second_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.live.gate.INSISTING", 0.0)
+    computes = threading.Event()
+
+    @plan
+    async def endless() -> None:
+        computes.set()
+        while True:
+            pass
+
+    gate = Gate(240)
+    watched = Watched(gate, endless)
+    assert computes.wait(LONGEST)
+    for _ in range(2):
+        gate.command(Command.STOP)
+    watched.wait()
+    assert isinstance(watched.raised, KeyboardInterrupt)
+
+
+def test_a_double_click_on_stop_leaves_the_cleanups_of_the_plan_alone() -> None:
+    gate = Gate(240, paused=True)
+    watched = Watched(gate)
+    until(lambda: gate.step == 1)
+    for _ in range(2):
+        gate.command(Command.STOP)
+    watched.wait()
+    assert isinstance(watched.raised, KeyboardInterrupt)
+    assert "drained" not in [one["event"] for one in watched.trace.events]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -96,3 +98,33 @@ def test_what_is_no_command_is_refused(server: LiveServer, here: Here, body: byt
 
 def test_a_command_that_is_not_there_is_answered_with_those_that_are(server: LiveServer) -> None:
     assert post(server, {"command": "fly"}).text == "there is the command pause\n"
+
+
+def strangers(server: LiveServer, number: int) -> list[socket.socket]:
+    """Open connections that say nothing."""
+    port = int(origin(server).rpartition(":")[2])
+    return [socket.create_connection(("127.0.0.1", port), timeout=30) for _ in range(number)]
+
+
+def test_connections_that_say_nothing_are_bounded_and_the_page_is_served_besides(
+    server: LiveServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.live.server.MOST_STRANGERS", 8)
+    with httpx.Client() as viewer:
+        assert viewer.get(server.address).status_code == 200
+        opened = strangers(server, 100)
+        assert opened[0].recv(1) == b"", "the oldest is closed"
+        assert viewer.get(server.address).status_code == 200, "who has shown the token stays connected"
+        assert httpx.get(server.address).status_code == 200
+        assert sum(one.name.startswith("Thread") for one in threading.enumerate()) < 30
+    for one in opened:
+        one.close()
+
+
+def test_a_connection_has_a_time_to_show_the_token(server: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.live.server.STRANGER_SECONDS", 0.05)
+    (silent, slow) = strangers(server, 2)
+    slow.sendall(b"GET / HTTP/1.1\r\nHost: ")  # half a head
+    assert (silent.recv(1), slow.recv(1)) == (b"", b"")
+    silent.close()
+    slow.close()
