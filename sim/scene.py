@@ -97,7 +97,7 @@ class Body:
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Centre of its box in its own frame [m]: nonzero only for a tool, whose frame is in its blade."""
     mass: float = 0.0
-    """Mass including initial contents [kg]; 0 if unknown."""
+    """Mass without its contents [kg]; 0 if unknown."""
     largest_tilt: float | None = None
     """Largest angle of its z axis from the vertical while carried [rad]; None if unrestricted."""
     hands: int = 1

@@ -19,6 +19,7 @@ from planlang.records import dataclass
 from sim import Body, ComfortZone, PlanningWorld
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
+from sim.matter import KG_PER_ML
 from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
 
 LEANING = 0.05
@@ -150,6 +151,9 @@ class BelievedBodies:
 
     def __init__(self, world: PlanningWorld, belief: Belief) -> None:
         self._world, self._belief = world, belief
+        self._masses: dict[str, float] = {}
+        self._masses_at: int | None = None
+        """Revision of the belief for which the masses were computed."""
 
     def bind(self, what: Object) -> str:
         """Resolve an object designator to a body. Raises ObjectUnresolvable."""
@@ -255,8 +259,18 @@ class BelievedBodies:
         return Pose((x, y, z), self.pose(name).orientation)
 
     def mass(self, name: str) -> float:
-        """Look up the mass of a body with its content [kg]; 0 if unknown."""
-        return self._world.scene.body(name).mass
+        """Compute the mass of a body with all that is believed to be in it and on it [kg]; unknown masses count as 0.
+
+        This is what hands carry that lift it.
+        """
+        if self._masses_at != self._belief.revision:
+            self._masses, self._masses_at = {}, self._belief.revision
+        if name not in self._masses:
+            held = self._belief.held.get(name)
+            loaded = (name, *(self._world.standing_on(name) if held is None else held.riders))
+            matter, body = self._world.changes.matter, self._world.scene.body
+            self._masses[name] = sum(body(one).mass + matter.total(one) * KG_PER_ML for one in loaded)
+        return self._masses[name]
 
     def hands(self, name: str) -> int:
         """Look up how many hands it takes to hold a body."""
