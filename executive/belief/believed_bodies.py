@@ -373,23 +373,22 @@ class BelievedBodies:
                 return float(pose[2, 3] + half[2])
         return -math.inf
 
-    def leaf_of(self, what: Object, *, shut: bool) -> Articulation | None:
-        """Find the joint of a leaf, of the leaf with a part, or of furniture that a designator means; None without one.
+    def leaves_of(self, what: Object, *, shut: bool) -> list[Articulation]:
+        """Find the joint of a leaf, or of the leaf with a part, that a designator means, or the joints of furniture.
 
-        Of several leaves of furniture, prefers those that are shut, or open if not ``shut``, then the nearest.
+        Of furniture, those of leaves that are shut come first, or open ones if not ``shut``, then the nearest.
         """
         name, joints, here = self.bind(what), self._belief.joints, self._world.configuration().base
         for joint in joints.values():
             if name in joint.bodies:
-                return joint
-        own = [joint for joint in joints.values() if joint.holder == name and not joint.is_knob]
-        return min(
+                return [joint]
+        own = (joint for joint in joints.values() if joint.holder == name and not joint.is_knob)
+        return sorted(
             own,
             key=lambda one: (
                 one.is_shut(self._belief.joint(one.leaf)) is not shut,
                 round(math.dist(self.pose(one.handle or one.leaf).position[:2], here[:2]), 6),
             ),
-            default=None,
         )
 
     def drawer_of(self, name: str) -> Articulation | None:
