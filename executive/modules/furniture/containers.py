@@ -130,9 +130,7 @@ class LeafWork(HandWork):
         with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
             await self._from_one_place(joint, joint.upper, joint.upper)
 
-    async def _from_one_place(
-        self, joint: Articulation, goal: float, sufficient: float, *, leads: bool = True
-    ) -> None:
+    async def _from_one_place(self, joint: Articulation, goal: float, sufficient: float, *, leads: bool = True) -> None:
         """Move the leaf as far as one base pose allows. Raises HandleNotReachable if no path can be executed.
 
         ``sufficient``: value that the leaf should reach at least. Without ``leads``, only feel where its handle is.
@@ -200,7 +198,7 @@ class LeafWork(HandWork):
         return False
 
     def _feels_as_believed(self, arm: ArmModel, joint: Articulation) -> bool:
-        """Believe of a leaf that was not seen what fingers feel at its handle; return whether that was believed before."""
+        """Believe of a leaf that was not seen what fingers feel at its handle; return whether it was believed there."""
         platform, value = self.platform, self._value(joint)
         point = platform.between_fingers(arm.name)
         if point is None or joint.handle is None or joint.is_knob or platform.belief.witnessed(joint.leaf):

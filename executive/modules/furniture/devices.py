@@ -1,8 +1,8 @@
 """Process module that turns devices on and off by pushing their button or turning their knob.
 
-``executive/maps/scene.py`` finds which of the two a device has, and where. A device shows by a lamp or display whether it
-is on: it is looked at before, because a push on its button would toggle one that is in the desired state already, and
-afterwards.
+``executive/maps/scene.py`` finds which of the two a device has, and where. A device shows by a lamp or display whether
+it is on: it is looked at before, because a push on its button would toggle one that is in the desired state already,
+and afterwards.
 """
 
 from __future__ import annotations
