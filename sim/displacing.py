@@ -63,7 +63,8 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
         if (body.graspable or body.thin) and body.name not in room.supports.values():
             room.move_object(body)
     poses = room.mapped()
-    robot = Body("the robot", Pose((*scene.start[:2], height / 2 + 0.02)), (2 * radius, 2 * radius, height), "cylinder")
+    standing = Pose((*scene.start[:2], height / 2 + 0.02))
+    robot = Body("the robot", standing, (2 * radius, 2 * radius, height), BodyShape.CYLINDER)
     for joint in scene.joints:
         if not joint.is_knob:
             room.move_leaf(joint, robot)

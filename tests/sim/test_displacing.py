@@ -59,7 +59,7 @@ def test_a_thing_stays_where_a_seed_put_it_when_the_map_gains_another(added: int
 
 
 def test_what_lies_in_a_drawer_moves_with_it() -> None:
-    opened = next(one for one in map(lambda seed: perturb(KITCHEN, seed), SEEDS) if openings(one)["drawer"] > 0.1)
+    opened = next(one for one in (perturb(KITCHEN, seed) for seed in SEEDS) if openings(one)["drawer"] > 0.1)
     world = PyBulletWorld(opened)
     try:
         shift = world.pose("drawer").position[0] - DRAWER.pose.position[0]

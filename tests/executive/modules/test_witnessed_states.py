@@ -75,8 +75,7 @@ def test_a_robot_without_a_camera_feels_the_handle_of_what_it_is_to_leave_closed
     stage = furnished(stack, drawn(seed), "panda", 0.0, true)
     try:
         stage.do(CLOSE, "leaf")
-    except StateUnknown as failure:
-        assert "no hand felt its handle" in str(failure)
+    except StateUnknown:
         assert opening(stage) > 0.03
     else:
         assert opening(stage) <= 0.03
