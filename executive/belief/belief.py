@@ -308,7 +308,7 @@ class Belief(KnownThings):
             "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
             "leaves": {leaf: value for leaf, value in self._values.items() if value},
             "led": dict(self.led),
-            "witnessed": sorted(self._witnessed),
+            **({"witnessed": sorted(self._witnessed)} if self._witnessed else {}),
             "known": {name: [one.source.value, one.time, one.moves] for name, one in self._known.items()},
             "moves": self._moves,
             "bound": [[dump(what), name] for what, name in self._bound.items()],
@@ -336,7 +336,7 @@ class Belief(KnownThings):
             values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
             self._values = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
             self.led = {leaf: str(link) for leaf, link in state["led"].items()}
-            self._witnessed = set(map(str, state["witnessed"]))
+            self._witnessed = set(map(str, state.get("witnessed", ())))
             poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
             felt = {str(name): poses.pop(name) for name in state["felt"]}
             self._poses = {**poses, **felt}

@@ -29,12 +29,10 @@ from planlang.failures import (
     GraspMissed,
     GraspSlipped,
     HandleNotReachable,
-    LookingFailure,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
     NavigationFailure,
-    PerceptionFailure,
     StateUnknown,
 )
 from planlang.geometry import Array, Pose
@@ -267,14 +265,8 @@ class Containers(LeafWork):
 
     name = "container"
     actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
-    failures = (
-        EnvironmentManipulationFailure,
-        ManipulationFailure,
-        NavigationFailure,
-        PerceptionFailure,
-        LookingFailure,
-        DesignatorFailure,
-    )
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+    # beside those of looking, which LookingFirst declares for all modules
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""

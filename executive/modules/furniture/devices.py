@@ -25,12 +25,10 @@ from planlang.failures import (
     DeviceUnresponsive,
     EnvironmentManipulationFailure,
     HandleNotReachable,
-    LookingFailure,
     ManipulationFailure,
     ManipulationPoseUnreachable,
     NavigationFailure,
     ObjectUnresolvable,
-    PerceptionFailure,
     StateUnknown,
 )
 from planlang.geometry import Pose
@@ -54,14 +52,8 @@ class Devices(HandWork):
 
     name = "device"
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
-    failures = (
-        EnvironmentManipulationFailure,
-        ManipulationFailure,
-        NavigationFailure,
-        PerceptionFailure,
-        LookingFailure,
-        DesignatorFailure,
-    )
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+    # beside those of looking, which LookingFirst declares for all modules
     by_hand = True
     """The simulator switches a device when the hand really moves its control."""
 
