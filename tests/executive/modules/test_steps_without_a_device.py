@@ -26,7 +26,6 @@ def stage(make_stage: MakeStage) -> Stage:
     """Amigo with the bottle in its left hand, in the air, and another bottle on the cabinet ahead of it."""
     stage = make_stage(CABINET, BOTTLE, OTHER)
     hold_bottle(stage, "left")
-    stage.platform.arms.choices.choose("left")
     return stage
 
 
