@@ -88,6 +88,12 @@ class AmbiguousPerception(PerceptionFailure):
     text: ClassVar[str] = "several objects fit"
 
 
+class StateUnknown(PerceptionFailure):
+    """The robot can neither see nor feel whether furniture is open, or whether a device is on."""
+
+    text: ClassVar[str] = "the state is unknown"
+
+
 @dataclass(eq=False, repr=False)
 class LookingFailure(LowLevelFailure):
     """The camera could not be pointed at its target. ``what`` names the target."""
@@ -212,6 +218,12 @@ class HandleNotReachable(EnvironmentManipulationFailure):
     """The handle cannot be reached from here."""
 
     text: ClassVar[str] = "the handle is out of reach"
+
+
+class DeviceUnresponsive(EnvironmentManipulationFailure):
+    """The device stays on or off although its button was pushed or its knob turned."""
+
+    text: ClassVar[str] = "the device does not respond"
 
 
 @dataclass(eq=False, repr=False)

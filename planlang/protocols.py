@@ -85,11 +85,16 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """A recognised object: its name, its pose and the visible share of its pixels (0..1)."""
+    """A recognised object: its name, its pose and the visible share of its pixels (0..1).
+
+    The pose of a door, drawer, lid or knob shows how far it is open or turned.
+    """
 
     name: str
     pose: Pose
     visible: float
+    state: str | None = None
+    """State that a device shows by a lamp or display, such as DeviceStateOn; None for other objects."""
 
 
 class RobotInterface(Protocol):

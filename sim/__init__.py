@@ -2,14 +2,16 @@
 
 :class:`PyBulletWorld` (``world.py``) is the true world: it is commanded and sensed like a robot's real environment;
 ``truth.py`` is what goals and reports see of it. Planning queries :class:`PlanningWorld`. Both extend
-``kinematic.py``; ``scene.py`` describes their contents. ``bodies.py``, ``description.py`` and ``robot.py`` own the
-objects in the physics client, ``contact.py`` and ``camera.py`` answer queries, ``falling.py`` and ``people.py`` move
-things, ``snapshots.py`` saves and restores bodies. Only ``engine.py`` imports PyBullet.
+``kinematic.py``; ``scene.py`` describes their contents, ``displacing.py`` lets the true ones differ from a map.
+``bodies.py``, ``description.py`` and ``robot.py`` own the objects in the physics client, ``contact.py`` and
+``camera.py`` answer queries, ``falling.py`` and ``people.py`` move things, ``snapshots.py`` saves and restores bodies.
+Only ``engine.py`` imports PyBullet.
 """
 
+from sim.displacing import perturb
 from sim.people import ComfortZone
 from sim.planning_world import PlanningWorld, Solid
-from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene, perturb
+from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
 from sim.world import PyBulletWorld
 
 __all__ = [

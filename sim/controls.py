@@ -37,12 +37,29 @@ class Control:
 class Controls:
     """Buttons and knobs of one world."""
 
-    def __init__(self, controls: Sequence[Control], matter: Matter) -> None:
+    def __init__(
+        self,
+        controls: Sequence[Control],
+        matter: Matter,
+        values: Mapping[str, float],
+        joints: Mapping[str, Articulation],
+    ) -> None:
+        """Switch on the devices whose knob, of the joint values ``values``, is turned at first."""
         self._buttons = [one for one in controls if not one.turns]
         self._knobs = [one for one in controls if one.turns]
         self._matter = matter
-        self._initially_on = {one.device: matter.is_on(one.device) for one in controls}
-        self._turned = dict.fromkeys((one.body for one in self._knobs), False)
+        self._turned = {one.body: _is_turned(one, values, joints) for one in self._knobs}
+        for knob in self._knobs:
+            if self._turned[knob.body]:
+                self._put(knob.device, True)
+        self._on_at_zero = {
+            one.device: matter.is_on(one.device) and not self._turned.get(one.body, False) for one in controls
+        }
+
+    def shown(self, name: str) -> str | None:
+        """Look up the state that a body shows: ON or OFF for a device; None for a body that is neither."""
+        state = self._matter.states.get(name, OFF if name in self._on_at_zero else None)
+        return state if state in (ON, OFF) else None
 
     def pushed(self, body: str, touch: Touch, pose: Pose) -> None:
         """Toggle the device of a button that a hand touches on a body at a pose."""
@@ -51,12 +68,16 @@ class Controls:
                 self._put(button.device, not self._matter.is_on(button.device))
 
     def turned(self, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> None:
-        """Switch devices by their knobs' joint values; a device that was initially on is on with its knob at 0."""
+        """Switch devices by their knobs' joint values; one that was on at first with its knob at 0 is on there."""
         for knob in self._knobs:
-            is_turned = values[knob.body] >= HALFWAY * joints[knob.body].upper
+            is_turned = _is_turned(knob, values, joints)
             if is_turned != self._turned[knob.body]:
                 self._turned[knob.body] = is_turned
-                self._put(knob.device, is_turned != self._initially_on[knob.device])
+                self._put(knob.device, is_turned != self._on_at_zero[knob.device])
 
     def _put(self, device: str, is_on: bool) -> None:
         self._matter.states[device] = ON if is_on else OFF
+
+
+def _is_turned(knob: Control, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> bool:
+    return values[knob.body] >= HALFWAY * joints[knob.body].upper

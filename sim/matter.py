@@ -18,6 +18,8 @@ ON = "DeviceStateOn"
 """State of a device that is on."""
 OFF = "DeviceStateOff"
 """State of a device that is off."""
+KG_PER_ML = 0.001
+"""Density of all substances, that of water [kg/ml]."""
 LEAST = 1e-9
 """Amounts up to this count as none [ml]."""
 

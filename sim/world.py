@@ -182,7 +182,7 @@ class PyBulletWorld(KinematicScene):
         """Motion group that pushes -> link of the hand with which it pushes."""
         self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
-        self._controls = Controls(scene.controls, self._matter)
+        self._controls = Controls(scene.controls, self._matter, self._leaves.values, self._leaves.joints)
         hands = {} if robot is None else robot.hands
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
         if self._robot is not None:
@@ -366,9 +366,13 @@ class PyBulletWorld(KinematicScene):
         return self._contacts.touches(links)
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """List what the camera at a link recognises in its picture, in the order of the scene."""
+        """List what the camera at a link recognises in its picture, in the order of the scene; devices by their state.
+
+        A device shows its state by a lamp or display that is visible wherever the device is.
+        """
         self._here()
-        return self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
+        found = self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
+        return tuple(replace(one, state=self._controls.shown(one.name)) for one in found)
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[np.bool_]]:
         """Trace lines through the camera's pixels: ends (n, 3) in the map, and whether each is on a surface, (n,)."""

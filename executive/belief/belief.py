@@ -18,6 +18,7 @@ from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
 from sim import PlanningWorld
 from sim.leaves import inside
+from sim.matter import OFF
 
 MOVED = 0.002
 """Distance of a seen object from its believed position up to which it counts as not moved [m]."""
@@ -41,6 +42,26 @@ class Belief(KnownThings):
                 self._know(detection.name, Source.SEEN)
                 self._in_vain.pop(detection.name, None)
                 self._put(detection.name, detection.pose, "seen")
+                self._read(detection)
+
+    def _read(self, detection: Detection) -> None:
+        """Take over the state that a seen leaf or device shows."""
+        if detection.name in self._moving:
+            self._witnessed.add(self._moving[detection.name])
+        if detection.state is not None:
+            self._witnessed.add(detection.name)
+            if self._matter.states.get(detection.name, OFF) != detection.state:
+                self._matter.states[detection.name] = detection.state
+                self._changed("seen", name=detection.name, state=detection.state)
+
+    def touched(self, leaf: str, value: float) -> None:
+        """Record the position of a leaf's joint that a hand feels at its handle [rad, m]."""
+        self.moved(leaf, value, "felt")
+        self._witnessed.add(leaf)
+
+    def doubted(self, name: str) -> None:
+        """Record that the state of a leaf or device may have changed, so that it has to be looked at again."""
+        self._witnessed.discard(name)
 
     def _find_out(self, name: str) -> None:
         self._poses[name] = self.unknown.pop(name)
@@ -67,6 +88,8 @@ class Belief(KnownThings):
     def bump(self, name: str, pose: Pose) -> None:
         """Record that the robot touched an object, which must be about at ``pose``; it has to be looked at again."""
         self._know(name, Source.FELT)
+        if name in self._moving:
+            self.doubted(self._moving[name])
         self._put(name, pose, "felt")
 
     def obstacle(self, pose: Pose, called: str | None = None) -> None:
@@ -110,6 +133,7 @@ class Belief(KnownThings):
     def leads(self, leaf: str, link: str) -> None:
         """Record that a hand has closed on a leaf's handle, so that they move together."""
         self.led[leaf] = link
+        self._witnessed.add(leaf)
         self._changed("leads", name=leaf, link=link)
 
     def let_go(self, leaf: str) -> None:
@@ -197,6 +221,7 @@ class Belief(KnownThings):
 
     def switched(self, name: str, state: str) -> None:
         """Record the state of a device, or of an object that was mixed or cleaned."""
+        self._witnessed.add(name)
         self._changed("switched", name=name, state=state)
 
     def poured(self, source: str, target: str, amount: float) -> None:
@@ -211,7 +236,9 @@ class Belief(KnownThings):
         if name in self._moving:
             leaf = self._moving[name]
             value = self.joints[leaf].value_of(self._first[name], pose)
-            if abs(value - self._values[leaf]) > TURNED:
+            joint, known = self.joints[leaf], self._values[leaf]
+            same = joint.is_shut(value) is joint.is_shut(known) and joint.is_open(value) is joint.is_open(known)
+            if abs(value - known) > TURNED or not same:
                 self.moved(leaf, value, how)
             return
         if pose.distance(before) <= MOVED and pose.turn(before) <= TURNED:
@@ -281,6 +308,7 @@ class Belief(KnownThings):
             "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
             "leaves": {leaf: value for leaf, value in self._values.items() if value},
             "led": dict(self.led),
+            **({"witnessed": sorted(self._witnessed)} if self._witnessed else {}),
             "known": {name: [one.source.value, one.time, one.moves] for name, one in self._known.items()},
             "moves": self._moves,
             "bound": [[dump(what), name] for what, name in self._bound.items()],
@@ -308,6 +336,7 @@ class Belief(KnownThings):
             values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
             self._values = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
             self.led = {leaf: str(link) for leaf, link in state["led"].items()}
+            self._witnessed = set(map(str, state.get("witnessed", ())))
             poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
             felt = {str(name): poses.pop(name) for name in state["felt"]}
             self._poses = {**poses, **felt}

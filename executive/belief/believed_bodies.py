@@ -19,6 +19,7 @@ from planlang.records import dataclass
 from sim import Body, ComfortZone, PlanningWorld
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
+from sim.matter import KG_PER_ML
 from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
 
 LEANING = 0.05
@@ -150,6 +151,9 @@ class BelievedBodies:
 
     def __init__(self, world: PlanningWorld, belief: Belief) -> None:
         self._world, self._belief = world, belief
+        self._masses: dict[str, float] = {}
+        self._masses_at: int | None = None
+        """Revision of the belief for which the masses were computed."""
 
     def bind(self, what: Object) -> str:
         """Resolve an object designator to a body. Raises ObjectUnresolvable."""
@@ -255,8 +259,18 @@ class BelievedBodies:
         return Pose((x, y, z), self.pose(name).orientation)
 
     def mass(self, name: str) -> float:
-        """Look up the mass of a body with its content [kg]; 0 if unknown."""
-        return self._world.scene.body(name).mass
+        """Compute the mass of a body with all that is believed to be in it and on it [kg]; unknown masses count as 0.
+
+        This is what hands carry that lift it.
+        """
+        if self._masses_at != self._belief.revision:
+            self._masses, self._masses_at = {}, self._belief.revision
+        if name not in self._masses:
+            held = self._belief.held.get(name)
+            loaded = (name, *(self._world.standing_on(name) if held is None else held.riders))
+            matter, body = self._world.changes.matter, self._world.scene.body
+            self._masses[name] = sum(body(one).mass + matter.total(one) * KG_PER_ML for one in loaded)
+        return self._masses[name]
 
     def hands(self, name: str) -> int:
         """Look up how many hands it takes to hold a body."""
@@ -359,23 +373,22 @@ class BelievedBodies:
                 return float(pose[2, 3] + half[2])
         return -math.inf
 
-    def leaf_of(self, what: Object, *, shut: bool) -> Articulation | None:
-        """Find the joint of a leaf, of the leaf with a part, or of furniture that a designator means; None without one.
+    def leaves_of(self, what: Object, *, shut: bool) -> list[Articulation]:
+        """Find the joint of a leaf, or of the leaf with a part, that a designator means, or the joints of furniture.
 
-        Of several leaves of furniture, prefers those that are shut, or open if not ``shut``, then the nearest.
+        Of furniture, those of leaves that are shut come first, or open ones if not ``shut``, then the nearest.
         """
         name, joints, here = self.bind(what), self._belief.joints, self._world.configuration().base
         for joint in joints.values():
             if name in joint.bodies:
-                return joint
-        own = [joint for joint in joints.values() if joint.holder == name and not joint.is_knob]
-        return min(
+                return [joint]
+        own = (joint for joint in joints.values() if joint.holder == name and not joint.is_knob)
+        return sorted(
             own,
             key=lambda one: (
                 one.is_shut(self._belief.joint(one.leaf)) is not shut,
                 round(math.dist(self.pose(one.handle or one.leaf).position[:2], here[:2]), 6),
             ),
-            default=None,
         )
 
     def drawer_of(self, name: str) -> Articulation | None:

@@ -28,7 +28,8 @@ def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool |
         case Condition("baked", (Object() as what, int() | float() as seconds)):
             return any(is_baked(changes, name, seconds) for name in _candidates(belief, world, what))
         case Condition("switched_on", (Object() as what,)):
-            return changes.matter.is_on(belief.bind(what, world.configuration().base))
+            name = belief.bind(what, world.configuration().base)
+            return belief.witnessed(name) and changes.matter.is_on(name)
         case Condition("destroyed", (Object() as what,)):
             return any(thing.name in changes.matter.gone for thing in _named(belief, what))
         case Condition("created", (Object() as what,)):

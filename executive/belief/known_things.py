@@ -73,6 +73,10 @@ class KnownThings:
         self._values = {leaf: world.joint(leaf) for leaf in self.joints}
         self.led: dict[str, str] = {}
         """Leaf -> link of the hand that moves it."""
+        self.devices = frozenset(control.device for control in world.scene.controls)
+        """Devices with a button or a knob."""
+        self._witnessed: set[str] = set()
+        """Leaves and devices whose state the robot has seen or felt, or set itself, since it could have changed."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
         self._matter = world.changes.matter
@@ -97,6 +101,13 @@ class KnownThings:
     def is_left_open(self, leaf: str) -> bool:
         """Check whether a door or drawer is believed to be open, even a little; False for knobs."""
         return not (self.joints[leaf].is_knob or self.joints[leaf].is_shut(self._values[leaf]))
+
+    def witnessed(self, name: str) -> bool:
+        """Check whether the robot itself has seen or felt the state of a leaf or a device as it is now.
+
+        A state that only the map tells may be wrong: nothing that is left undone may depend on it.
+        """
+        return name in self._witnessed
 
     def names(self) -> tuple[str, ...]:
         """List all objects with a pose in the order of the map, then the touched obstacles."""
@@ -228,8 +239,13 @@ class KnownThings:
         return is_kind(self.map.ontology, one, cls)
 
     def recognises(self, name: str) -> bool:
-        """Check whether an object would be recognised in an image; created objects need no model."""
+        """Check whether an object would be recognised in an image.
+
+        Created objects need no model. Neither do leaves and devices, which are recognised as parts of the map.
+        """
         thing = self.map.find(name)
+        if name in self._moving or name in self.devices:
+            return self.recognition.runs(VISION)
         if thing is None:
             return name not in self.made or self.recognition.runs(VISION)
         return self.recognition.recognises(thing)

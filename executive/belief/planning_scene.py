@@ -285,6 +285,14 @@ class PlanningScene:
         """Radius of the base's outline [m]."""
         return self.robot.base.radius
 
+    def spare_payload(self, body: str) -> float:
+        """Compute how much may be added to a body that hands carry, or to what is on one [kg]; inf if none does."""
+        for name, grip in self.belief.held.items():
+            if body in (name, *grip.riders):
+                payload = min(arm.payload for arm in self.arms.all if arm.name in grip.arms)
+                return max(0.0, len(grip.arms) * payload - self.bodies.mass(name))
+        return math.inf
+
     def revision(self) -> int:
         """Look up the revision of the belief."""
         return self.belief.revision

@@ -14,7 +14,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten
 from sim import Body
-from sim.matter import ON, Heating, Portion, Rules, Size
+from sim.matter import KG_PER_ML, ON, Heating, Portion, Rules, Size
 
 MASS = ("massOfObject", "weightOfObject")
 """Properties that state the mass of an object [kg]."""
@@ -104,13 +104,10 @@ def _portion(thing: MapObject, numbers: _Numbers) -> Portion:
     return Portion(shorten(thing.types[0]), USUAL_AMOUNT if amount is None else amount, (thing.name,))
 
 
-def _mass(body: Body, portions: Sequence[Portion], types: tuple[str, ...], numbers: _Numbers) -> float:
-    """Mass of a body [kg]: as the map states, else that of its class plus its contents at 1 g/ml; 0 if unknown."""
+def _mass(body: Body, types: tuple[str, ...], numbers: _Numbers) -> float:
+    """Mass of a body without what the map states to be in it [kg]: of the object, else of its class; 0 if unknown."""
     stated = next((mass for name in MASS if (mass := numbers.of_thing(body.iri, name)) is not None), None)
-    empty = numbers.of_classes(types, "massOfObject")
-    return (
-        stated if stated is not None else 0.0 if empty is None else empty + sum(one.amount for one in portions) / 1000
-    )
+    return (numbers.of_classes(types, "massOfObject") or 0.0) if stated is None else stated
 
 
 def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...], numbers: _Numbers) -> Body:
@@ -124,12 +121,13 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
     if body.movable and (hands := numbers.of_classes(types, "handsNeeded")) is not None:
         body = replace(body, hands=max(1, round(hands)))
     if body.movable:
-        body = replace(body, mass=_mass(body, portions, types, numbers))
+        body = replace(body, mass=_mass(body, types, numbers))
     states = [shorten(one) for one in ontology.iris(body.iri, "stateOfObject")]
     if not (capacity or blade or states or portions):
         return body
     if capacity and not portions and ontology.any_is_a(types, ("FoodOrDrinkOrIngredient",)):
         amount = numbers.of_thing(body.iri, "amount")
         portions = (Portion(body.type, capacity if amount is None else amount, (body.name,)),)
+        body = replace(body, mass=max(0.0, body.mass - portions[0].amount * KG_PER_ML))  # it is its own content
     room = max(capacity or 0.0, sum(portion.amount for portion in portions))
     return replace(body, content=tuple(portions), capacity=room, is_on=ON in states, blade=min(blade, max(body.size)))

@@ -1,7 +1,6 @@
 """Platform of the process modules: motions are planned in the planning scene and executed in the true world.
 
-Also its arms: choice, posture and paths. Where a plan leaves the choice of an arm open, it is made once in each
-concurrent branch of the run and kept there.
+Also its arms: which of them a step concerns, their postures and paths.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from executive.locations.base_poses import BasePoses
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
 from executive.locations.likely_places import Searches
+from executive.modules.arm_choices import ArmChoices
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.commanding import Control, Hands, Sensing
 from executive.modules.drive import Drive
@@ -31,10 +31,9 @@ from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang import perform
 from planlang.designators import Action, FixedPose, Location, Object, action
-from planlang.failures import ActionUnresolvable, ManipulationGoalInCollision
+from planlang.failures import ActionUnresolvable, AmbiguousPerception, ManipulationGoalInCollision
 from planlang.geometry import Array, Pose, matrices
-from planlang.kernel import Task
-from planlang.language.branches import concurrent_branches
+from planlang.language.performing import actions_around
 from planlang.protocols import MotionState, Trajectory
 from planlang.records import dataclass
 from planlang.relations import Sense
@@ -42,8 +41,6 @@ from planlang.relations import Sense
 if TYPE_CHECKING:
     from executive.locations.next_view import Exploration
 
-ALONE = ""
-"""Path of the branch while no plan is running."""
 ITERATIONS = 1000
 """Iterations of the path search (RRT) before it gives up."""
 SHARE = 0.8
@@ -52,67 +49,10 @@ HAIR = 1e-6
 """Tolerance for rounding [rad]."""
 AT_PLACE = 0.01
 """Largest deviation from the put-down pose at which the planned retreat is still valid, per matrix entry [m, 1]."""
+STANDS = 0.02
+"""Largest height above its support at which a held object counts as put down [m]."""
 CLOSE = 0.05
 """Spacing of exact checks in time, as a share of the collision-checking resolution; small, since a torso is slow."""
-MOST = 256
-"""Choices to remember; those of finished branches are forgotten first."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Choice:
-    arm: str
-    branch: Task | None
-    """None if restored from a snapshot, or if no plan is running."""
-
-    @property
-    def over(self) -> bool:
-        return self.branch is not None and self.branch.dead
-
-
-@dataclass(slots=True)
-class ArmChoices:
-    """Last chosen arm of each concurrent branch of the plan.
-
-    Concurrent branches may use different arms. A branch without a choice inherits that of its last finished child, else
-    that of its parent, and avoids arms that other running branches have chosen.
-    """
-
-    made: dict[str, _Choice] = field(default_factory=dict)
-    """Path of a branch -> its choice, least recent first."""
-
-    def choose(self, arm: str) -> None:
-        """Record that the running branch uses this arm from now on."""
-        running = next(iter(concurrent_branches()), None)
-        path = ALONE if running is None else running.path
-        self.made.pop(path, None)
-        self.made[path] = _Choice(arm, running)
-        if len(self.made) > MOST:
-            ended = (name for name, choice in self.made.items() if choice.over)
-            del self.made[next(ended, next(iter(self.made)))]
-
-    def mine(self) -> str | None:
-        """Look up the arm of the running branch; None if there is no choice yet."""
-        own, *ancestors = [branch.path for branch in concurrent_branches()] or [ALONE]
-        if own in self.made:
-            return self.made[own].arm
-        inner = [c.arm for path, c in self.made.items() if c.over and _inside(path, own)]
-        if inner:
-            return inner[-1]
-        return next((self.made[path].arm for path in ancestors if path in self.made), None)
-
-    def others(self) -> frozenset[str]:
-        """Collect the arms that other unfinished branches have chosen and may still be using."""
-        lineage = [branch.path for branch in concurrent_branches()] or [ALONE]
-        taken = (
-            choice.arm
-            for path, choice in self.made.items()
-            if not choice.over and path not in lineage and not _inside(path, lineage[0])
-        )
-        return frozenset(taken) - {self.mine()}
-
-
-def _inside(path: str, outer: str) -> bool:
-    return path.startswith(f"{outer}/") if outer else path != outer
 
 
 def _apart(rows: Array, step: Array) -> list[int]:
@@ -151,6 +91,52 @@ class Arms:
     def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """List the empty arms, in the order of :meth:`in_order`."""
         return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
+
+    def thing_of(self, action: Action) -> str | None:
+        """Find the thing in hand, or to be taken in hand, that a step is about; None without one.
+
+        The step names it as ``object_acted_on``, or else the nearest action around it does.
+        """
+        scene = self._control.scene
+        for what in (one.get("object_acted_on") for one in (action, *actions_around())):
+            with suppress(AmbiguousPerception):
+                name = scene.bodies.known(what) if isinstance(what, Object) else None
+                if name is not None and (scene.bodies.is_graspable(name) or scene.arms.is_held(name)):
+                    return name
+        return None
+
+    def holding_for(self, action: Action, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """List the arms that hold an object for a step: only those with the thing that it is about, if they hold it."""
+        holding, thing = self.holding(arms), self.thing_of(action)
+        return [arm for arm in holding if self._holds(arm, thing)] or holding
+
+    def opened_by(self, action: Action, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """List the arms whose hand a step opens, best first, if it names none; none of them drops anything.
+
+        The hands around the thing that the step is about; without such a thing those whose object stands already, or is
+        taken by a person; then the empty ones.
+        """
+        holding, thing = self.holding(arms), self.thing_of(action)
+        named = [arm for arm in holding if thing is not None and self._holds(arm, thing)]
+        return named or [arm for arm in holding if thing is None and self._may_let_go(arm)] or self.free(arms)
+
+    def closed_by(self, action: Action, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """List the arms whose hand a step closes, best first: around its thing, else empty ones, else any."""
+        thing = self.thing_of(action)
+        named = [arm for arm in self.holding(arms) if thing is not None and self._holds(arm, thing)]
+        return named or self.free(arms) or self.in_order(arms)
+
+    def _holds(self, arm: ArmModel, thing: str | None) -> bool:
+        held = self._control.scene.arms.held(arm.name)
+        return held is not None and held.name == thing
+
+    def _may_let_go(self, arm: ArmModel) -> bool:
+        """Check whether what an arm holds would not fall if the hand opened."""
+        control, held = self._control, self._control.scene.arms.held(arm.name)
+        if held is None or control.world.pulled(control.robot.arm(arm.name).tip):
+            return held is not None
+        control.sync()
+        return control.scene.world.height_above_support(held.name) <= STANDS
 
     def use(self, arm: ArmModel, solution: HandSolution) -> None:
         """Record the choice of an arm, and the solution for the grasp or put-down that it begins."""

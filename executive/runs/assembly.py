@@ -237,7 +237,11 @@ class RobotExecutive:
         return math.dist((x, y), solution.base[:2]) < 0.01 and abs(turn) < 0.02
 
     def holds(self, condition: Condition) -> bool:
-        """Decide a condition by the belief. Raises ValueError for an unknown predicate."""
+        """Decide a condition by the belief. Raises ValueError for an unknown predicate.
+
+        A door is open or closed, and a device on, only once the robot has seen or felt it: a map that says so is not
+        enough for a goal to hold.
+        """
         self._effects.pass_time()
         match condition:
             case Condition("holding", (Object() as what,)):
@@ -245,9 +249,11 @@ class RobotExecutive:
                 known = bodies.known(what) if bodies.means_unknown(what) else bodies.bind(what)
                 return known in self.platform.belief.held
             case Condition("open" | "closed" as state, (Object() as what,)):
-                joint = self.platform.scene.bodies.leaf_of(what, shut=state == "open")
-                value = 0.0 if joint is None else self.platform.belief.joint(joint.leaf)
-                return joint is not None and (joint.is_open(value) if state == "open" else joint.is_shut(value))
+                belief, leaves = self.platform.belief, self.platform.scene.bodies.leaves_of(what, shut=state == "open")
+                values = [(joint, belief.joint(joint.leaf)) for joint in leaves if belief.witnessed(joint.leaf)]
+                if state == "open":
+                    return any(joint.is_open(value) for joint, value in values)
+                return 0 < len(leaves) == sum(joint.is_shut(value) for joint, value in values)
             case Condition("located", (Location() as where,)):
                 self.platform.sync()
                 return self.platform.resolver.holds(where)

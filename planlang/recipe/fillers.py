@@ -55,6 +55,10 @@ def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None
     return nearest or cls
 
 
+_DEVICES = ("HolderGripper", "RobotPart", "ComponentComposition", "Arm", "srdl2-comp:HardwareComponent")
+"""Classes of robot parts; KnowRob has the same class for arms of persons and robots."""
+
+
 def kind_of(ontology: Ontology, cls: str) -> Kind:
     """Classify things of a class as persons, parts of a robot, or objects."""
     if ontology.is_a(cls, expand("Person")):
@@ -63,8 +67,8 @@ def kind_of(ontology: Ontology, cls: str) -> Kind:
 
 
 def is_device(ontology: Ontology, cls: str) -> bool:
-    """True for classes of robot parts that act on something, such as grippers and arms."""
-    return ontology.any_is_a((cls,), ("HolderGripper", "RobotPart", "ComponentComposition"))
+    """True for classes of robot parts that act on something, such as grippers, hands and arms."""
+    return ontology.any_is_a((cls,), _DEVICES)
 
 
 def is_place(ontology: Ontology, iri: str) -> bool:

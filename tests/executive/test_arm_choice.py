@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from executive.modules.arm_choices import ArmChoices
 from executive.modules.gripper.grasping import Grasping
-from executive.modules.platform import ArmChoices
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import world_at_start

@@ -42,7 +42,7 @@ class Lowering(HandReaching):
         """Find the arms that hold the object to put down; without ``object_acted_on`` all that hold something."""
         scene, what = self.platform.scene, action.get("object_acted_on")
         name = scene.bodies.bind(what) if isinstance(what, Object) else None
-        full = self.platform.arms.holding(scene.arms.all)
+        full = self.platform.arms.holding_for(action, scene.arms.all)
         arms = [arm for arm in full if (held := scene.arms.held(arm.name)) is not None and name in (None, held.name)]
         if not arms:
             missing = "an object" if name is None else name

@@ -121,7 +121,7 @@ class HandReaching(PlatformModule):
             ordered = arms.in_order(allowed)
             offering = [arm for arm in ordered if scene.arms.held(arm.name)] if self._is_for_person(action) else []
             return offering or ordered
-        return arms.holding(scene.arms.all) or arms.in_order(scene.arms.all)
+        return arms.holding_for(action, scene.arms.all) or arms.in_order(scene.arms.all)
 
     def _is_for_person(self, action: Action) -> bool:
         """Check whether the target is a pose relative to a person."""

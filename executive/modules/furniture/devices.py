@@ -1,7 +1,8 @@
 """Process module that turns devices on and off by pushing their button or turning their knob.
 
-``executive/maps/scene.py`` finds which of the two a device has, and where. A device that is believed to be in the
-desired state already is left alone, since a push on its button would toggle it.
+``executive/maps/scene.py`` finds which of the two a device has, and where. A device shows by a lamp or display whether
+it is on: it is looked at before, because a push on its button would toggle one that is in the desired state already,
+and afterwards.
 """
 
 from __future__ import annotations
@@ -15,27 +16,32 @@ from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.button_failures import button_failure
 from executive.modules.furniture.button_strokes import ButtonStrokes
 from executive.modules.furniture.containers import LeafWork, ways_tried
+from executive.modules.furniture.witnessing import is_witnessed
 from executive.modules.tries import Tries
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
+    DeviceUnresponsive,
     EnvironmentManipulationFailure,
     HandleNotReachable,
     ManipulationFailure,
     ManipulationPoseUnreachable,
     NavigationFailure,
     ObjectUnresolvable,
+    StateUnknown,
 )
 from planlang.geometry import Pose
 from planlang.kernel import compute_in_thread
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Touch
-from sim.controls import AT_BUTTON, Control
+from sim.controls import AT_BUTTON, HALFWAY, Control
 
 ABOUT = ("object_acted_on", "device_used")
 """Properties of an action that may name the device, in order of preference."""
+TIMES = 2
+"""Most pushes or turns: a device that did not respond to these is broken."""
 THIN = 0.005
 """Distance along the normal within which a touch counts as one of the button's surface [m]."""
 
@@ -47,6 +53,7 @@ class Devices(HandWork):
     name = "device"
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+    # beside those of looking, which LookingFirst declares for all modules
     by_hand = True
     """The simulator switches a device when the hand really moves its control."""
 
@@ -56,18 +63,32 @@ class Devices(HandWork):
 
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""
-        control, world = self._control(action), self.platform.scene.world
+        control, belief = self._control(action), self.platform.belief
         turns_on = "TurningOffPoweredDevice" not in self.platform.ancestors(action.type)
-        self.platform.sync()
-        if world.changes.matter.is_on(control.device) == turns_on:
+        for _ in range(TIMES):
+            if await self._is_on(control) is turns_on:
+                return control.device
+            if control.turns:
+                joint = belief.joints[control.body]
+                is_turned = belief.joint(control.body) >= HALFWAY * joint.upper
+                await LeafWork(self.platform).moved(joint, opens=not is_turned)
+            else:
+                await self._push(control)
+            belief.doubted(control.device)
+        if await self._is_on(control) is turns_on:
             return control.device
-        if control.turns:
-            joint = self.platform.belief.joints[control.body]
-            was_on = world.scene.body(control.device).is_on
-            await LeafWork(self.platform).moved(joint, opens=turns_on != was_on)
-        else:
-            await self._push(control)
-        return control.device
+        does = "its knob was turned" if control.turns else "its button was pushed"
+        message = f"{control.device} stays {'off' if turns_on else 'on'}, although {does} {TIMES} times"
+        raise DeviceUnresponsive(message, what=control.device)
+
+    async def _is_on(self, control: Control) -> bool:
+        """Look whether a device is on. Raises StateUnknown if that cannot be seen."""
+        device = control.device
+        if not await is_witnessed(self, device):
+            is_blind = self.platform.robot.camera is None
+            reason = "the robot has no camera to see it" if is_blind else "it was not seen from any base pose tried"
+            raise StateUnknown(f"it is not known whether {device} is on: {reason}", what=device)
+        return self.platform.scene.world.changes.matter.is_on(device)
 
     def _control(self, action: Action) -> Control:
         """Find the control of the device that an action names. Raises ActionUnresolvable if there is none."""

@@ -10,15 +10,17 @@ import math
 
 import numpy as np
 
+from executive.belief.believed_bodies import MEANT
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_grips import hand_with, outwards_of
+from executive.modules.furniture.witnessing import is_witnessed
 from executive.modules.phases import Phase
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang.designators import Device
-from planlang.failures import ContainerStuck, HandleNotReachable
+from planlang.failures import ContainerStuck, HandleNotReachable, StateUnknown
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
@@ -59,13 +61,20 @@ class LeafStrokes(StrokeWork):
         """Whether to push the leaf itself instead of its handle."""
 
     async def shut(self) -> None:
-        """Push until the leaf is shut. Raises ContainerStuck, or HandleNotReachable if no hand reaches it."""
+        """Push until the leaf is shut.
+
+        Raises ContainerStuck, HandleNotReachable if no hand reaches it, or StateUnknown if it cannot be seen or felt.
+        """
         joint, belief = self._joint, self.platform.belief
         for _ in range(STROKES):
+            is_known = await is_witnessed(self._work, joint.leaf)
             if joint.is_shut(belief.joint(joint.leaf)):
+                if not is_known:
+                    unknown = f"it is not known whether {joint.leaf} is shut: it was neither seen nor felt"
+                    raise StateUnknown(unknown, what=joint.leaf)
                 return
             await self._once()
-        if not joint.is_shut(belief.joint(joint.leaf)):
+        if not (joint.is_shut(belief.joint(joint.leaf)) and await is_witnessed(self._work, joint.leaf)):
             at = f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}"
             raise ContainerStuck(f"{at}, still open after {STROKES} pushes", what=joint.leaf)
 
@@ -101,16 +110,29 @@ class LeafStrokes(StrokeWork):
         heights = (local - local[1]) @ normal
         points = np.column_stack([local - heights[:, None] * normal, heights])
         lap = await self.stroke(grounding, phase, constraints, plane, points, closed=False)
-        link = platform.robot.arm(arm.name).tip
+        link, feels = platform.robot.arm(arm.name).tip, False
         try:
             await platform.follow(arm.name, lap, pushes=link)
+            feels = self._feels(arm)
         finally:
             self._believe(np.array((platform.world.link_pose(link) @ tips).position), path)
+        if feels:
+            platform.belief.touched(joint.leaf, platform.belief.joint(joint.leaf))
         await self._back(arm, lap)
-        await self._work.look(joint.handle or joint.leaf)
+        if platform.robot.camera is not None:
+            platform.belief.doubted(joint.leaf)
+            if not await is_witnessed(self._work, joint.leaf, drives=False) and feels:
+                platform.belief.touched(joint.leaf, platform.belief.joint(joint.leaf))
         turn = product(joint.motion(platform.belief.joint(joint.leaf)).matrix(), joint.motion(value).inverse().matrix())
         distance = float(np.linalg.norm(moved(turn, path[1]) - path[1]))
         self._is_beside = self._is_beside or distance < MOVED
+
+    def _feels(self, arm: ArmModel) -> bool:
+        """Check whether the hand feels something where the pushed leaf is believed to be."""
+        bodies = self.platform.scene.bodies
+        touched = [np.array(touch.point) for touch in self.platform.world.touches(arm.hand_links)]
+        blocks = [bodies.block(name) for name in self._joint.bodies]
+        return any(block.away(point) <= MEANT for point in touched for block in blocks)
 
     def _along(self, value: float) -> Array:
         """Compute the fingertips' path in the map (n, 3): one point before the leaf, then with it for one stroke."""
@@ -187,6 +209,7 @@ class LeafStrokes(StrokeWork):
             world.set_joint(joint.leaf, value)
             if all(one.body not in joint.bodies for one in world.contacts()):
                 break
+        belief.doubted(joint.leaf)
         belief.moved(joint.leaf, value, "pushed")
         self.platform.sync()
 

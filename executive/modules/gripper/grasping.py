@@ -10,6 +10,7 @@ from planlang.designators import (
     Object,
 )
 from planlang.failures import (
+    ActionUnresolvable,
     DesignatorFailure,
     GraspMissed,
     GripperFailure,
@@ -39,25 +40,32 @@ class Grasping(PlatformModule):
         Raises GraspMissed if the fingers close on nothing.
         """
         arms = self._arms(action)
+        if not arms and self.platform.belief.held:
+            held = ", ".join(f"{grip.arm} holds {name}" for name, grip in self.platform.belief.held.items())
+            advice = "to let go of one, name it as object_acted_on, or the hand as device_used"
+            raise ActionUnresolvable(f"no hand is free to open: {held}; {advice}", designator=str(action))
         if not arms:
             raise MissingCapability(designator=str(action), missing=("GripperMotionCapability",))
-        if "ClosingAGripper" in self.platform.ancestors(action.type):
+        if self._closes(action):
             return await self._close(arms[0], action)
         return await self._open(arms[0])
 
     def _arms(self, action: Action) -> list[ArmModel]:
-        """Find the arms with grippers that the action may use, best first.
+        """Find the arms with grippers that the action may use, best first: of the stated device, else of all.
 
-        Arms of the stated device, else all; of these the empty ones for an object that is not in a hand, otherwise
-        those that hold something, otherwise the arm chosen before first.
+        A step that states no device does not open a hand that would drop something.
         """
         scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
-        device, what = action.get("device_used"), action.get("object_acted_on")
+        device, closes = action.get("device_used"), self._closes(action)
         candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        preferred = arms.holding(candidates) or arms.in_order(candidates)
-        if isinstance(what, Object) and not hands.hold(what):
-            preferred = arms.free(candidates) or preferred
-        return [arm for arm in preferred if hands.gripper(arm) is not None]
+        candidates = [arm for arm in candidates if hands.gripper(arm) is not None]
+        if closes:
+            return arms.closed_by(action, candidates)
+        opened = arms.opened_by(action, candidates)
+        return opened or (arms.in_order(candidates) if isinstance(device, Device) else [])
+
+    def _closes(self, action: Action) -> bool:
+        return "ClosingAGripper" in self.platform.ancestors(action.type)
 
     async def _close(self, arm: ArmModel, action: Action) -> str:
         hands = self.platform.hands

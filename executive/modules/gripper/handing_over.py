@@ -73,10 +73,10 @@ class Handover(PlatformModule):
 
     def _arm(self, action: Action) -> list[ArmModel]:
         """Find the first arm that holds the object, as a list of at most one."""
-        scene = self.platform.scene
+        scene, arms = self.platform.scene, self.platform.arms
         what = action.get("object_acted_on")
         name = scene.bodies.bind(what) if isinstance(what, Object) else None
-        for arm in scene.arms.all:
+        for arm in scene.arms.all if name is not None else arms.holding_for(action, scene.arms.all):
             held = scene.arms.held(arm.name)
             if held is not None and name in (None, held.name):
                 return [arm]

@@ -28,6 +28,7 @@ from planlang.failures import (
     NavigationFailure,
     ObjectNowhereToBeFound,
     PerceptionFailure,
+    StateUnknown,
 )
 from planlang.geometry import Array
 from planlang.kernel import now
@@ -44,7 +45,7 @@ VIEWS = 3
 """Most base poses from which to look at one place."""
 MOST_UNSEEN = 0.5
 """Share of a place that may stay hidden before the search of it counts as failed."""
-IN_VAIN = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure)
+IN_VAIN = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, StateUnknown)
 """Failures to open or close a door or drawer after which the search continues."""
 
 

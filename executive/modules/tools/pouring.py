@@ -6,6 +6,7 @@ rate of the ontology.
 
 from __future__ import annotations
 
+import math
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 
@@ -25,6 +26,7 @@ from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.protocols import Trajectory
 from planlang.records import dataclass
+from sim.matter import KG_PER_ML
 
 WITHIN, WITHIN_SHARE = 5.0, 0.05
 """Tolerance of a poured amount: the larger of the two [ml, share]."""
@@ -149,11 +151,14 @@ class Pouring:
 
     def _bounds(self, flow: Flow, pour: Pour) -> dict[str, float]:
         """Compute the upper bounds of the amount [ml], keyed by the words that describe each bound in a message."""
-        world = self._platform.scene.world
+        scene = self._platform.scene
+        world = scene.world
         bounds = {f"{flow.name} holds": world.changes.matter.total(flow.name)}
         if pour.into is not None:
             room = world.scene.body(pour.into).capacity - world.changes.matter.total(pour.into)
             bounds[f"{pour.into} has room for"] = max(0.0, room)
+            if (spare := scene.spare_payload(pour.into)) < math.inf:
+                bounds[f"the payload of what holds {pour.into} allows"] = spare / KG_PER_ML
         return bounds
 
     def _refusal(self, flow: Flow, pour: Pour, reason: str) -> AmountNotPoured:

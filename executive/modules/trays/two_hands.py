@@ -193,7 +193,7 @@ class TwoHands(HandWork):
         if len(free) < needed or needed > 2:
             raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
         platform.sync()
-        mass = sum(map(bodies.mass, (name, *platform.scene.world.standing_on(name))))
+        mass = bodies.mass(name)
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:
             payload = 2 * max(min(arm.payload for arm in pair) for pair in combinations(free, 2))

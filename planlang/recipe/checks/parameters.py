@@ -253,7 +253,8 @@ def _out_of_range(ontology: Ontology, owner: Step | Recipe, created: frozenset[s
         filler = parameter.filler
         match filler:
             case Thing():
-                cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, filler.stated)
+                like = expand("HolderGripper") if filler.kind is Kind.DEVICE else filler.stated  # arms are body parts
+                cls, is_wrong = filler.stated, violates_range(ontology, parameter.property, like)
                 is_individual = filler.iri is not None
             case Place() | Name() if filler.iri not in created:
                 classes = classes_of(ontology, filler.iri)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
-from planlang.recipe.model import Absence, Filler, Name, Place, Thing
+from planlang.recipe.model import Absence, Filler, Kind, Name, Place, Slot, Thing
 from planlang.recipe.readers import created_individuals
 from planlang.recipe.slots import accepts, in_words
 
@@ -29,7 +29,7 @@ def wrong_kinds(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             iri = filler.iri if isinstance(filler, (Thing, Place, Name)) else None
             if slot is not None and iri not in created and not accepts(checked.ontology, slot, filler):
                 message = f"{slot.property} of `{owner.name}` is {_described(filler)}, but must be {in_words(slot)}"
-                yield error("R060", message, parameter.span, f"write {in_words(slot)} there")
+                yield error("R060", message, parameter.span, _advice(slot, owner.name))
 
 
 @check("R068", unless=("R060",))
@@ -42,6 +42,14 @@ def unstated(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 message = f"`{step.name}` states no {slot.property}: the robot chooses {in_words(slot)}"
                 advice = f"add `{slot.property} value X` to `{step.name}`, where X is {in_words(slot)}"
                 yield warning("R068", message, checked.ontology.span(step.iri) or step.span, advice)
+
+
+def _advice(slot: Slot, owner: str) -> str:
+    """Tell what to write into a slot; what counts as a device is not obvious."""
+    if slot.kinds != (Kind.DEVICE,):
+        return f"write {in_words(slot)} there"
+    example = f"`{slot.property} some LeftHand` in `{owner}`, or `value` and an individual with `Types: LeftHand`"
+    return f"write a hand, gripper or arm of the robot there: {example}; without a side, any of its hands is meant"
 
 
 def _described(filler: Filler) -> str:

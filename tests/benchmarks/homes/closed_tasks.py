@@ -129,9 +129,7 @@ def open_and_close(home: Home) -> Task:
     wanted, watch = goals.was_open(leaf)
     steps = (step("OpeningAContainerArtifact", what=leaf), step("ClosingAContainerArtifact", what=leaf))
     needs = [Need("open", leaf, closed.name), Need("close", leaf, closed.name)]
-    return task_of(
-        home, "open_and_close", steps, all_of(wanted, goals.shut(*closed.leaves)), [], needs, watchers=[watch]
-    )
+    return task_of(home, "open_and_close", steps, all_of(wanted, goals.shut(leaf)), [], needs, watchers=[watch])
 
 
 # Looking for things

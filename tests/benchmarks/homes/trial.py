@@ -108,10 +108,14 @@ class Trial:
 
     def run(self, case: Case, arguments: Sequence[str]) -> dict[str, Any]:
         """Run it; return what is kept of it."""
+        return self.judged(arguments, case.seed + 1 if case.displaced else 0)
+
+    def judged(self, arguments: Sequence[str], seed: int) -> dict[str, Any]:
+        """Run it in the world of a seed; return what is kept of it."""
         task = self.task
         scenario = Scenario(task.template, arguments, self._goal, (*task.watchers, self._watch))
         try:
-            found = judged(scenario, case.seed + 1 if case.displaced else 0)
+            found = judged(scenario, seed)
         except BadInput as problem:
             return {"outcome": "bad input", "cause": "; ".join(str(one) for one in problem.diagnostics[:3])}
         except Exception:

@@ -23,6 +23,7 @@ from executive.robots import Robot
 from planlang.geometry import Array
 from sim import Body, Scene
 from sim.joints import Articulation
+from sim.matter import KG_PER_ML
 from tests.benchmarks.homes.certificates import Search, outline
 from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints
@@ -228,8 +229,9 @@ class Witness:
         across = min(body.size[:2])  # its support is below it: no fingers close from above and below
         if across > widest and not by_edge:
             raise _Broken("too wide", body.name, f"{body.name} is {across:.3f} m across, hands open to {widest:.3f} m")
-        if body.mass > strongest * body.hands:
-            raise _Broken("too heavy", body.name, f"{body.name} weighs {body.mass:.2f} kg, not {strongest:.2f} kg")
+        mass = body.mass + sum(one.amount for one in body.content) * KG_PER_ML
+        if mass > strongest * body.hands:
+            raise _Broken("too heavy", body.name, f"{body.name} weighs {mass:.2f} kg, not {strongest:.2f} kg")
 
     def _spans(self, body: Body, joint: Articulation | None = None) -> Array:
         """Return places (n, 3) at which a body is taken: where it is, and where its drawer or door brings it."""

@@ -273,7 +273,6 @@ def test_seeds_displace_objects_in_a_cabinet_only_within_it(shelf: SemanticMap) 
     scene = scene_of(shelf)
     for seed in range(1, 9):
         real = perturb(scene, seed)
-        assert real.joints == scene.joints
         assert np.abs(np.array(real.body("bottle1").pose.position[:2]) - (0.0, -0.25)).max() < 0.25
 
 

@@ -99,3 +99,12 @@ def test_the_rules_of_heat_are_those_of_the_ontology(map_of: Read, thing: Write,
 def test_a_spatula_has_a_blade(map_of: Read, thing: Write, seen: Write) -> None:
     scene = scene_of(map_of(thing("spatula1", "Spatula"), seen("spatula1", (1, 0, 0.1))))
     assert scene.body("spatula1").blade == 0.095
+
+
+def test_a_stated_mass_is_that_of_the_object_without_its_contents(map_of: Read, thing: Write, seen: Write) -> None:
+    water = (
+        "Individual: water1\n    Types: knowrob:Water\n    Facts: knowrob:in-ContGeneric pot1, knowrob:amount 4000.0\n"
+    )
+    pot = thing("pot1", "StoveTopCookingPot", (0.3, 0.3, 0.2), "massOfObject 2.4")
+    body = scene_of(map_of(pot, water, seen("pot1", (0, 0, 0.1)))).body("pot1")
+    assert (body.mass, [one.amount for one in body.content]) == (2.4, [4000.0])

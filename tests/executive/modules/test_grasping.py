@@ -44,6 +44,7 @@ from tests.support.examples import some
 RIGHT, LEFT = a_device("RightGripper"), a_device("LeftGripper")
 BEFORE, AROUND = a_location(in_front_of=THE_BOTTLE), a_location(in_center_of=THE_BOTTLE)
 OPEN, CLOSE = action("OpeningAGripper"), action("ClosingAGripper", object_acted_on=THE_BOTTLE)
+LET_GO = action("OpeningAGripper", object_acted_on=THE_BOTTLE)
 
 
 def reach(location: Location, **more: object) -> Action:
@@ -118,7 +119,7 @@ def test_a_hand_holds_what_is_there_while_the_robot_believes_what_it_has_seen(ma
     do(stage, reach(AROUND), CLOSE, reach(BEFORE))
     assert stage.executive.held() == ("bottle",)
     assert (held_by(stage.truth, "other"), held_by(stage.truth, "bottle")) == ("robot", None)
-    do(stage, OPEN)
+    do(stage, LET_GO)
     assert stage.executive.held() == ()
     assert at_rest_on(stage.truth, "other") == "cabinet"
 
@@ -203,7 +204,7 @@ def test_opening_over_a_bed_lets_the_bottle_come_to_rest_on_it(arm: str, make_st
         stage,
         next(stage.resolver.bases(a_location(in_reach_of=a_location(above=an_object("Bed-PieceOfFurniture"))))).base,
     )
-    do(stage, reach(a_location(above=an_object("Bed-PieceOfFurniture"))), OPEN)
+    do(stage, reach(a_location(above=an_object("Bed-PieceOfFurniture"))), LET_GO)
     assert at_rest_on(stage.truth, "bottle") == "bed"
     assert stage.executive.held() == ()
     assert stage.belief.pose("bottle").distance(stage.truth.pose("bottle")) < 1e-3
@@ -217,7 +218,7 @@ def test_the_action_of_opening_ends_only_when_the_bottle_rests(make_stage: MakeS
     falling = []
 
     async def plan() -> None:
-        await perform(OPEN)
+        await perform(LET_GO)
         falling.append(stage.truth.falling("bottle"))
 
     stage.run(plan)

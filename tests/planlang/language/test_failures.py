@@ -183,7 +183,7 @@ PlanFailure
     PerceptionFailure
       ObjectNotFound
         RecognitionModelMissing
-      ObjectLost AmbiguousPerception
+      ObjectLost AmbiguousPerception StateUnknown
     LookingFailure
       LookingGoalUnreachable
     ManipulationFailure
@@ -194,7 +194,7 @@ PlanFailure
       TorsoFailure
         TorsoGoalUnreachable
     EnvironmentManipulationFailure
-      ContainerStuck HandleNotReachable
+      ContainerStuck HandleNotReachable DeviceUnresponsive
     CommunicationFailure
       HandoverNotTaken
   HighLevelFailure

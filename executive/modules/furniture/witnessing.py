@@ -1,0 +1,72 @@
+"""Look at a door, drawer, lid or device before its state is believed: what a map says of it may be wrong.
+
+All modules that open, close, push or switch furniture call :func:`is_witnessed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import islice
+
+import numpy as np
+
+from executive.modules.arm.hand_work import HandWork
+from executive.modules.platform import Platform
+from planlang.designators import a_location
+from planlang.failures import DesignatorFailure, LookingGoalUnreachable, NavigationFailure
+from planlang.geometry import Array
+
+VIEWS = 3
+"""Most base poses to drive to for a look."""
+
+
+async def is_witnessed(work: HandWork, name: str, *, drives: bool = True) -> bool:
+    """Return whether the robot itself knows the state of a leaf or device, after a look at it if necessary.
+
+    What it has seen or felt, and not moved since, is not looked at again. It is looked at from here if it can be seen
+    from here; otherwise, with ``drives``, from other base poses.
+    """
+    platform = work.platform
+    if platform.belief.witnessed(name) or await _looked(platform, name):
+        return True
+    if not drives or platform.robot.camera is None or platform.robot.base.fixed:
+        return False
+    seeing = a_location(visible_from=platform.scene.bodies.designator(name))
+    with suppress(DesignatorFailure):
+        for solution in islice(platform.resolver.bases(seeing), VIEWS):
+            with suppress(NavigationFailure):
+                await work.tuck(platform.arms.untucked())
+                await work.drive(solution.base)
+                if await _looked(platform, name):
+                    return True
+    return False
+
+
+async def _looked(platform: Platform, name: str) -> bool:
+    """Look at a leaf or device from here, wherever the leaf may be; return whether it was seen."""
+    for point in _gazes(platform, name):
+        with suppress(LookingGoalUnreachable):
+            await platform.sensing.look_at(point, name)
+            platform.sensing.see()
+            if platform.belief.witnessed(name):
+                return True
+    return False
+
+
+def _gazes(platform: Platform, name: str) -> Iterator[Array]:
+    """Yield points (3,) of the map to look at: of a leaf where it is believed to be, then where it would be otherwise.
+
+    Without any if it is believed to be out of sight.
+    """
+    platform.sync()
+    scene, joint = platform.scene, platform.belief.joints.get(name)
+    bodies = (name,) if joint is None else joint.bodies
+    visible = [body for body in bodies if scene.visibility.hidden(scene.base(), body) is None]
+    if not visible:
+        return
+    yield scene.bodies.block(visible[0]).centre
+    if joint is not None:
+        leaf = scene.world.scene.body(name)
+        for value in (0.0, joint.upper / 2, joint.upper):
+            yield np.array((joint.motion(value) @ leaf.pose).position)
