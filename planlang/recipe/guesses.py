@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from difflib import SequenceMatcher
 
 from planlang.designators import local_name
@@ -59,30 +59,25 @@ class Known:
 
 def classes_of_vocabulary(ontology: Ontology) -> Known:
     """Classes of the bundled vocabulary, for guesses; made once per ontology."""
-    return _kept(ontology, "known vocabulary", lambda: filter(is_vocabulary_class, ontology.class_names()))
+    return kept(ontology, "known vocabulary", lambda: Known(filter(is_vocabulary_class, ontology.class_names())))
 
 
 def classes_of_actions(ontology: Ontology) -> Known:
     """Classes of actions, for guesses; made once per ontology."""
-    return _kept(ontology, "known actions", lambda: ontology.subclasses(expand("Action")))
+    return kept(ontology, "known actions", lambda: Known(ontology.subclasses(expand("Action"))))
 
 
 def names_of_file(ontology: Ontology) -> Known:
     """Names that the main document gives a type, for guesses; made once per ontology."""
-    return _kept(
-        ontology,
-        "known names",
-        lambda: (
-            triple.subject
-            for triple in ontology.triples(p=RDF.type)
-            if isinstance(triple.subject, str) and ontology.main(triple.subject)
-        ),
-    )
+    subjects = (triple.subject for triple in ontology.triples(p=RDF.type))
+    own = (name for name in subjects if isinstance(name, str) and ontology.main(name))
+    return kept(ontology, "known names", lambda: Known(own))
 
 
-def _kept(ontology: Ontology, key: str, names: Callable[[], Iterable[str]]) -> Known:
+def kept(ontology: Ontology, key: Hashable, make: Callable[[], Known]) -> Known:
+    """Return the names kept under a key; they are made on first use."""
     if key not in ontology.kept:
-        ontology.kept[key] = Known(names())
+        ontology.kept[key] = make()
     known: Known = ontology.kept[key]
     return known
 

@@ -17,7 +17,7 @@ from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.guesses import LIKE, SURE, Known, classes_of_actions, guess
+from planlang.recipe.guesses import LIKE, SURE, Known, classes_of_actions, kept
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
 
@@ -218,7 +218,7 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
     if not isinstance(needed, (str, BNode)) or restriction.kind in ("max", "only"):
         return
     if isinstance(needed, str) and not ontology.defined(needed):
-        suggestion = guess(needed, _alternatives(ontology, word, _ending(needed)), least=LIKE, telling=_telling)
+        suggestion = _alternatives(ontology, word, _ending(needed)).guess(needed, LIKE)
         advice = f"did you mean {suggestion}?" if suggestion else "import the file that defines it, or correct the name"
         message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which is not defined"
         yield warning("R046", message, restriction.span, advice, suggestion)
@@ -230,15 +230,19 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 
-def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
+def _alternatives(ontology: Ontology, word: str, ending: str) -> Known:
     """Classes to suggest: capabilities or components with the same uninformative ending, if any."""
-    upper = _UPPER.get(word)
-    if upper:
-        names = ontology.subclasses(expand(upper))[1:]
-    else:
-        others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
-        names = tuple(name for name in ontology.class_names() if name not in others)
-    return [name for name in names if not ending or _ending(name) == ending]
+
+    def names() -> Known:
+        upper = _UPPER.get(word)
+        if upper:
+            names = ontology.subclasses(expand(upper))[1:]
+        else:
+            others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
+            names = tuple(name for name in ontology.class_names() if name not in others)
+        return Known((name for name in names if not ending or _ending(name) == ending), _telling)
+
+    return kept(ontology, ("known requirements", word, ending), names)
 
 
 def _ending(name: str) -> str:
