@@ -28,8 +28,8 @@ def without_annotations(triples: Triples) -> list[Diagnostic]:
     An annotated axiom that is not stated besides is stated, as editors do. A statement that RDF describes is not, nor
     is a negative assertion, which is reported.
     """
-    words = (*_AXIOM, *_REIFIED, *_NEGATIVE)
-    number_of = {number: word for word in words if (number := triples.numbers.get(word)) is not None}
+    every = (*_AXIOM, *_REIFIED, *_NEGATIVE)
+    number_of = {number: word for word in every if (number := triples.numbers.get(word)) is not None}
     if not number_of:
         return []
     told: dict[int, dict[str, int]] = {}

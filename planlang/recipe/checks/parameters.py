@@ -20,6 +20,7 @@ from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
+from planlang.recipe.checks.expressions import unread_expressions, unread_filling
 from planlang.recipe.checks.slots import wrong_kinds
 from planlang.recipe.fillers import (
     NUMERIC,
@@ -188,6 +189,7 @@ def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
+    yield from unread_expressions(checked)
     undefined: set[Term] = set(created_individuals(ontology, checked.statements))
     reported = set(undefined)
     for owner, more in _owners(checked):
@@ -307,9 +309,11 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
             message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but must be a thing or a place"
             yield warning("R032", message, span, "name a class or an individual")
         return
+    unread = unread_filling(ontology, owner, filling)
+    if unread is not None:
+        is_ignored = short in AGENTS or not is_vocabulary(short)
+        yield replace(unread, severity=Severity.WARNING) if is_ignored else unread
     if isinstance(term, BNode):
-        message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is ignored"
-        yield warning("R035", message, span, "name a class or an individual")
         return
     if takes_numbers(ontology, filling.property) and not term.startswith(XSD):
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but must be a number"

@@ -89,7 +89,7 @@ def test_an_annotation_changes_no_plan(tmp_path: Path, annotation: str) -> None:
 def test_an_annotation_changes_no_plan_in_n_triples_where_it_shares_the_restriction(tmp_path: Path) -> None:
     plain, codes = plan_of(tmp_path, PLAIN)
     step = "[ a owl:Restriction ; owl:onProperty k:subAction ; owl:someValuesFrom :Take ]"
-    shared = f"""_:r a owl:Restriction ; owl:onProperty k:subAction ; owl:someValuesFrom :Take .
+    shared = """_:r a owl:Restriction ; owl:onProperty k:subAction ; owl:someValuesFrom :Take .
     [ a owl:Axiom ; owl:annotatedSource :Tidy ; owl:annotatedProperty rdfs:subClassOf ; owl:annotatedTarget _:r ;
       rdfs:comment "agreed" ] ."""
     text = HEAD + TIDY.replace(step, "_:r") + shared + REST
