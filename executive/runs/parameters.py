@@ -12,6 +12,7 @@ from executive.maps import MapObject, SemanticMap, scene_of
 from executive.maps.class_names import is_kind
 from executive.maps.contents import is_content
 from executive.maps.environments import environments_with
+from executive.maps.namesakes import namesakes
 from planlang.action_classes import nearest_unstated
 from planlang.designators import ActionClass, Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
@@ -161,16 +162,16 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
     in_map = {thing.iri for thing in semantic_map.objects}
     things = [what for name, value in bound.items() if name not in made for what in things_of(value)]
     for what in dict.fromkeys(one for one in things if one.iri is not None and one.iri not in in_map):
-        fitting = [
-            thing
-            for thing in semantic_map.objects
-            if thing.pose is not None and any(is_kind(semantic_map.ontology, cls, what.type) for cls in thing.types)
-        ]
+        placed = [thing for thing in semantic_map.objects if thing.pose is not None]
+        named = namesakes(semantic_map.ontology, placed, what)
+        alike = [one for one in placed if any(is_kind(semantic_map.ontology, cls, what.type) for cls in one.types)]
+        fitting = named or alike
         if not fitting:
             continue
         message = f"{local_name(what.iri or '')} of the recipe ({what.iri}) is not in the map"
         if len(fitting) == 1:
-            yield note("X029", f"{message}: using {fitting[0].name}, its only {what.type}")
+            reason = f"its only {what.type}" if len(alike) == 1 else f"its {what.type} of that name ({named[0].iri})"
+            yield note("X029", f"{message}: using {fitting[0].name}, {reason}")
             continue
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
