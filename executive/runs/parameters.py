@@ -19,6 +19,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
+from planlang.shell import quoted
 from planlang.spelling import guess, similar
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
@@ -176,7 +177,7 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
         advice = (
-            f"choose one: --set {names[0]}={fitting[0].name}"
+            f"choose one: --set {quoted(f'{names[0]}={fitting[0].name}')}"
             if names
             else "name one in the recipe by its IRI in the map"
         )
@@ -200,7 +201,7 @@ def _settings(
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
         alike = similar(setting, known_settings)
-        guess = f"did you mean --set {alike[0]}={text}? " if alike else ""
+        guess = f"did you mean --set {quoted(f'{alike[0]}={text}')}? " if alike else ""
         bound = (
             "; what the recipe states of a step is bound, and changed there or in the plan" if "." in setting else ""
         )
@@ -338,7 +339,7 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
     if alike:
-        advice = f"did you mean --set {parameter.setting}={alike[0]}? {advice}"
+        advice = f"did you mean --set {quoted(f'{parameter.setting}={alike[0]}')}? {advice}"
     if fitting and others:
         advice += f"; the map also has {_listed(others)}"
     if environments := environments_with((absent,)):

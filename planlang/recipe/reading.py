@@ -18,6 +18,7 @@ from planlang.recipe.checks import (
     CheckedRecipe,
     check,
     constraints,
+    loops,
     losses,
     orderings,
     parameters,
@@ -343,6 +344,7 @@ FINITE_STATE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     steps.unreachable_states,
     steps.uncovered_endings,
     steps.unhandled_failures,
+    loops.one_of_several,
 )
 """Checks of recipes whose steps are states."""
 

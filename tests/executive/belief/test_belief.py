@@ -111,8 +111,8 @@ def test_the_name_and_class_of_another_namespace_bind_before_the_nearest(
     for number, (each, kind, x) in enumerate(things):
         note = f'Annotations: rdfs:label "{label}"' if number == 1 and label else ""
         text += (
-            f'Individual: <http://m.org/m#{each}>\n    {note}\n    Types: k:{kind}\n    Facts: k:translation "{x} 0 0.4",'
-            ' k:boundingBoxSize "0.1 0.1 0.2"\n'
+            f"Individual: <http://m.org/m#{each}>\n    {note}\n    Types: k:{kind}\n    Facts: "
+            f'k:translation "{x} 0 0.4", k:boundingBoxSize "0.1 0.1 0.2"\n'
         )
     (tmp_path / "m.omn").write_text(text)
     semantic_map = read_map(load(tmp_path / "m.omn"))
