@@ -27,6 +27,7 @@ from pathlib import Path
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import bundled, from_printable
 from planlang.records import dataclass
+from planlang.shell import quoted
 from planlang.visible import meant
 
 MARK = "written by planlang"
@@ -181,7 +182,7 @@ def write_plan(path: Path, source: str, *, force: bool) -> None:
             raise BadInput([error("C005", f"{path} is not a compiled plan", help="--force overwrites it")])
         if before is not None and before.is_edited(old):
             advice = (
-                f"--merge keeps the edits; planlang check {path} shows them; --force overwrites them; "
+                f"--merge keeps the edits; planlang check {quoted(path)} shows them; --force overwrites them; "
                 "-o writes to another file"
             )
             raise BadInput([error("C005", f"{path} was edited since it was compiled", help=advice)])

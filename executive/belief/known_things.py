@@ -14,6 +14,7 @@ from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
 from executive.maps.class_names import is_kind
 from executive.maps.contents import is_content
+from executive.maps.namesakes import namesakes
 from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -164,7 +165,7 @@ class KnownThings:
         return tuple(self._in_vain.get(name, ()))
 
     def bind(self, what: Object, near: tuple[float, float, float]) -> str:
-        """Resolve a designator to the object of its IRI; otherwise to the nearest one of its class.
+        """Resolve a designator to the object of its IRI, else of its name; otherwise to the nearest one of its class.
 
         A designator stays bound to an object as long as that exists. Without a match it resolves to the nearest object
         that contains a substance of the class, which is not bound. Raises ObjectUnresolvable, with a list of the known
@@ -187,12 +188,12 @@ class KnownThings:
 
     def _find(self, what: Object, near: tuple[float, float, float]) -> str | None:
         placed = [thing for thing in self.things if thing.name in self._poses]
-        for thing in placed:
-            if what.iri is not None and thing.iri == what.iri:
-                return thing.name
+        named = namesakes(self.map.ontology, placed, what)
+        if len(named) == 1:
+            return named[0].name
         distances = {
             thing.name: math.dist(self._poses[thing.name].position[:2], near[:2])
-            for thing in placed
+            for thing in named or placed
             if self.is_a(thing, what.type)
         }
         if not distances or self._missing(what) is not None:
@@ -221,7 +222,7 @@ class KnownThings:
 
     def _missing(self, what: Object) -> str | None:
         """Find the individual of a designator's IRI, if it is the content of something, not found yet, or destroyed."""
-        named = (thing for thing in self.things if what.iri is not None and thing.iri == what.iri)
+        named = namesakes(self.map.ontology, self.things, what)
         elsewhere = {*self._gone, *self.unknown}
         return next((thing.name for thing in named if is_content(thing) or thing.name in elsewhere), None)
 

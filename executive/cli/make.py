@@ -15,6 +15,7 @@ from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import check_outputs, write_text
+from planlang.shell import quoted
 
 
 def command(arguments: MakeArguments) -> Answer:
@@ -37,5 +38,6 @@ def command(arguments: MakeArguments) -> Answer:
         write_text(output, text)
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
     diagnostics = (*draft.diagnostics(), *robot.diagnostics)
-    made = f"{output}: {robot.name}\nplanlang robot inspect {output} shows what the robot can do, and what it lacks"
+    use = f"planlang robot inspect {quoted(output)} shows what the robot can do, and what it lacks"
+    made = f"{output}: {robot.name}\n{use}"
     return Answer(diagnostics=diagnostics, text=text if output is None else made, data=data)

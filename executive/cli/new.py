@@ -10,6 +10,7 @@ from executive.commands.answers import Answer
 from executive.commands.inputs import refuse
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import check_outputs, write_text
+from planlang.shell import quoted
 
 TEMPLATES = Path(__file__).resolve().parents[1] / "templates"
 MAP_OF_A_PROJECT = "room"
@@ -42,8 +43,14 @@ def command(arguments: NewArguments) -> Answer:
     for path, text in texts.items():
         write_text(path, text)
     written = [path.as_posix() for path in texts]
-    step = NEXT[kind].format(path=arguments.folder.as_posix(), name=name).replace(" ./", " ")
+    step = _next(kind, arguments.folder, name)
     return Answer(text="\n".join([*written, f"next: {step}"]), data={"files": written, "next": step})
+
+
+def _next(kind: str, folder: Path, name: str) -> str:
+    """What to do with a new template, as a command line."""
+    words = NEXT[kind].split(" ")
+    return " ".join(quoted(Path(word.format(path=folder, name=name))) if "{path}" in word else word for word in words)
 
 
 def _filled(kind: str, name: str) -> list[tuple[Path, str]]:

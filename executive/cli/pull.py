@@ -9,6 +9,7 @@ from planlang.diagnostics import warning
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Kind
 from planlang.knowledge.pulling import pull
+from planlang.shell import quoted
 
 _USES = {
     Kind.RECIPE: "planlang run {} runs it",
@@ -30,7 +31,7 @@ def command(arguments: PullArguments) -> Answer:
             for path in files
             if path.suffix.lower() == ".py"
         ]
-        lines = [*map(str, files), *([_USES[entry.kind].format(files[0])] if entry.kind in _USES else [])]
+        lines = [*map(str, files), *([_USES[entry.kind].format(quoted(files[0]))] if entry.kind in _USES else [])]
         data = {"uid": entry.uid, "kind": entry.kind.word, "revision": number, "files": list(map(str, files))}
         return Answer(diagnostics=tuple(warned), text="\n".join(lines), data=data)
 

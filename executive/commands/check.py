@@ -28,6 +28,7 @@ from planlang.recipe.fixes import Fix
 from planlang.recipe.fixes.fixing import Fixed
 from planlang.records import dataclass
 from planlang.roles import meant_role
+from planlang.shell import quoted
 
 
 def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Waiting = unwatched) -> Answer:
@@ -227,7 +228,7 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     diagnostics: list[Diagnostic] = []
     if not is_same:
         how = "--merge keeps the edits" if origin.is_edited(plan.source) else "compiles the plan again"
-        advice = f"planlang compile {recipe} -o {plan.path} {how}"
+        advice = f"planlang compile {quoted(recipe)} -o {quoted(plan.path)} {how}"
         message = f"the recipe has changed since this plan was compiled from it: {recipe}"
         diagnostics.append(error("C009", message, span, advice))
     fresh, problems = _compiled(recipe, origin, folders)

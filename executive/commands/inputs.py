@@ -16,6 +16,7 @@ from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_m
 from planlang.outputs import LARGEST_PLAN, PlanHeader, header
 from planlang.plan_versions import unresolved
 from planlang.records import dataclass
+from planlang.shell import quoted
 from planlang.three_way import has_conflicts
 
 
@@ -167,7 +168,7 @@ def read_recipe_file(name: str) -> RecipeFile:
     """Find a recipe by its name. Raises BadInput for a plan."""
     file = read(name)
     if isinstance(file, PlanFile):
-        advice = f"planlang check {name} checks a plan, planlang run {name} runs it"
+        advice = f"planlang check {quoted(name)} checks a plan, planlang run {quoted(name)} runs it"
         raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(file.path)), advice)])
     return file
 

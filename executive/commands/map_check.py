@@ -12,6 +12,7 @@ from executive.maps.semantic_map import MapObject
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
+from planlang.shell import quoted
 from sim import Scene
 from sim.scene import BodyShape
 
@@ -32,9 +33,9 @@ def check_map(
         counts = _counts(scene_of(semantic_map, diagnostics))
     except BadInput as problem:
         raise BadInput((*diagnostics, *problem.diagnostics)) from None
-    use = f"planlang run RECIPE --environment {path} runs a recipe in it"
+    use = f"planlang run RECIPE --environment {quoted(path)} runs a recipe in it"
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
-        use = f"planlang run RECIPE --environment MAP --environment {path} drives around its obstacles"
+        use = f"planlang run RECIPE --environment MAP --environment {quoted(path)} drives around its obstacles"
     contents = [line(one) for one in semantic_map.objects]
     text = "\n".join((f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}

@@ -37,6 +37,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, 
 from planlang.files import Bundled
 from planlang.geometry.matrices import inverse, product
 from planlang.ontology import Ontology, load
+from planlang.shell import quoted
 from sim import CameraModel
 from sim.description import read_description
 
@@ -78,7 +79,9 @@ def _bind_urdf(path: Path) -> Robot:
 
     draft = draft_of(path)
     robot = bind_draft(draft, path)
-    advice = f"planlang robot make {path} -o {path.stem}.toml writes a robot file to complete"
+    advice = (
+        f"planlang robot make {quoted(path)} -o {quoted(Path(f'{path.stem}.toml'))} writes a robot file to complete"
+    )
     origin = note("B010", f"{robot.name} is derived from its URDF alone", Span(str(path)), advice)
     return replace(robot, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics), file=None)
 

@@ -14,6 +14,7 @@ from typing import Any, TypeGuard
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.outputs import LONGEST, header
+from planlang.shell import quoted
 
 
 def import_plan(path: Path) -> ModuleType:
@@ -92,4 +93,5 @@ def _advice(path: Path) -> str | None:
         origin = header(file.read(LONGEST))
     if origin is None:
         return None
-    return f"an earlier version compiled this plan: compile it again, planlang compile {origin.recipe} -o {path}"
+    command = f"planlang compile {quoted(Path(origin.recipe))} -o {quoted(path)}"
+    return f"an earlier version compiled this plan: compile it again, {command}"

@@ -12,12 +12,14 @@ from executive.maps import MapObject, SemanticMap, scene_of
 from executive.maps.class_names import is_kind
 from executive.maps.contents import is_content
 from executive.maps.environments import environments_with
+from executive.maps.namesakes import namesakes
 from planlang.action_classes import nearest_unstated
 from planlang.designators import ActionClass, Location, Object, Person, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
+from planlang.shell import quoted
 from planlang.spelling import guess, similar
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
@@ -161,21 +163,21 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
     in_map = {thing.iri for thing in semantic_map.objects}
     things = [what for name, value in bound.items() if name not in made for what in things_of(value)]
     for what in dict.fromkeys(one for one in things if one.iri is not None and one.iri not in in_map):
-        fitting = [
-            thing
-            for thing in semantic_map.objects
-            if thing.pose is not None and any(is_kind(semantic_map.ontology, cls, what.type) for cls in thing.types)
-        ]
+        placed = [thing for thing in semantic_map.objects if thing.pose is not None]
+        named = namesakes(semantic_map.ontology, placed, what)
+        alike = [one for one in placed if any(is_kind(semantic_map.ontology, cls, what.type) for cls in one.types)]
+        fitting = named or alike
         if not fitting:
             continue
         message = f"{local_name(what.iri or '')} of the recipe ({what.iri}) is not in the map"
         if len(fitting) == 1:
-            yield note("X029", f"{message}: using {fitting[0].name}, its only {what.type}")
+            reason = f"its only {what.type}" if len(alike) == 1 else f"its {what.type} of that name ({named[0].iri})"
+            yield note("X029", f"{message}: using {fitting[0].name}, {reason}")
             continue
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
         advice = (
-            f"choose one: --set {names[0]}={fitting[0].name}"
+            f"choose one: --set {quoted(f'{names[0]}={fitting[0].name}')}"
             if names
             else "name one in the recipe by its IRI in the map"
         )
@@ -199,7 +201,7 @@ def _settings(
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
         alike = similar(setting, known_settings)
-        guess = f"did you mean --set {alike[0]}={text}? " if alike else ""
+        guess = f"did you mean --set {quoted(f'{alike[0]}={text}')}? " if alike else ""
         bound = (
             "; what the recipe states of a step is bound, and changed there or in the plan" if "." in setting else ""
         )
@@ -337,7 +339,7 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
     if alike:
-        advice = f"did you mean --set {parameter.setting}={alike[0]}? {advice}"
+        advice = f"did you mean --set {quoted(f'{parameter.setting}={alike[0]}')}? {advice}"
     if fitting and others:
         advice += f"; the map also has {_listed(others)}"
     if environments := environments_with((absent,)):

@@ -24,6 +24,7 @@ from planlang.ontology import Ontology, expand, load, shorten
 from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.records import dataclass
+from planlang.shell import quoted
 
 if TYPE_CHECKING:
     from planlang.compiler import CompiledPlan
@@ -458,11 +459,11 @@ def required_of_plan(
     try:
         ontology = load(recipe, folders=folders)
     except BadInput as problem:
-        advice = f"planlang check {recipe} shows more"
+        advice = f"planlang check {quoted(recipe)} shows more"
         diagnostics.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
         return None
     if not ontology.documents[0].sha256.startswith(origin.sha256):
-        advice = f"planlang compile {recipe} -o {file} compiles the plan again"
+        advice = f"planlang compile {quoted(recipe)} -o {quoted(file)} compiles the plan again"
         diagnostics.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
         return None
     reading = read_recipe(Actions(ontology), plan.iri or origin.task)

@@ -72,6 +72,7 @@ from planlang.runs import Different, Past, RecordedRun, Repetition, restore
 from planlang.runs.codec import dump
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
+from planlang.shell import quoted
 from sim import PyBulletWorld, Scene
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ class Run:
         modules = recorded.header.get("modules")
         absent = [name for name in modules if name not in self.registry.identity] if isinstance(modules, dict) else []
         if absent:
-            advice = " ".join(f"--modules {name}" for name in absent)
+            advice = " ".join(f"--modules {quoted(name)}" for name in absent)
             message = "the trace was written with further process modules"
             raise BadInput([error("X022", message, Span(recorded.name), f"add {advice}")])
         if sha256(self.path) != recorded.header.get("plan_sha256"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from planlang.failures import AmbiguousPerception, PlanFailure
 from planlang.files import Bundled, bundled
 from planlang.ontology import expand, load
 from planlang.recipe.actions import read_library
+from planlang.shell import joined
 
 
 def performing(missing: Sequence[Missing], *, by_hand: bool) -> str | None:
@@ -86,7 +86,7 @@ def command_of(
         values, option = getattr(options, setting) or (), f"--{setting.replace('_', '-')}"
         stated = () if values is True else [one if folders else _last(one) for one in values]
         words += [option] if values is True else [word for one in stated for word in (option, str(one))]
-    return shlex.join([*words, *(["--force"] if forced else [])])
+    return joined([*words, *(["--force"] if forced else [])])
 
 
 def _last(value: object) -> str:

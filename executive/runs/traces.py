@@ -24,6 +24,7 @@ from planlang.runs.codec import load
 from planlang.runs.recorded_run import SPANS
 from planlang.runs.repeating import OUTSIDE
 from planlang.runs.trace import Listener
+from planlang.shell import quoted
 
 
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
@@ -150,7 +151,7 @@ class TraceHeader:
     def plan(self, trace: str) -> str:
         """The bundled recipe. Raises BadInput for any other plan, whose file the user has to name."""
         if self.recipe is None:
-            advice = f"planlang run FILE --resume {trace}, or planlang replay {trace} FILE"
+            advice = f"planlang run FILE --resume {quoted(Path(trace))}, or planlang replay {quoted(Path(trace))} FILE"
             message = f"the plan {self.name} of the trace is not bundled: name its file"
             raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from planlang.diagnostics import GO_ON, BadInput, Diagnostic, Span, error, has_e
 from planlang.experience import episode_in
 from planlang.files import Bundled, bundled, decode
 from planlang.knowledge import facts
-from planlang.knowledge.axioms import own_axioms_of
+from planlang.knowledge.axioms import One, Some, own_axioms_of
 from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
 from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
@@ -32,7 +33,7 @@ from planlang.records import dataclass
 MOST_WORDS, LONGEST_WORD = 500, 200
 """Names and labels indexed for an entry, and characters of one."""
 
-LAYOUT = "2"
+LAYOUT = "3"
 """Layout of descriptions in a store; those of another layout are computed again from the content."""
 MAPS = ("knowrob:SemanticEnvironmentMap", "srdl2-comp:EnvironmentMap")
 """Classes of maps."""
@@ -244,6 +245,8 @@ def _is_language(main: Ontology, iri: str) -> bool:
 
 def _describe(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: str) -> Description:
     own = own_axioms_of(ontology, vocabulary.axioms)
+    for thing in _things_in_map(ontology, subject):
+        own.state(One(subject), Some(expand("mapOf"), One(thing)))
     is_individual = not ontology.is_class(subject)
     try:
         words = _words(ontology, subject)
@@ -251,6 +254,19 @@ def _describe(ontology: Ontology, subject: str, vocabulary: Vocabulary, file: st
     except TooLarge as problem:
         raise BadInput([error("K013", str(problem), Span(file))]) from None
     return replace(description, place=places(ontology))
+
+
+def _things_in_map(ontology: Ontology, subject: str) -> Iterator[str]:
+    """Yield the things (IRIs) of a map that do not state ``describedInMap``; the only map of a file has them all.
+
+    A file without a map of its own describes its room.
+    """
+    if (_maps(ontology) or [subject]) != [subject] or not ontology.any_is_a((subject,), (*MAPS, "RoomInAConstruction")):
+        return
+    with suppress(BadInput):  # a map that is an attached image has no things
+        for thing in read_map(ontology).objects:
+            if ontology.main(thing.iri) and thing.iri != subject:
+                yield thing.iri
 
 
 def warm_up(vocabulary: Vocabulary) -> None:

@@ -90,10 +90,19 @@ class Restriction(NamedTuple):
 
 def restrictions_of(triples: Triples, words: Words, cls: int) -> Iterator[Restriction]:
     """Yield the restrictions of a class, or the members of a blank expression, in source order. Terms by number."""
+    for part, form in _parts(triples, words, cls):
+        yield from _restriction(triples, part, form, words)
+
+
+def unread_parts(triples: Triples, words: Words, cls: int) -> Iterator[int]:
+    """Yield the anonymous superclasses of a class, or members of a blank expression, that are no restrictions."""
+    return (part for part, form in _parts(triples, words, cls) if not _restriction(triples, part, form, words))
+
+
+def _parts(triples: Triples, words: Words, cls: int) -> Iterator[tuple[int, str]]:
+    """Yield the anonymous superclasses of a class, or members of a blank expression, each with its form."""
     if triples.is_node(cls):
-        for member in conjuncts(triples, cls):
-            if triples.is_node(member):
-                yield from _restriction(triples, member, "intersection", words)
+        yield from ((member, "intersection") for member in conjuncts(triples, cls) if triples.is_node(member))
         return
     for row in triples.about(cls):
         form = words.forms.get(triples.predicates[row])
@@ -102,8 +111,7 @@ def restrictions_of(triples: Triples, words: Words, cls: int) -> Iterator[Restri
         is_list = triples.predicates[row] == words.intersection
         for part in _opened(triples, items(triples, value) if is_list else (value,)):
             if triples.is_node(part):
-                nested = "intersection" if form == "flat" and part != value else form
-                yield from _restriction(triples, part, nested, words)
+                yield part, "intersection" if form == "flat" and part != value else form
 
 
 class Words(NamedTuple):
@@ -155,15 +163,33 @@ def _restriction(triples: Triples, node: int, form: str, words: Words) -> Sequen
         return ()
     restrictions: list[Restriction] = []
     for row, kind in stated:
-        number = objects[row]
+        number = meant(triples, objects[row])
         filler, cardinality = triples.terms[number] or triples.term(number), None
         if cardinalities and predicates[row] in cardinalities:
             cardinality = _natural_number(filler)
             if cardinality is None:
                 continue
-            filler = triples.term(objects[qualifiers[0]]) if qualifiers else OWL.Thing
+            filler = triples.term(meant(triples, objects[qualifiers[0]])) if qualifiers else OWL.Thing
         restrictions.append(Restriction(prop, kind, filler, cardinality, triples.span(row), form))
     return restrictions
+
+
+DEEPEST = 50
+"""Nesting of expressions up to which :func:`meant` looks for a name; it ends cyclic ones."""
+
+
+def meant(triples: Triples, term: int, depth: int = 0) -> int:
+    """Return the only name that an expression consists of, as ``Cup and owl:Thing`` and ``{cup1}`` do, else itself."""
+    if not triples.is_node(term) or depth > DEEPEST:
+        return term
+    thing, one_of = triples.find(OWL.Thing), triples.find(OWL.oneOf)
+    members = [one for one in conjuncts(triples, term) if one != term] or list(disjuncts(triples, term))
+    for row in triples.about(term) if one_of is not None and not members else ():
+        if triples.predicates[row] == one_of:
+            members += items(triples, triples.objects[row])
+    names = dict.fromkeys(meant(triples, one, depth + 1) for one in dict.fromkeys(members) if one != thing)
+    only = next(iter(names), term)
+    return only if len(names) == 1 and not triples.is_node(only) else term
 
 
 def _natural_number(term: Term) -> int | None:

@@ -21,6 +21,7 @@ from urllib.parse import quote, unquote
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread, warning
 from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
+from planlang.ontology.annotations import without_annotations
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
@@ -168,7 +169,8 @@ def _read(path: Path, content: bytes) -> Reading:
         return Reading(Document(path, _own_iri(triples), digest), triples, ())
     parsed = read_syntax(content, file, base=base, label=label)
     triples = parsed.triples
-    diagnostics = (*parsed.diagnostics, *use_canonical_names(triples), *repair(triples), *malformed(triples))
+    repairs = (*use_canonical_names(triples), *repair(triples), *without_annotations(triples))
+    diagnostics = (*parsed.diagnostics, *repairs, *malformed(triples))
     if key is not None and not diagnostics:
         _CACHE.keep(key, triples.packed())
     for other in parsed.others:

@@ -24,6 +24,7 @@ from planlang.ontology.classes import (
     namesakes,
     restrictions_of,
     twin,
+    unread_parts,
 )
 from planlang.ontology.documents import Document, Reading, read_all
 from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
@@ -408,6 +409,17 @@ class Ontology:
             restrictions = tuple(restrictions_of(self.store, self._class_vocabulary, number))
             self._restrictions[number] = restrictions
         return restrictions
+
+    def unread(self, cls: str | BNode) -> list[tuple[BNode, Span]]:
+        """List the anonymous superclasses of a class, or the anonymous members of a blank expression, that are no
+        restrictions, such as unions and complements, each with the position of its first statement.
+        """
+        number = self._number(cls)
+        if number is None:
+            return []
+        parts = ((part, self.store.term(part)) for part in unread_parts(self.store, self._class_vocabulary, number))
+        spans = ((term, self.store.first_about(part)) for part, term in parts if isinstance(term, BNode))
+        return [(term, self.store.span(row)) for term, row in spans if row >= 0]
 
     @cached_property
     def _class_vocabulary(self) -> Words:

@@ -11,7 +11,7 @@ import json
 import sys
 from array import array
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import overload
@@ -126,6 +126,16 @@ class Triples(Sequence[Triple]):
         for row, before in enumerate(order[:-1], start=1):
             if order[row] == before:
                 self.predicates[row], self.objects[row] = predicate, value
+
+    def change(self, removed: Container[int], added: Mapping[int, tuple[int, int, int]]) -> None:
+        """Remove rows, and replace some of these by other triples (row -> numbers of its terms) at their position."""
+        keep = [row for row in range(len(self)) if row in added or row not in removed]
+        places = {place: added[row] for place, row in enumerate(keep) if row in added}
+        for index, column in enumerate((*self._terms_of_rows(), self.lines, self.columns)):
+            column[:] = array(column.typecode, map(column.__getitem__, keep))
+            if index < 3:
+                for place, terms in places.items():
+                    column[place] = terms[index]
 
     def rename(self, names: Mapping[str, str]) -> None:
         """Replace IRIs (old -> new) in all triples; a new one may already occur in other triples."""

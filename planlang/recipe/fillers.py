@@ -12,7 +12,15 @@ from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.statements import ON_ACTIONS, ON_INDIVIDUALS, REGISTERED_WORDS, Filling, fillings_of, is_word
+from planlang.recipe.statements import (
+    KINDS,
+    ON_ACTIONS,
+    ON_INDIVIDUALS,
+    REGISTERED_WORDS,
+    Filling,
+    fillings_of,
+    is_word,
+)
 from planlang.relations import of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
 
@@ -246,7 +254,7 @@ def references(ontology: Ontology, place: str) -> Iterator[tuple[str, Term]]:
             yield relation, triple.object
     for restriction in ontology.restrictions(place):
         relation = _relation(restriction.property)
-        if relation is not None and restriction.kind in ("some", "value"):
+        if relation is not None and restriction.kind in KINDS and restriction.cardinality != 0:
             yield relation, restriction.filler
 
 

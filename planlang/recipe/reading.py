@@ -18,6 +18,7 @@ from planlang.recipe.checks import (
     CheckedRecipe,
     check,
     constraints,
+    loops,
     losses,
     orderings,
     parameters,
@@ -245,10 +246,10 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
 def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
     """Yield the defined states that transitions name but that are not listed as sub-actions."""
     if statements.states is not None:
-        span = actions.ontology.span(statements.iri)
+        span, listed = actions.ontology.span(statements.iri), {*statements.names}
         for name in statements.mentioned():
             where = actions.ontology.span(name) or span
-            if where is not None and name not in statements.names:
+            if where is not None and name not in listed:
                 yield SubAction(name, (), where)
 
 
@@ -343,6 +344,7 @@ FINITE_STATE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     steps.unreachable_states,
     steps.uncovered_endings,
     steps.unhandled_failures,
+    loops.one_of_several,
 )
 """Checks of recipes whose steps are states."""
 

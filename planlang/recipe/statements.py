@@ -19,11 +19,12 @@ KINDS = ("some", "value", "min", "exactly")
 
 
 class Filling(NamedTuple):
-    """A property (IRI) of an action and the term that fills it."""
+    """A property (IRI) of an action and the term that fills it; ``number`` of them, if a cardinality says so."""
 
     property: str
     term: Term
     span: Span
+    number: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,9 +152,9 @@ def read_ends(
 def fillings_of(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
     """Fillings that restrictions state."""
     return tuple(
-        Filling(restriction.property, restriction.filler, restriction.span)
+        Filling(restriction.property, restriction.filler, restriction.span, restriction.cardinality or 1)
         for restriction in restrictions
-        if restriction.kind in KINDS
+        if restriction.kind in KINDS and restriction.cardinality != 0
     )
 
 

@@ -14,12 +14,14 @@ from functools import cached_property
 from typing import Generic, ParamSpec, TypeVar
 
 from planlang.designators import local_name
-from planlang.ontology import Ontology
-from planlang.recipe.actions import Actions
+from planlang.ontology import Ontology, expand, shorten
+from planlang.recipe.actions import Actions, recipes_for
+from planlang.recipe.guesses import Known, without_number
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.order import added_by_scopes
 from planlang.recipe.statements import Statements
 from planlang.records import dataclass
+from planlang.spelling import Spellings
 
 MOST_NAMES = 5
 """Maximum number of names in one message: they fit on two lines of a terminal."""
@@ -71,6 +73,21 @@ class CheckedFile:
     def ontology(self) -> Ontology:
         """Ontology whose main document is the file."""
         return self.actions.ontology
+
+    @cached_property
+    def performed(self) -> Known:
+        """Performed classes to suggest: of the vocabulary, and those that a primitive or the library performs, but no
+        steps of the file's own recipes.
+        """
+        actions, own = self.actions, self.recipes.recipes
+        others = (one for one in self.ontology.subclasses(expand("Action")) if one not in own)
+        public = (one for one in others if shorten(one) != one or one in actions.primitives or one in actions.library)
+        return Known((one for one in public if any(recipes_for(actions, one))), without_number)
+
+    @cached_property
+    def modules(self) -> Spellings:
+        """Classes (IRIs, or local names of the vocabulary) that process modules outside the ontology perform."""
+        return Spellings(sorted(self.actions.performed()))
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,10 @@ from collections.abc import Iterator, Sequence
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error, warning
 from planlang.ontology import Literal, Ontology, Restriction, Term
-from planlang.ontology.classes import RESTRICTING
+from planlang.ontology.classes import RESTRICTING, meant
 from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, check
-from planlang.recipe.fillers import action_properties
 from planlang.recipe.statements import KINDS, NAMING, is_word
 
 _DESCRIBED_BY = {
@@ -86,17 +85,14 @@ def _of_no_recipe(actions: Actions, cls: str, stated: tuple[Restriction, ...]) -
 
 
 def _permitted(ontology: Ontology, cls: str, stated: tuple[Restriction, ...]) -> Iterator[Diagnostic]:
-    """Report restrictions (only, max) that permit but do not require a step, constraint or parameter."""
+    """Report restrictions (only, max) that permit but do not require a step or a constraint."""
     if all(one.kind in KINDS for one in stated):
         return
     required = {(one.property, one.filler) for one in stated if one.kind in KINDS}
-    filled = {one.property for one in stated if one.kind in KINDS}
-    parameters = frozenset(action_properties(ontology))
     for one in stated:
         if one.kind in KINDS or one.cardinality == 0 or not isinstance(one.filler, str) or one.filler == OWL.Thing:
             continue
-        is_held = is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in required
-        if is_held or (one.property in parameters - filled and ontology.defined(one.filler)):
+        if is_word(one.property, *_STEPS, *_DESCRIBED_BY) and (one.property, one.filler) not in required:
             word, name = local_name(one.property), local_name(one.filler)
             message = (
                 f"`{word} {one.kind} {name}` of `{local_name(cls)}` permits it but does not state it; it is ignored"
@@ -127,7 +123,9 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
         if (
             lines[row],
             columns[row],
-            what if isinstance(what := store.terms[objects[row]], str) else _word_of(store.term(objects[row])),
+            what
+            if isinstance(what := store.terms[meant(store, objects[row])], str)
+            else _word_of(store.term(objects[row])),
         )
         in asserted_at
     }

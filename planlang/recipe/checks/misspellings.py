@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from difflib import SequenceMatcher, get_close_matches
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
 from functools import cached_property
 
 from planlang.designators import local_name
@@ -20,6 +20,7 @@ from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, is_vocabulary
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_properties
+from planlang.recipe.guesses import SURE, digits_of
 from planlang.recipe.readers import OUTPUTS
 from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
 from planlang.recipe.readers.workflow import is_interval_relation
@@ -33,7 +34,6 @@ from planlang.recipe.statements import (
     words_of,
 )
 from planlang.relations import owl_properties
-from planlang.spelling import similar
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
@@ -332,9 +332,6 @@ def _space(iri: str) -> str:
     return iri[: len(iri) - len(local_name(iri))]
 
 
-SURE = 0.85
-"""Minimum similarity (difflib) to correct a name unasked, if no other name is as similar: one letter in seven."""
-
 SHORTEST = 4
 """Minimum length of a name for a typo: short words that differ in one letter, such as cup, cap and tap, are different
 words."""
@@ -343,27 +340,6 @@ SHORTEST_REPLACED = 6
 """Minimum length of a word for a replaced letter to be a typo: place and plate, or basil and basin, are different."""
 
 _PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
-
-
-def guess(
-    written: str, names: Iterable[str], *, least: float = 0.6, telling: Callable[[str], str] = local_name
-) -> Rename | None:
-    """Find the name (IRI) most similar to ``written`` (IRI) by its local part; None below the similarity ``least``.
-
-    ``telling`` extracts the part of an IRI to compare, for names that share an uninformative ending. The result is sure
-    if it is the only nearly equal name, and differs in more than a number: ``cup1`` is no misspelling of ``cup2``.
-    """
-    by_part: dict[str, str] = {}
-    for name in names:
-        if name != written:
-            by_part.setdefault(telling(name), name)
-    short = telling(written)
-    similar_parts = similar(short, by_part, n=2, least=least)
-    if not similar_parts:
-        return None
-    near = [name for name in similar_parts if SequenceMatcher(None, name, short).ratio() >= SURE]
-    is_sure = len(near) == 1 and _digits(near[0]) == _digits(short)
-    return Rename(written, by_part[similar_parts[0]], is_sure=is_sure)
 
 
 class Neighbours:
@@ -392,7 +368,7 @@ def _variants(name: str) -> set[str]:
 def _is_typo(written: str, name: str) -> bool:
     """True if one typo turns one name into the other, and the difference is hardly intended."""
     shorter, longer = sorted((written, name), key=len)
-    if len(shorter) < SHORTEST or written == name or _digits(written) != _digits(name):
+    if len(shorter) < SHORTEST or written == name or digits_of(written) != digits_of(name):
         return False
     start = next((place for place, (a, b) in enumerate(zip(shorter, longer, strict=False)) if a != b), len(shorter))
     a, b = shorter[start:], longer[start:]
@@ -403,7 +379,3 @@ def _is_typo(written: str, name: str) -> bool:
     if not start and a[0].lower() != b[0].lower():
         return is_exchanged
     return is_exchanged or (a[1:] == b[1:] and len(part) >= SHORTEST_REPLACED)
-
-
-def _digits(name: str) -> str:
-    return "".join(filter(str.isdecimal, name))

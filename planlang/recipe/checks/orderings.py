@@ -18,13 +18,13 @@ from planlang.ontology import Ontology, expand
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.joints import joints
-from planlang.recipe.checks.misspellings import guess
+from planlang.recipe.guesses import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
 from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
 from planlang.recipe.preconditions import Preconditions, iris_in
 from planlang.recipe.statements import LooseEnd, Statements
 from planlang.records import dataclass
-from planlang.spelling import similar
+from planlang.spelling import Spellings
 
 
 @check("R011")
@@ -78,6 +78,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         sub.iri for sub in statements.sub_actions if sub.iri and not (sub.alternatives or ontology.defined(sub.iri))
     ]
     mentions: dict[str, list[Ordering | Overlap]] = {}
+    names = Spellings(map(local_name, statements.names))
     for ordering in recipe.orderings:
         for name in (ordering.before, ordering.after):
             if name not in stated:
@@ -93,7 +94,7 @@ def ordered_strangers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         elif undefined:
             other = local_name(undefined[0])
             guess = f"did you mean `{short}` as the sub-action instead of `{other}`, which is not defined?"
-        elif similar_names := similar(short, [local_name(iri) for iri in statements.names]):
+        elif similar_names := names.similar(short):
             guess = f"did you mean `{similar_names[0]}`?"
         else:
             guess = f"add `subAction some {short}` to `{recipe.name}`, or remove these constraints"

@@ -20,7 +20,7 @@ from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.checks.misspellings import SURE, guess
+from planlang.recipe.checks.expressions import unread_expressions, unread_filling
 from planlang.recipe.checks.slots import wrong_kinds
 from planlang.recipe.fillers import (
     NUMERIC,
@@ -31,7 +31,6 @@ from planlang.recipe.fillers import (
     is_of_unknown_kind,
     is_place,
     is_relation,
-    is_vocabulary_class,
     read_filler,
     read_literal,
     read_thing,
@@ -42,6 +41,7 @@ from planlang.recipe.fillers import (
     unread_facts,
     unread_references,
 )
+from planlang.recipe.guesses import SURE, classes_of_vocabulary, guess, names_of_file
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.readers import OUTPUTS, created_individuals
 from planlang.recipe.readers.workflow import is_interval_relation
@@ -189,6 +189,7 @@ def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
+    yield from unread_expressions(checked)
     undefined: set[Term] = set(created_individuals(ontology, checked.statements))
     reported = set(undefined)
     for owner, more in _owners(checked):
@@ -309,9 +310,11 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
             message = f"{short} of `{local_name(owner)}` is the value {term.value!r}, but must be a thing or a place"
             yield warning("R032", message, span, "name a class or an individual")
         return
+    unread = unread_filling(ontology, owner, filling)
+    if unread is not None:
+        is_ignored = short in AGENTS or not is_vocabulary(short)
+        yield replace(unread, severity=Severity.WARNING) if is_ignored else unread
     if isinstance(term, BNode):
-        message = f"{short} of `{local_name(owner)}` is an anonymous expression, which is ignored"
-        yield warning("R035", message, span, "name a class or an individual")
         return
     if takes_numbers(ontology, filling.property) and not term.startswith(XSD):
         message = f"{short} of `{local_name(owner)}` is `{local_name(term)}`, but must be a number"
@@ -341,7 +344,7 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
     """Report a filler, or a thing that a place refers to, of an unknown class."""
     cls = next(iter(classes_of(ontology, term)), term)
-    other = guess(cls, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    other = classes_of_vocabulary(ontology).guess(cls, SURE)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
     message = f"{what} is `{local_name(term)}`{is_what}, which is not a subclass of a known class; treated as an object"
     advice = f"make `{local_name(cls)}` a subclass of one such as HumanScaleObject, or import the file that does"
@@ -373,12 +376,7 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
 
 def _similar(ontology: Ontology, undefined: str) -> Rename | None:
     """Find a name of the main document, else a class of the vocabulary, that is similar to an undefined one."""
-    names = {
-        triple.subject: None
-        for triple in ontology.triples(p=RDF.type)
-        if isinstance(triple.subject, str) and not isinstance(triple.subject, BNode) and ontology.main(triple.subject)
-    }
-    return guess(undefined, names) or guess(undefined, filter(is_vocabulary_class, ontology.class_names()), least=SURE)
+    return names_of_file(ontology).guess(undefined) or classes_of_vocabulary(ontology).guess(undefined, SURE)
 
 
 def _question(suggestion: Rename | None) -> str:

@@ -12,15 +12,14 @@ from difflib import get_close_matches
 
 from planlang.closure import reached
 from planlang.designators import local_name, told_apart
-from planlang.diagnostics import Diagnostic, Rename, Span, error, note, warning
+from planlang.diagnostics import Diagnostic, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe import graphs as nx
-from planlang.recipe.actions import Actions, recipes_for
+from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.checks.misspellings import SURE, guess
+from planlang.recipe.guesses import LIKE, SURE, Known, classes_of_actions, kept
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
-from planlang.spelling import similar
 
 MOST_ABOVE = 2
 """Number of superclasses in the advice on a module: one for classes farther up would do very different things."""
@@ -37,6 +36,9 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     within = checked.recipe.within
     article, kind = ("a", "sub-action") if within is None else ("an", "alternative")
     name = name if within is None else local_name(within)
+    listed = {*checked.statements.names}
+    strangers = (one for one in checked.statements.mentioned() if one not in listed and ontology.defined(one))
+    stranger = next(strangers, None)
     for sub_action in _once(checked):
         iri = sub_action.iri
         if sub_action.alternatives:
@@ -50,7 +52,13 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             yield error("R020", message, sub_action.span, advice)
         elif not ontology.defined(iri):
             message = f"{kind} `{local_name(iri)}` of `{name}` is not defined"
-            advice, suggestion = _instead(ontology, checked.statements, iri)
+            suggestion = classes_of_actions(ontology).guess(iri) if stranger is None else None
+            if stranger is not None:
+                advice = f"did you mean `{local_name(stranger)}`, which is ordered but is not a sub-action?"
+            elif suggestion:
+                advice = f"did you mean {suggestion}?"
+            else:
+                advice = f"define `{local_name(iri)}` as a subclass of an action class"
             yield error("R020", message, sub_action.span, advice, suggestion)
 
 
@@ -149,17 +157,6 @@ def same_names(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 break
 
 
-def _instead(ontology: Ontology, statements: Statements, undefined: str) -> tuple[str, Rename | None]:
-    """Suggest a name for an undefined one, in words and as a change."""
-    for name in statements.mentioned():
-        if name not in statements.names and ontology.defined(name):
-            return f"did you mean `{local_name(name)}`, which is ordered but is not a sub-action?", None
-    suggestion = guess(undefined, ontology.subclasses(expand("Action")))
-    if suggestion:
-        return f"did you mean {suggestion}?", suggestion
-    return f"define `{local_name(undefined)}` as a subclass of an action class", None
-
-
 def _is_performed(checked: CheckedRecipe, cls: str) -> bool:
     """True if a process module performs a class (IRI) or an ancestor of it."""
     performed = checked.actions.performed()
@@ -169,39 +166,24 @@ def _is_performed(checked: CheckedRecipe, cls: str) -> bool:
 
 
 def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
-    """Suggest how to perform a class (IRI): a process module, sub-actions, or a similar class that is performed.
-
-    Similar classes are those of the vocabulary, and those that a primitive or the library performs, but no steps of the
-    file's own recipes.
-    """
+    """Suggest how to perform a class (IRI): a process module, sub-actions, or a similar class that is performed."""
     ontology, actions = checked.ontology, checked.actions
     if len(ontology.ancestors(cls)) == 1:
         return f"`{local_name(cls)}` has no known superclass: import the ontology that defines it"
-    others = (one for one in ontology.subclasses(expand("Action")) if one not in checked.file.recipes.recipes)
-    public = (one for one in others if shorten(one) != one or one in actions.primitives or one in actions.library)
-    performed = (one for one in public if any(recipes_for(actions, one)))
-    near = guess(cls, performed, least=_LIKE, telling=_without_number)
+    near = checked.file.performed.guess(cls, LIKE)
     below = f", or make it a subclass of `{local_name(near.meant)}`" if near else ""
     above = [f"`{local_name(one)}`" for one in ontology.ancestors(cls)[1:] if not actions.is_any(one)][:MOST_ABOVE]
     module = " or ".join([f"`{local_name(cls)}`", *above])
     for known in map(local_name, checked.ontology.ancestors(cls)):
-        if not actions.is_any(expand(known)) and (misspelt := similar(known, sorted(actions.performed()), least=SURE)):
+        if not actions.is_any(expand(known)) and (misspelt := checked.file.modules.similar(known, least=SURE)):
             return f"a process module performs `{misspelt[0]}`: did you mean `{known}` in its actions?"
     return f"register a process module for {module} (docs/guides/modules.md), or add sub-actions{below}"
-
-
-def _without_number(iri: str) -> str:
-    """Local name without the number of a copy: ``Waiting`` for ``Waiting2``."""
-    name = local_name(iri)
-    return name.rstrip("0123456789").rstrip("_-") or name
 
 
 _WORDS = ("dependsOnCapability", "dependsOnComponent", "hasCapabilityDependency")
 _UPPER = {"dependsOnCapability": "Capability", "hasCapabilityDependency": "Capability"}
 _ENDINGS = ("Capability", "Component")
 _NO_COMPONENTS = ("Capability", "Action", "Event")
-_LIKE = 0.7
-"""Minimum similarity (difflib) of names, without their common endings, for a suggestion."""
 _LAST_PART = re.compile(r"(?<=.)[A-Z][a-z]+$")
 _DISJOINT = "http://www.w3.org/2002/07/owl#disjointWith"
 
@@ -236,7 +218,7 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
     if not isinstance(needed, (str, BNode)) or restriction.kind in ("max", "only"):
         return
     if isinstance(needed, str) and not ontology.defined(needed):
-        suggestion = guess(needed, _alternatives(ontology, word, _ending(needed)), least=_LIKE, telling=_telling)
+        suggestion = _alternatives(ontology, word, _ending(needed)).guess(needed, LIKE)
         advice = f"did you mean {suggestion}?" if suggestion else "import the file that defines it, or correct the name"
         message = f"`{local_name(cls)}` depends on `{local_name(needed)}`, which is not defined"
         yield warning("R046", message, restriction.span, advice, suggestion)
@@ -248,15 +230,19 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 
-def _alternatives(ontology: Ontology, word: str, ending: str) -> list[str]:
+def _alternatives(ontology: Ontology, word: str, ending: str) -> Known:
     """Classes to suggest: capabilities or components with the same uninformative ending, if any."""
-    upper = _UPPER.get(word)
-    if upper:
-        names = ontology.subclasses(expand(upper))[1:]
-    else:
-        others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
-        names = tuple(name for name in ontology.class_names() if name not in others)
-    return [name for name in names if not ending or _ending(name) == ending]
+
+    def names() -> Known:
+        upper = _UPPER.get(word)
+        if upper:
+            names = ontology.subclasses(expand(upper))[1:]
+        else:
+            others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
+            names = tuple(name for name in ontology.class_names() if name not in others)
+        return Known((name for name in names if not ending or _ending(name) == ending), _telling)
+
+    return kept(ontology, ("known requirements", word, ending), names)
 
 
 def _ending(name: str) -> str:
@@ -307,10 +293,10 @@ def _circles(ontology: Ontology, classes: list[str]) -> Iterator[Diagnostic]:
 def undefined_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report undefined names of states."""
     ontology, statements, recipe = checked.ontology, checked.statements, checked.recipe
-    defined = [name for name in statements.names if ontology.defined(name)]
+    defined = Known(name for name in statements.names if ontology.defined(name))
     for name in statements.mentioned():
-        if name not in statements.names and not ontology.defined(name):
-            other = guess(name, defined)
+        if not ontology.defined(name) and name not in statements.names:
+            other = defined.guess(name)
             advice = f"did you mean {other}?" if other else f"define it, and add `subAction some {local_name(name)}`"
             message = f"the state `{local_name(name)}` of `{recipe.name}` is not defined"
             yield error("R050", message, _where(ontology, statements, name) or recipe.span, advice, other)
@@ -328,8 +314,9 @@ def unlisted_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def unlisted_states(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, Span | None]]:
     """Yield the defined states (IRIs) of a finite-state recipe that are not sub-actions, with their first mention."""
+    listed = {*statements.names}
     for name in statements.mentioned() if statements.states is not None else ():
-        if name not in statements.names and ontology.defined(name):
+        if name not in listed and ontology.defined(name):
             yield name, _where(ontology, statements, name)
 
 

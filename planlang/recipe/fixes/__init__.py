@@ -36,7 +36,7 @@ WITHOUT = {
     "R023": "any of the nested recipes may be the one to flatten",
     "R031": "the intended property is unknown, and another program may use this one",
     "R032": "the property, its filler and the class of the filler may each be wrong",
-    "R035": "an expression has no name to write instead",
+    "R035": "the file does not state which thing or number is meant",
     "R036": "the file does not state where the place is",
     "R037": "the intended number or unit is unknown",
     "R041": "the order follows from the base motion; once written, it would remain if the motion is removed",
@@ -57,6 +57,7 @@ WITHOUT = {
     "R065": "the intended constraint is unknown",
     "R067": "any of the orderings may be wrong",
     "R068": "the file does not state the thing or place",
+    "R069": "the file does not state which things there are",
 }
 """Code -> why there is no fix: the file allows several corrections, or determines none."""
 

@@ -124,6 +124,13 @@ def _union_within(ontology: Ontology, term: BNode) -> BNode | None:
     return unions[0] if len(unions) == 1 and not is_named else None
 
 
+def is_union(ontology: Ontology, expression: BNode) -> bool:
+    """True for a union of named classes, or of intersections with one: alternatives of a step."""
+    union = _union_within(ontology, expression)
+    members = ontology.alternatives(union) if union is not None else ()
+    return bool(members) and all(any(isinstance(one, str) for one in ontology.members(each)) for each in members)
+
+
 def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
     """Map each class outside the bundled vocabulary without sub-actions of its own to the union that defines it."""
     key = "unions"

@@ -78,7 +78,7 @@ def in_stated_order(restrictions: Iterable[Restriction]) -> list[Restriction]:
 def read_sub_action(ontology: Ontology, restriction: Restriction, task: str) -> SubAction:
     """Read a restriction of a task as a sub-action.
 
-    For an intersection it is the first named member, with its restrictions; a union states alternatives.
+    For an intersection it is its named member, with its restrictions; a union states alternatives.
     """
     filler, times = restriction.filler, restriction.cardinality or 1
     if isinstance(filler, str):
@@ -87,9 +87,15 @@ def read_sub_action(ontology: Ontology, restriction: Restriction, task: str) -> 
     union = read_union(ontology, filler, task, restriction.span, times)
     if union is not None:
         return union
-    name = next((member for member in ontology.members(filler) if isinstance(member, str)), None)
+    name = named_class(ontology, filler)
     span = mention(ontology, name, restriction.span)
     return SubAction(name, fillings_of(ontology.restrictions(filler)), span, times)
+
+
+def named_class(ontology: Ontology, expression: BNode) -> str | None:
+    """The first named member of an intersection, or the first one below it, which says more; None if there is none."""
+    named = [member for member in ontology.members(expression) if isinstance(member, str)]
+    return next((one for one in named if one != named[0] and ontology.is_a(one, named[0])), named[0] if named else None)
 
 
 def read_constraints(

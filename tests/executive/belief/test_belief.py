@@ -102,6 +102,32 @@ def test_classes_and_things_of_one_name_in_two_namespaces_are_told_apart(robot: 
     assert bound("http://c.org/x#Bottle") == "thing1", "what the map has nothing of is known by its name"
 
 
+@pytest.mark.parametrize(("name", "label"), [("bottle2", ""), ("Bottle_2", ""), ("obj7", "bottle 2")])
+def test_the_name_and_class_of_another_namespace_bind_before_the_nearest(
+    robot: Robot, tmp_path: Path, name: str, label: str
+) -> None:
+    text = "Prefix: k: <http://knowrob.org/kb/knowrob.owl#>\nPrefix: rdfs: <http://www.w3.org/2000/01/rdf-schema#>\n"
+    things = (("bottle1", "DrinkingBottle", 1), (name, "DrinkingBottle", 3), ("cup2", "Cup", 2), ("cup9", "Cup", 4))
+    for number, (each, kind, x) in enumerate(things):
+        note = f'Annotations: rdfs:label "{label}"' if number == 1 and label else ""
+        text += (
+            f"Individual: <http://m.org/m#{each}>\n    {note}\n    Types: k:{kind}\n    Facts: "
+            f'k:translation "{x} 0 0.4", k:boundingBoxSize "0.1 0.1 0.2"\n'
+        )
+    (tmp_path / "m.omn").write_text(text)
+    semantic_map = read_map(load(tmp_path / "m.omn"))
+    world = PlanningWorld(scene_of(semantic_map), robot.body())
+    try:
+        belief = Belief(semantic_map, world)
+        assert belief.bind(an_object("DrinkingBottle", "http://recipe.org/r#bottle2"), HERE) == name
+        assert belief.bind(an_object("DrinkingBottle", "http://recipe.org/r#cup2"), HERE) == "bottle1", "another class"
+        hidden = Belief(semantic_map, world, unknown=[name])
+        with pytest.raises(ObjectUnresolvable, match="has not been found yet"):
+            hidden.bind(an_object("DrinkingBottle", "http://recipe.org/r#bottle2"), HERE)
+    finally:
+        world.close()
+
+
 def test_a_thing_that_has_not_been_found_is_not_taken_for_another_of_its_class(
     semantic_map: SemanticMap, planning: PlanningWorld
 ) -> None:

@@ -89,6 +89,36 @@ def test_a_class_expression_includes_specialisations(client: TestClient) -> None
     assert answers == dict(EXPRESSIONS)
 
 
+SHORT_MAP = """\
+Prefix: : <http://example.org/flat.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/flat.owl>
+{map}
+Individual: room1
+    Types: knowrob:RoomInAConstruction
+    Facts: knowrob:translation "0 0 1.3", knowrob:boundingBoxSize "8 5 2.6"
+Individual: table1
+    Types: knowrob:Table-PieceOfFurniture
+    Facts: knowrob:translation "1.5 0 0.38", knowrob:boundingBoxSize "0.6 1.0 0.76"
+Individual: mug1
+    Types: knowrob:DrinkingMug
+    Facts: knowrob:translation "1.5 0 0.81", knowrob:boundingBoxSize "0.08 0.08 0.1", knowrob:on-Physical table1
+"""
+
+
+@pytest.mark.parametrize("written", ["Individual: flat Types: knowrob:SemanticEnvironmentMap", ""], ids=["map", "room"])
+def test_a_map_is_found_by_its_things_though_they_do_not_say_that_it_describes_them(
+    client: TestClient, written: str
+) -> None:
+    made = client.post("/v1/environments?name=short", content=SHORT_MAP.format(map=written))
+    assert made.status_code == HTTPStatus.CREATED, made.text
+    uid = "flat.short" if written else "room1.short"
+    assert found(client, expression="mapOf some DrinkingMug") == [uid]
+    assert found(client, expression="mapOf some (Cup and on-Physical some FurniturePiece)") == [uid]
+    assert found(client, expression="mapOf value <http://example.org/flat.owl#mug1>") == [uid]
+    assert found(client, expression="mapOf some Refrigerator") == []
+
+
 def test_words_are_parts_of_labels_and_names_in_any_case(client: TestClient) -> None:
     assert found(client, label="SERVE a d") == [SERVING]
     assert found(client, label="graspbottle", kind="recipes") == [SERVING]

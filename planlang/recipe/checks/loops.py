@@ -1,0 +1,49 @@
+"""Checks of loops between states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, warning
+from planlang.ontology import Ontology
+from planlang.recipe import graphs as nx
+from planlang.recipe.checks import CheckedRecipe, check
+from planlang.recipe.model import Kind, Parameter, Step, Thing
+
+
+@check("R069", unless=("R052",))
+def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report steps that act on a class of things while one of this class is seen: on the same one in each round."""
+    machine, recipe = checked.recipe.machine, checked.recipe
+    if machine is None:
+        return
+    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
+    for loop in nx.strongly_connected_components(graph):
+        steps = [step for step in recipe.steps if step.iri in loop] if len(loop) > 1 else []
+        asked = [one for step in steps if step.condition is not None for one in _classes(step.condition.parameters)]
+        for step in steps:
+            for cls, parameter in _acted_on(step):
+                if any(_are_related(checked.ontology, cls, other) for other, _ in asked):
+                    message = (
+                        f"`{step.name}` acts on one `{local_name(cls)}`, the same in each round of its loop, though the"
+                        f" loop goes on while any `{local_name(cls)}` is there"
+                    )
+                    advice = "name each thing, and give it a step of its own, if the loop has to work through several"
+                    yield warning("R069", message, parameter.span, advice)
+
+
+def _acted_on(step: Step) -> Iterator[tuple[str, Parameter]]:
+    if step.condition is None:
+        yield from _classes(tuple(one for one in step.parameters if one.property == "objectActedOn"))
+
+
+def _classes(parameters: tuple[Parameter, ...]) -> Iterator[tuple[str, Parameter]]:
+    """Yield the classes of objects that are given by their class alone."""
+    for one in parameters:
+        if isinstance(one.filler, Thing) and one.filler.iri is None and one.filler.kind is Kind.OBJECT:
+            yield one.filler.stated, one
+
+
+def _are_related(ontology: Ontology, one: str, other: str) -> bool:
+    return ontology.is_a(one, other) or ontology.is_a(other, one)
