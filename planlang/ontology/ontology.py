@@ -410,7 +410,7 @@ class Ontology:
             self._restrictions[number] = restrictions
         return restrictions
 
-    def unread(self, cls: str | BNode) -> list[tuple[BNode, Span]]:
+    def unread_parts(self, cls: str | BNode) -> list[tuple[BNode, Span]]:
         """List the anonymous superclasses of a class, or the anonymous members of a blank expression, that are no
         restrictions, such as unions and complements, each with the position of its first statement.
         """

@@ -86,7 +86,7 @@ def _of_mention(ontology: Ontology, task: str, mention: BNode, span: Span) -> It
         names = " and ".join(f"`{local_name(name)}`" for name in (first or "", *more))
         message = f"a sub-action of `{local_name(task)}` is {names} at once"
         yield error("R035", message, span, "name one class, such as a subclass of both")
-    unread = ontology.unread(mention)
+    unread = ontology.unread_parts(mention)
     unions = [part for part, _ in unread if not named and ontology.alternatives(part)]
     for member in (member for union in unions for member in ontology.alternatives(union)):
         if isinstance(member, BNode):
@@ -101,7 +101,7 @@ def _of_mention(ontology: Ontology, task: str, mention: BNode, span: Span) -> It
 def _of_action(ontology: Ontology, cls: str) -> Iterator[Diagnostic]:
     """Report expressions above a class of actions, or among the types of an individual, that state parameters."""
     parameters = frozenset(action_properties(ontology))
-    for part, span in (*ontology.unread(cls), *_types(ontology, cls)):
+    for part, span in (*ontology.unread_parts(cls), *_types(ontology, cls)):
         used = [name for name in _properties(ontology, part) if name in parameters]
         if used and not is_union(ontology, part):
             short = local_name(shorten(used[0]))
@@ -120,7 +120,7 @@ def _of_condition(ontology: Ontology, cls: str, condition: BNode, span: Span) ->
     if len(named) > 1:
         names = " and ".join(f"`{local_name(name)}`" for name in named)
         yield error("R035", f"{what} is {names} at once", span, "name one class")
-    for part, where in ontology.unread(condition):
+    for part, where in ontology.unread_parts(condition):
         yield _unread(
             ontology, f"a part of {what}", part, max(span, where), "state one thing that is so, for each step"
         )
@@ -133,7 +133,7 @@ def _of_condition(ontology: Ontology, cls: str, condition: BNode, span: Span) ->
 
 def _of_place(ontology: Ontology, place: str) -> Iterator[Diagnostic]:
     """Report relations of a place to expressions, to several things, or in restrictions that relate it to nothing."""
-    for part, span in (*ontology.unread(place), *_types(ontology, place)):
+    for part, span in (*ontology.unread_parts(place), *_types(ontology, place)):
         if any(map(is_relation, _properties(ontology, part))):
             advice = "state its relations as facts: `Facts: inFrontOf X`"
             yield _unread(ontology, f"what the place `{local_name(place)}` is", part, span, advice)
