@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import math
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.urdf import Element, Joint, extents_of, numbers, read_urdf, tree_of
 from planlang.records import dataclass
+from planlang.temporary import temporary_folder
 from sim.meshes import Meshes
 
 MOST_JOINTS = 127
@@ -126,8 +126,8 @@ def read_description(path: Path) -> Description:
 @contextmanager
 def loadable(description: Description) -> Iterator[Path]:
     """Yield the path of a temporary file with the description, while PyBullet reads it."""
-    with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-        path = Path(folder) / "robot.urdf"
+    with temporary_folder() as folder:
+        path = folder / "robot.urdf"
         path.write_text(description.text, encoding="utf-8")
         for name, content in description.meshes.items():
             (path.parent / name).write_bytes(content)

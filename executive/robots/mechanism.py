@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import math
-import shutil
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
-from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
 from pathlib import Path
 
@@ -23,6 +19,7 @@ from planlang.geometry.matrices import product
 from planlang.geometry.mesh import mesh_places
 from planlang.geometry.urdf import BadXml, Element, Joint, displacement, read_tree, read_urdf
 from planlang.records import dataclass
+from planlang.temporary import process_folder
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of an added base."""
@@ -74,24 +71,16 @@ def packaged(name: str, file: str) -> Path:
 def mounted(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint] | None = None) -> Path:
     """Write a copy of a URDF, put on a base and with additional links at tool points; return its path.
 
-    Paths of meshes are made absolute; the copy is in a folder of this process. The path of a URDF that cannot be read
-    is returned unchanged, so that its reader reports the error.
+    Paths of meshes are made absolute; the copy is in a folder of this process, in which no other one can change it. The
+    path of a URDF that cannot be read is returned unchanged, so that its reader reports the error.
     """
     try:
         content = _text(urdf, mount, tools or {}).encode()
     except BadXml:
         return urdf
-    path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
+    path = process_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
     path.write_bytes(content)
     return path
-
-
-@cache
-def _own_folder() -> Path:
-    """Create a folder for this process alone, in which no other process can change files before PyBullet reads them."""
-    folder = tempfile.mkdtemp(prefix="planlang-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
 
 
 def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint]) -> str:
