@@ -18,8 +18,9 @@ from executive.serving.running import run
 from executive.serving.serving import now
 from executive.serving.workers import Staff
 from planlang.diagnostics import BadInput, error
-from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable
+from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable, Unusable
 from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.outputs import unwritable
 
 LONGEST_AUTHOR = 100
 
@@ -34,6 +35,8 @@ def command(arguments: ServeArguments) -> Answer:
         if arguments.new_key is not None or arguments.drop_keys is not None:
             return _keys(store, arguments)
         return _serve(store, arguments)
+    except Unusable as problem:
+        raise BadInput([problem.diagnostic(arguments.store)]) from None
     except Unreachable as problem:
         advice = "the endpoint and the storage must be reachable when a server starts"
         if isinstance(problem, Full):
@@ -64,8 +67,8 @@ def _open_log(path: Path) -> Lines:
     """Open the access log. Raises BadInput."""
     try:
         return Lines(path)
-    except OSError as problem:
-        raise BadInput([error("C004", f"{path}: {problem.strerror or problem}")]) from None
+    except (OSError, ValueError) as problem:
+        raise BadInput([unwritable(path, problem)]) from None
 
 
 def _open(address: str, contents: str | None) -> Store:
