@@ -15,19 +15,21 @@ The digest covers everything after the docstring, with line feeds as line ends, 
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import io
 import os
 import re
-import tempfile
+import stat
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import bundled, from_printable
 from planlang.records import dataclass
 from planlang.shell import quoted
+from planlang.temporary import temporary_folder
 from planlang.visible import meant
 
 MARK = "written by planlang"
@@ -75,26 +77,101 @@ def check_outputs(
 def _problem(
     name: str, path: Path, taken: Mapping[Path, str], suffixes: Sequence[str], *, force: bool
 ) -> Diagnostic | None:
-    folder = path.parent
+    folder, called = path.parent, f"{name} {named(path)}"
     if suffixes and path.suffix.lower() not in ("", *suffixes):
         known = " or ".join(suffix[1:].upper() for suffix in suffixes).replace("WEBP", "WebP")
         what = "videos" if suffixes == WEBP else "pictures"
-        return error("C004", f"{name} {path}: {what} are written as {known}", help=f"name it {path.stem}{suffixes[0]}")
-    if path.is_dir():
-        return error("C004", f"{name} {path} is a folder", help="name a file in it")
-    if not folder.is_dir():
-        return error("C004", f"{name} {path}: there is no folder {folder}", help=f"mkdir -p {folder}")
+        return error("C004", f"{called}: {what} are written as {known}", help=f"name it {path.stem}{suffixes[0]}")
+    try:
+        found = _found(path)
+    except (OSError, ValueError) as problem:
+        return unwritable(path, problem, called)
+    if os.path.isdir(path):
+        return error("C004", f"{called} is a folder", help="name a file in it")
+    if not os.path.isdir(folder):
+        return error("C004", f"{called}: there is no folder {folder}", help=f"mkdir -p {folder}")
     if _real(path) in taken and not is_device(path):
-        return error("C004", f"{name} {path} would overwrite {taken[_real(path)]}", help=f"give {name} another name")
+        return error("C004", f"{called} would overwrite {taken[_real(path)]}", help=f"give {name} another name")
     if is_device(path):
-        return None if os.access(path, os.W_OK) else error("C004", f"{name} {path} cannot be written to")
-    if path.is_symlink() and not path.exists() and _real(path) == path.absolute():
-        return error("C004", f"{name} {path} is a link that leads back to itself", help=f"give {name} another name")
-    if not os.access(_real(path).parent, os.W_OK):
-        return error("C004", f"{name} {path}: the folder {folder} cannot be written to")
-    if not force and not is_replaceable(path):
-        return error("C005", f"{name} {path} exists and was not written by planlang", help="--force overwrites it")
+        return None if os.access(path, os.W_OK) else error("C004", f"{called} cannot be written to")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return error("C004", f"{called}: the folder {folder} cannot be written to")
+    if force or found is None:
+        return None
+    if stat.S_ISLNK(found.st_mode):
+        return _link(path, called)
+    if not is_replaceable(path):
+        return error("C005", f"{called} exists and was not written by planlang", help="--force overwrites it")
     return None
+
+
+def _link(path: Path, called: str) -> Diagnostic:
+    """Error for a link in place of an output: who put it there could have any file of the user overwritten."""
+    advice = f"name {named(Path(os.path.realpath(path)))}, to which it points; --force replaces the link by a file"
+    return error("C005", f"{called} is a symbolic link, and no output is written through one", help=advice)
+
+
+def _found(path: Path) -> os.stat_result | None:
+    """Status of a path, of a link itself; None if nothing is there. Raises OSError, ValueError for an impossible one.
+
+    A part of the path that is a file, not a folder, is such a case.
+    """
+    try:
+        return os.lstat(path)
+    except FileNotFoundError:
+        return None
+
+
+_LONGEST_SHOWN = 100
+"""Characters of a path in a message: a name can be too long for a file."""
+
+
+def named(path: Path) -> str:
+    """Path as messages name it: of a long one the ends."""
+    text = str(path)
+    half = _LONGEST_SHOWN // 2
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:half]}...{text[-half:]}"
+
+
+def unwritable(path: Path, problem: Exception, called: str | None = None) -> Diagnostic:
+    """Error for a file that cannot be written, with what the user can do about it."""
+    reason = getattr(problem, "strerror", None) or str(problem)
+    number = getattr(problem, "errno", None)
+    advice = ADVICE.get(number or 0)
+    if number == errno.ENOTDIR:
+        parts = [part for part in reversed((path, *path.parents)) if os.path.lexists(part) and not os.path.isdir(part)]
+        reason = f"{named(parts[0])} is a file, not a folder" if parts else reason
+    elif number == errno.ENOENT and is_folder_deleted():
+        reason, advice = FOLDER_DELETED
+    return error("C004", f"{called or named(path)} cannot be written: {reason}", help=advice)
+
+
+FOLDER_DELETED = "the current folder was deleted", "change to a folder that is there: cd"
+"""Reason and advice where relative paths lead nowhere."""
+
+
+def is_folder_deleted() -> bool:
+    """Check whether the current folder was deleted since this process began."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return True
+    return False
+
+
+ADVICE = {
+    errno.ENAMETOOLONG: "a name has at most 255 bytes, a path 4,095: shorten it",
+    errno.ENOTDIR: "name a file in a folder",
+    errno.EACCES: "write to a folder of yours, or change its permissions",
+    errno.EPERM: "write to a folder of yours, or change its permissions",
+    errno.EROFS: "write to another disk: this one can only be read",
+    errno.ENOSPC: "free space on the disk, or write to another one",
+    errno.EDQUOT: "your share of the disk is used up: delete files, or write to another disk",
+    errno.EFBIG: "raise the limit of the size of files (ulimit -f), or write to another disk",
+    errno.ELOOP: "name the file itself: no output is written through a symbolic link",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+}
+"""Error numbers -> what the user can do if a file cannot be written."""
 
 
 def is_replaceable(path: Path) -> bool:
@@ -102,7 +179,7 @@ def is_replaceable(path: Path) -> bool:
 
     At most 10,000 bytes are read, and nothing from devices and pipes, which may never end.
     """
-    if not path.is_file():
+    if not os.path.isfile(path) or is_device(path):
         return True
     try:
         with path.open("rb") as file:
@@ -123,44 +200,83 @@ def is_replaceable(path: Path) -> bool:
 
 
 def replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Let ``write`` fill a temporary file beside ``path``, then rename it; after a failure ``path`` is unchanged.
+    """Let ``write`` fill a file of the same name in a hidden folder beside ``path``, then rename it to ``path``.
 
-    The temporary file keeps the suffix of ``path``, from which some writers infer the format; a PNG gets its mark.
-    Links are followed. A device or pipe receives the content once it is complete.
-    Raises BadInput if the file cannot be written.
+    After a failure ``path`` is unchanged. The suffix is that of ``path``, as some writers infer the format from it; a
+    PNG gets its mark. No link is followed: it is replaced itself. A device or pipe receives the content once it is
+    complete. Raises BadInput if the file cannot be written.
     """
-    temporary: Path | None = None
     try:
         device = is_device(path)
-        path = path if device else path.resolve()
-        folder = None if device else path.parent
-        number, temporary_name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=folder)
-        os.close(number)
-        temporary = Path(temporary_name)
-        write(temporary)
-        _mark_png(temporary)
-        if device:
-            path.write_bytes(temporary.read_bytes())
-            return
-        temporary.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask())
-        temporary.replace(path)
-    except (OSError, RuntimeError) as problem:  # RuntimeError: a loop of links
-        if isinstance(problem, RuntimeError) and "loop" not in str(problem):
+        with temporary_folder(None if device else path.parent) as folder:
+            temporary = folder / (path.name or "output")
+            write(temporary)
+            _mark_png(temporary)
+            if device:
+                with open_device(path) as file:
+                    write_all(file, temporary.read_bytes())
+                return
+            before = _found(path)
+            if before is not None and stat.S_ISREG(before.st_mode):
+                temporary.chmod(before.st_mode & 0o777)
+            temporary.replace(path)
+    except OSError as problem:
+        raise BadInput([unwritable(path, problem)]) from None
+    except ValueError as problem:
+        if not _is_impossible(path):
             raise
-        reason = getattr(problem, "strerror", None) or problem
-        raise BadInput([error("C004", f"{path} cannot be written: {reason}")]) from None
-    finally:
-        if temporary is not None:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        raise BadInput([unwritable(path, problem)]) from None
+
+
+def write_all(file: io.FileIO, content: bytes) -> None:
+    """Write bytes to an unbuffered file, in parts if a nearly full disk requires it. Raises OSError."""
+    while content:
+        content = content[file.write(content) :]
+
+
+def open_output(path: Path) -> io.FileIO:
+    """Open a file that is written piece by piece: a new one, or a device. Raises OSError.
+
+    A file or link that is there has to be renamed before: none is overwritten, and no link is followed.
+    """
+    if is_device(path):
+        return open_device(path)
+    return io.FileIO(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666), "w")
+
+
+def open_device(path: Path) -> io.FileIO:
+    """Open a device or pipe for writing; one of this process's own streams is shared. Raises OSError."""
+    own = _own_stream(path)
+    # a stream may be a file: opened by its name, it would be written from its beginning
+    return io.FileIO(os.open(path, os.O_WRONLY | os.O_CLOEXEC) if own is None else os.dup(own), "w")
+
+
+def beside(path: Path, suffix: str, before: str = "") -> Path:
+    """Path beside another one whose name is extended, and shortened if it would be too long for a file."""
+    stem = os.fsencode(path.name)[: _LONGEST_NAME - len(os.fsencode(suffix)) - len(os.fsencode(before))]
+    return path.with_name(f"{before}{os.fsdecode(stem)}{suffix}")
+
+
+_LONGEST_NAME = 255
+"""Maximum length of a file name [bytes], of all file systems in use."""
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for outputs, with those above it, unless it is there. Raises BadInput."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as problem:
+        if isinstance(problem, FileExistsError):
+            problem = NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        raise BadInput([unwritable(folder, problem)]) from None
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file, whole or not at all; graphs get their mark as a comment."""
+    """Write a text file, whole or not at all; graphs get their mark as a comment, half characters become escapes."""
     comment = _COMMENTS.get(path.suffix.lower())
     first, newline, rest = text.partition("\n")
     whole = text if comment is None else f"{first}\n{comment.format(MARK)}{newline}{rest}"
-    replace(path, lambda temporary: temporary.write_text(whole, encoding="utf-8", newline="\n"))
+    replace(path, lambda temporary: temporary.write_bytes(whole.encode(errors="backslashreplace")))
 
 
 def write_plan(path: Path, source: str, *, force: bool) -> None:
@@ -168,6 +284,8 @@ def write_plan(path: Path, source: str, *, force: bool) -> None:
 
     Without ``force``, raises BadInput for a file that is not a compiled plan or was edited since.
     """
+    if not force and path.is_symlink() and not is_device(path):
+        raise BadInput([_link(path, named(path))])
     if path.is_file() and not force:
         try:
             # a bounded read suffices to see whether the old plan is the same
@@ -202,21 +320,41 @@ def _mark_png(path: Path) -> None:
 
 
 def is_device(path: Path) -> bool:
-    """Check for a device or pipe: a path that exists and is neither file nor folder."""
-    return path.exists() and not path.is_file() and not path.is_dir()
+    """Check for a device or pipe: a path that exists and is neither file nor folder, or a stream of this process."""
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) or _own_stream(path) is not None
+
+
+_STREAM = re.compile(r"/dev/(?:(stdin|stdout|stderr)|fd/(\d+))|/proc/(?:self|thread-self)/fd/(\d+)")
+_STREAMS = ("stdin", "stdout", "stderr")
+
+
+def _own_stream(path: Path) -> int | None:
+    """Descriptor of a stream of this process that a path names, such as /dev/stdout; None for other paths."""
+    match = _STREAM.fullmatch(os.path.normpath(path))
+    if match is None:
+        return None
+    return _STREAMS.index(match[1]) if match[1] else int(match[2] or match[3])
+
+
+def _is_impossible(path: Path) -> bool:
+    try:
+        os.lstat(path)
+    except ValueError:  # a null character, or half a character
+        return True
+    except OSError:
+        pass
+    return False
 
 
 def _real(path: Path) -> Path:
     try:
         return path.resolve()
-    except (OSError, RuntimeError):  # a loop of links stays as it is
-        return path.absolute()
-
-
-def _umask() -> int:
-    umask = os.umask(0)
-    os.umask(umask)
-    return umask
+    except (OSError, RuntimeError, ValueError):  # a loop of links, or a path that no file can have, stays as it is
+        return path
 
 
 LARGEST_PLAN = 10_000_000

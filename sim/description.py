@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import math
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,6 +21,7 @@ from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.urdf import Element, Joint, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.records import dataclass
+from planlang.temporary import temporary_folder
 from sim.meshes import Meshes
 
 MOST_JOINTS = 127
@@ -120,8 +120,8 @@ def read_description(path: Path) -> Description:
 @contextmanager
 def loadable(description: Description) -> Iterator[Path]:
     """Yield the path of a temporary file with the description, while PyBullet reads it."""
-    with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-        path = Path(folder) / "robot.urdf"
+    with temporary_folder() as folder:
+        path = folder / "robot.urdf"
         path.write_text(description.text, encoding="utf-8")
         for name, content in description.meshes.items():
             (path.parent / name).write_bytes(content)

@@ -94,6 +94,7 @@ for name, arguments, example in (
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("serve", server.ServeArguments, "--store kb.sqlite --port 8080"),
+    ("backup", server.BackupArguments, "kb.sqlite kb-2026-11-28.sqlite"),
     (
         "search",
         server.SearchArguments,

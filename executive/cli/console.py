@@ -16,7 +16,7 @@ import typer
 from executive.cli.progress import PROGRESS
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.base_arguments import Arguments, Detail
-from executive.commands.resources import no_room, out_of_resources
+from executive.commands.resources import file_problem, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.progress import Report, unreported
 from planlang.visible import visible
@@ -42,7 +42,7 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
     except Exception as problem:
         if (lacking := out_of_resources(problem)) is not None:
             reply = Answer(ExitCode.OUT_OF_RESOURCES, (lacking,))
-        elif (full := no_room(problem)) is not None:
+        elif (full := file_problem(problem)) is not None:
             reply = Answer(ExitCode.BAD_INPUT, (full,))
         else:
             reply = _internal_error(problem)
@@ -67,7 +67,9 @@ def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.
             text = visible(text)
     try:
         if text:
-            typer.echo(text)
+            # a name of a file need not be text, and a terminal need not have all characters
+            encoding = sys.stdout.encoding or "utf-8"
+            typer.echo(text.encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:
         raise

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+import os
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +23,7 @@ from executive.enabling.stock import Stock
 from executive.modules.bundled import performed_by
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.files import Bundled
-from planlang.knowledge.entries import Kind
+from planlang.knowledge.entries import Kind, Unusable
 from planlang.knowledge.places import LEVELS
 
 
@@ -39,7 +41,7 @@ def command(arguments: EnableArguments) -> Answer:
     assert arguments.source is not None
     possessions = possessions_in(robot, arguments.urdf, arguments.folders, problems)
     folder = Folder.read(arguments.store or Path(f"{possessions.robot}_knowledge"))
-    with closing(open_shelf(arguments.source, arguments.folders)) as shelf:
+    with _usable(arguments.source), closing(open_shelf(arguments.source, arguments.folders)) as shelf:
         enabling = Enabling(
             possessions,
             Stock(shelf, folder, arguments.folders, arguments.limit, ignore_unread=arguments.ignore_unread),
@@ -52,12 +54,21 @@ def command(arguments: EnableArguments) -> Answer:
     return _with_run(arguments, explanation, folder, reply) if arguments.run and not arguments.dry else reply
 
 
+@contextmanager
+def _usable(source: str) -> Iterator[None]:
+    """Raise BadInput if the file of a store turns out to be damaged or locked."""
+    try:
+        yield
+    except Unusable as problem:
+        raise BadInput([problem.diagnostic(source)]) from None
+
+
 def _explained(arguments: EnableArguments, enabling: Enabling) -> tuple[Explanation, Answer]:
     """Explain whether the robot can do the task, and download what is missing; the answer lists the files."""
     if not arguments.recipe.strip():
         raise BadInput([error("C001", "the name of the task is empty")])
     path = Path(arguments.recipe)
-    is_file = path.is_file()
+    is_file = os.path.isfile(path)
     root = enabling.given_task(path, arguments.task) if is_file else enabling.task(arguments.recipe)
     explanation = Explanation(enabling, enabling.combination(root))
     lines, data = [*explanation.tree().lines()], explanation.as_json()
@@ -92,7 +103,7 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
     """Run the task with the recipes, the maps and the models of the folder."""
     used = [one.entry for one in explanation.entries()]
     *further, recipe = [folder.file(one) for one in used if one.kind is Kind.RECIPE] or [Path(arguments.recipe)]
-    is_own = Path(arguments.recipe).is_file()
+    is_own = os.path.isfile(arguments.recipe)
     about = next((one.about for one in reversed(used) if one.kind is Kind.RECIPE), None)
     maps = [str(folder.file(one)) for one in explanation.maps()]
     run_arguments = RunArguments(

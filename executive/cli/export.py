@@ -15,11 +15,11 @@ from executive.cli.arguments import ExportArguments
 from executive.commands.answers import Answer
 from executive.commands.inputs import refuse
 from executive.runs.traces import damaged
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.experience import Experience, experience_of, narrative
 from planlang.experience.poses import pose_lines, read_log, transforms_in
 from planlang.files import read_file
-from planlang.outputs import check_outputs, write_text
+from planlang.outputs import check_outputs, make_folder, write_text
 from planlang.runs.recorded_run import DamagedTrace, read_records
 
 LARGEST = 200_000_000
@@ -40,7 +40,7 @@ def command(arguments: ExportArguments) -> Answer:
     if arguments.poses is not None:
         poses = sorted((*poses, *read_log(arguments.poses, records[0])), key=lambda one: one.step)
     outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / POSES}
-    _make_folder(folder)
+    make_folder(folder)
     refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
     write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began, records=[POSES]))
     write_text(outputs["the poses"], "".join(pose_lines(poses, experience.rate, began, trace_sha256=digest)))
@@ -60,14 +60,6 @@ def _read(trace: Path) -> tuple[list[Any], str, tuple[Diagnostic, ...]]:
         raise BadInput([damaged(str(trace), damage)]) from None
     span = Span(str(trace), len(records) + 1)
     return records, digest, (warning("X026", "the last line is incomplete and left out", span),) if torn else ()
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(exist_ok=True)
-    except (OSError, ValueError) as problem:
-        reason = getattr(problem, "strerror", None) or problem
-        raise BadInput([error("C004", f"--output {folder} cannot be created: {reason}")]) from None
 
 
 def _began(text: str | None) -> datetime | None:

@@ -18,11 +18,11 @@ from executive.commands.inputs import RecipeFile, read, refuse
 from executive.commands.run import options_of
 from executive.runs.plan_run import run_plan_file
 from executive.runs.reporting import context_of
-from executive.runs.traces import TraceHeader, damaged
+from executive.runs.traces import TraceHeader, recorded_run
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.outputs import check_outputs, write_text
 from planlang.report import Context, Told, model_of, page
-from planlang.runs import DamagedTrace, RecordedRun
+from planlang.runs import RecordedRun
 
 _MODEL = re.compile(r'id="model">(.*?)</script>')
 """The model of a run in its page."""
@@ -30,9 +30,9 @@ _MODEL = re.compile(r'id="model">(.*?)</script>')
 
 def command(arguments: ReportArguments) -> Answer:
     """Write the page; raises BadInput."""
+    recorded = recorded_run(arguments.trace)
     output = arguments.output or arguments.trace.with_suffix(".html")
     refuse(check_outputs({"--output": output}, {"the trace": arguments.trace}, force=arguments.force))
-    recorded = recorded_run(arguments.trace)
     missing = _repeated(arguments, recorded, output)
     if missing:
         context = _context(arguments, recorded.header)
@@ -80,16 +80,6 @@ def _model_in(file: Path) -> Mapping[str, Any]:
 def _views(model: Mapping[str, Any]) -> set[str]:
     sources = [str(one.get("name")) for one in model.get("sources") or () if isinstance(one, dict)]
     return {name for name in ("scene", "map", "graph") if model.get(name)} | set(sources)
-
-
-def recorded_run(path: Path) -> RecordedRun:
-    """Read a trace; raises BadInput."""
-    try:
-        return RecordedRun.read(path)
-    except OSError as problem:
-        raise BadInput([error("C001", f"{path} cannot be read: {problem.strerror}")]) from None
-    except DamagedTrace as damage:
-        raise BadInput([damaged(str(path), damage)]) from None
 
 
 def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -> tuple[str, ...]:

@@ -158,6 +158,19 @@ class WatchArguments(AuthorArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BackupArguments(Arguments):
+    """Back up a knowledge base while it is served.
+
+    The backup is a store itself: to restore it, serve it. Its structure and contents are checked before it replaces an
+    earlier one.
+    """
+
+    store: Annotated[str, typer.Argument(metavar="STORE", help="File of the knowledge base.")]
+    target: Annotated[Path, typer.Argument(metavar="FILE", help="File of the backup.")]
+    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class ServeArguments(OntologyArguments):
     """Serve a knowledge base over HTTP: recipes, object models, maps, self-models (needs the extra serve).
 

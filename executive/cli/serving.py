@@ -19,8 +19,9 @@ from executive.serving.serving import now
 from executive.serving.workers import Failed, Staff
 from planlang.diagnostics import BadInput, error
 from planlang.extras import install_command
-from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable
+from planlang.knowledge.entries import SCHEME, Full, Store, Unreachable, Unusable
 from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.outputs import unwritable
 
 LONGEST_AUTHOR = 100
 
@@ -39,6 +40,8 @@ def command(arguments: ServeArguments) -> Answer:
         advice = "raise the limit, or end other programs"
         message = f"the processes of the checks do not start: {problem}"
         return Answer(ExitCode.OUT_OF_RESOURCES, (error("C020", message, help=advice),))
+    except Unusable as problem:
+        raise BadInput([problem.diagnostic(arguments.store)]) from None
     except Unreachable as problem:
         advice = "the endpoint and the storage must be reachable when a server starts"
         if isinstance(problem, Full):
@@ -69,8 +72,8 @@ def _open_log(path: Path) -> Lines:
     """Open the access log. Raises BadInput."""
     try:
         return Lines(path)
-    except OSError as problem:
-        raise BadInput([error("C004", f"{path}: {problem.strerror or problem}")]) from None
+    except (OSError, ValueError) as problem:
+        raise BadInput([unwritable(path, problem)]) from None
 
 
 def _open(address: str, contents: str | None) -> Store:

@@ -24,7 +24,7 @@ def words_of(arguments: SituationArguments) -> Iterator[str]:
     options = {one.name: one.opts[0] for one in _command().params}
     for one in fields(SituationArguments):
         value = getattr(arguments, one.name)
-        if (not value and value != 0) or value is False or one.name in _SHOWN:
+        if value is None or value is False or one.name in _SHOWN:
             continue
         for single in value if isinstance(value, list | tuple) else [value]:
             yield options[one.name]

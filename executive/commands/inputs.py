@@ -30,7 +30,7 @@ def chosen(
         problems.append(error("C008", f"{needs} needs {option}", help=advice))
         return None
     try:
-        return kind.find(given or default or "")
+        return kind.find(given if given is not None else default or "")
     except BadInput as bad:
         problems.extend(bad.diagnostics)
         return None

@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+from pathlib import Path
 
 from planlang.diagnostics import Diagnostic, error
+from planlang.outputs import ADVICE, FOLDER_DELETED, is_folder_deleted, named
 from planlang.shell_limits import inherited
 
 try:
@@ -22,6 +24,21 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
 _NO_FILES = {errno.EMFILE, errno.ENFILE}
 _NOT_MAPPED = "failed to map segment"
 """Message of the loader if memory does not suffice for a compiled module."""
+_OF_PATHS = {
+    errno.ENAMETOOLONG,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.ELOOP,
+    errno.EACCES,
+    errno.EPERM,
+    errno.ENXIO,
+    errno.ETXTBSY,
+    errno.EIO,
+    errno.ESTALE,
+    errno.EMFILE,
+    errno.ENFILE,
+}
+"""Errors of a path, of its permissions, or of its disk: a user mends them, never planlang."""
 _NO_THREAD = "can't start new thread"
 """Python's message if memory or the limit of processes does not suffice for a thread."""
 
@@ -63,9 +80,17 @@ def _most(kind: str, what: str) -> str:
     return "" if most is None else f": the shell allows {most} {what}"
 
 
-def no_room(problem: Exception) -> Diagnostic | None:
-    """Diagnose a write error on a full or read-only file system; None for other errors."""
-    if not isinstance(problem, OSError) or problem.errno not in _FULL:
+def file_problem(problem: Exception) -> Diagnostic | None:
+    """Diagnose an error of a file, its folder or its disk that a user can mend; None for other errors."""
+    if not isinstance(problem, OSError):
+        return None
+    if isinstance(problem, FileNotFoundError) and is_folder_deleted():
+        reason, advice = FOLDER_DELETED
+        return error("C001", reason, help=advice)
+    if problem.filename is not None and problem.errno in _OF_PATHS:
+        name = named(Path(os.fsdecode(problem.filename)))
+        return error("C001", f"{name} cannot be opened: {problem.strerror}", help=ADVICE.get(problem.errno))
+    if problem.errno not in _FULL:
         return None
     message = "; ".join((f"no room to write: {problem}", *getattr(problem, "__notes__", ())))
     temporary = _temporary_folder()

@@ -13,6 +13,7 @@ from executive.commands.run import options_of
 from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
+from planlang.outputs import make_folder
 
 INPUTS = Inputs()
 """Inputs of all worlds in this process, read once: they are the same for the whole sweep."""
@@ -26,7 +27,7 @@ def ended(world: Mapping[str, Any]) -> dict[str, Any]:
     options = options_of(parsed(words))
     result = run_plan_file(options, INPUTS)
     if result.outcome is Outcome.FAILED and (page := world.get("report")) is not None:
-        Path(page).parent.mkdir(parents=True, exist_ok=True)
+        make_folder(Path(page).parent)
         run_plan_file(replace(options, report=Path(page)), INPUTS)
     return {
         "outcome": result.outcome.value,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import sqlite3
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
@@ -15,10 +15,11 @@ from executive.serving.workers import Staff
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.knowledge.answers import Found, NoAnswer, NotAsAgreed, RefusedByChecks
 from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Attachment, Entry, Full, Kind, Refused, Revision
+from planlang.knowledge.entries import Attachment, Entry, Kind, Refused, Revision, Unreachable
 from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
+from planlang.outputs import named
 
 MOST_FOUND = 10_000
 """Limit of entries requested by one query."""
@@ -116,7 +117,7 @@ class _Store(SqliteStore):
     """A store that keeps renewed descriptions in memory if its file cannot be written."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
+        super().__init__(path, creates=False)
         self._described: dict[tuple[str, bytes], bytes] = {}
         """Renewed descriptions by the entry's identifier and its description in the file."""
 
@@ -124,7 +125,7 @@ class _Store(SqliteStore):
         """Replace the description of an entry's content. Raises NoSuchEntry, Changed."""
         try:
             super().describe(uid, description, expected)
-        except (sqlite3.DatabaseError, Full):  # the file is read-only, or the disk is full
+        except Unreachable:  # the file is read-only, or the disk is full
             self._described[uid, super().description(uid)] = description
 
     def description(self, uid: str) -> bytes:
@@ -204,7 +205,7 @@ def open_shelf(source: str, folders: Sequence[Path] = ()) -> Shelf:
     if "://" in source:
         return RemoteShelf(client_of(source))
     path = Path(source)
-    if not path.is_file():
+    if not os.path.isfile(path):
         advice = "give the URL of a server, or the file of a store (made by planlang serve --store)"
-        raise BadInput([error("C001", f"knowledge base {source} does not exist", help=advice)])
+        raise BadInput([error("C001", f"knowledge base {named(path)} does not exist", help=advice)])
     return LocalShelf(path, folders)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import os
-import shutil
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 
 from executive.commands.inputs import starts_like_owl
 from planlang.compiler import CompiledPlan
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.records import dataclass
+from planlang.temporary import process_folder
 
 Source = str | os.PathLike[str] | CompiledPlan
 """Name of a bundled recipe, path of a recipe or plan, its text (several lines), or a compiled plan."""
@@ -73,15 +69,8 @@ def _file(source: Source | None) -> SourceFile:
 def _written(text: str, name: str) -> SourceFile:
     """Write a text to a folder of its own; equal texts share a file."""
     content = text.encode("utf-8", "surrogatepass")
-    folder = _folder() / hashlib.sha256(content).hexdigest()
+    folder = process_folder() / hashlib.sha256(content).hexdigest()
     folder.mkdir(exist_ok=True)
     path = folder / name
     path.write_bytes(content)
     return SourceFile(str(path), name)
-
-
-@cache
-def _folder() -> Path:
-    folder = tempfile.mkdtemp(prefix="planlang-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)

@@ -78,7 +78,7 @@ class Watching:
     def save(self, path: Path, context: Context) -> None:
         """Write the page."""
         parts, blobs = self.world()
-        path.write_text(page(model_of(self.told, context, **parts), blobs), encoding="utf-8", newline="\n")
+        path.write_bytes(page(model_of(self.told, context, **parts), blobs).encode(errors="backslashreplace"))
 
 
 def _local(one: Outline, pose: Pose) -> dict[str, Any]:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import math
-import shutil
-import tempfile
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
-from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
 from pathlib import Path
 
@@ -24,6 +20,7 @@ from planlang.geometry.matrices import product
 from planlang.geometry.mesh import mesh_places
 from planlang.geometry.urdf import Element, Joint, displacement, read_urdf
 from planlang.records import dataclass
+from planlang.temporary import process_folder
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of an added base."""
@@ -82,21 +79,13 @@ def mounted(
 ) -> Path:
     """Write a copy of a URDF, put on a base, with additional links at tool points and other ranges of joints.
 
-    Returns its path. Paths of meshes are made absolute; the copy is in a folder of this process. Raises BadInput for an
-    invalid URDF.
+    Returns its path. Paths of meshes are made absolute; the copy is in a folder of this process, in which no other one
+    can change it. Raises BadInput for an invalid URDF.
     """
     content = _text(urdf, mount, tools or {}, ranges or {}).encode()
-    path = _own_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
+    path = process_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
     path.write_bytes(content)
     return path
-
-
-@cache
-def _own_folder() -> Path:
-    """Create a folder for this process alone, in which no other process can change files before PyBullet reads them."""
-    folder = tempfile.mkdtemp(prefix="planlang-")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
 
 
 def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], ranges: Mapping[str, Range]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -14,6 +13,7 @@ from executive.runs.traces import read_trace
 from planlang.diagnostics import BadInput
 from planlang.outputs import PNG, check_outputs
 from planlang.runs import RecordedRun
+from planlang.temporary import temporary_folder
 
 _ALONE: dict[str, Any] = {
     **dict.fromkeys(("trace", "picture", "video", "view", "record", "report", "poses", "upload", "update_map")),
@@ -57,8 +57,8 @@ class EndedRun:
 
     @cached_property
     def _page(self) -> str:
-        with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-            return self.write("report", Path(folder) / "run.html").read_text(encoding="utf-8")
+        with temporary_folder() as folder:
+            return self.write("report", folder / "run.html").read_text(encoding="utf-8")
 
     @property
     def page(self) -> str:

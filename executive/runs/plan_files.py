@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import math
-import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -25,6 +24,7 @@ from planlang.outputs import LONGEST, header
 from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.records import dataclass
 from planlang.shell import quoted
+from planlang.temporary import temporary_folder
 
 if TYPE_CHECKING:
     from planlang.compiler import CompiledPlan
@@ -45,7 +45,7 @@ def fixed_recipe(
     diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
     for one, why in result.refused:
         diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
-    copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-"))) / recipe.name
+    copy = stack.enter_context(temporary_folder()) / recipe.name
     copy.write_bytes(result.after.encode(result.encoding))
     return copy
 
@@ -69,7 +69,7 @@ def compiled(recipe: Ontology, task: str | None, performed: frozenset[str]) -> C
 
 def plan_file(plan: CompiledPlan, stack: ExitStack) -> Path:
     """Write a compiled plan to a temporary folder, which ``stack`` removes."""
-    folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="planlang-")))
+    folder = stack.enter_context(temporary_folder())
     path = folder / f"{plan.functions[-1]}.py"
     path.write_text(plan.source, encoding="utf-8")
     return path

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.pictures.pose_track import Placed
-from planlang.diagnostics import BadInput, error
+from planlang.diagnostics import BadInput
 from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, transform_lines
-from planlang.outputs import write_text
+from planlang.outputs import beside, is_device, open_output, unwritable, write_all
 
 
 class PoseLog:
@@ -21,9 +21,18 @@ class PoseLog:
         self._rate, self._count = rate, 0
         known = {key: header.get(key) for key in IDENTITY}
         self._path = path
-        self._coming = path.with_name(f".{path.name}.new") if path.is_file() or not path.exists() else path
-        write_text(self._coming, "".join(pose_lines((), self._rate, None, **known)))
-        self._file = self._coming.open("ab", buffering=0)
+        self._coming = path if is_device(path) else beside(path, ".new", ".")
+        try:
+            if self._coming is not path:
+                self._coming.unlink(missing_ok=True)
+            self._file = open_output(self._coming)
+        except OSError as problem:
+            raise BadInput([unwritable(path, problem)]) from None
+        try:
+            self._write("".join(pose_lines((), self._rate, None, **known)))
+        except BadInput:
+            self.close()
+            raise
 
     def begin(self) -> None:
         """Replace the older log."""
@@ -43,9 +52,9 @@ class PoseLog:
 
     def _write(self, lines: str) -> None:
         try:
-            self._file.write(lines.encode())
+            write_all(self._file, lines.encode())
         except OSError as problem:
-            raise BadInput([error("C004", f"{self._path} cannot be written: {problem.strerror}")]) from None
+            raise BadInput([unwritable(self._path, problem)]) from None
 
     def close(self) -> None:
         """Close the log; delete one that has not begun."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import stat
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import field
 from pathlib import Path
@@ -18,6 +17,7 @@ from planlang.files import Bundled
 from planlang.kernel.tree import Node
 from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
+from planlang.outputs import named
 from planlang.records import dataclass
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
 from planlang.runs.codec import load
@@ -157,17 +157,19 @@ class TraceHeader:
         return self.recipe
 
 
-def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Read a trace and its header. Raises BadInput, with the line, for a damaged file or one that is no trace."""
+def recorded_run(path: Path) -> RecordedRun:
+    """Read a trace. Raises BadInput, with the line, for a damaged file or one that is no trace."""
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe would block
-            raise BadInput([error("C001", f"{path} is not a file: a trace is read more than once")])
-        recorded = RecordedRun.read(path)
+        return RecordedRun.read(path)
     except DamagedTrace as damage:
-        raise BadInput([damaged(str(path), damage)]) from None
-    except (OSError, ValueError) as problem:  # ValueError: a null character in the path
-        reason = getattr(problem, "strerror", None) or problem
-        raise BadInput([error("C001", f"{path} cannot be read: {reason}")]) from None
+        raise BadInput([damaged(named(path), damage)]) from None
+    except OSError as problem:  # also a pipe: a trace is read more than once
+        raise BadInput([error("C001", f"{named(path)} cannot be read: {problem.strerror}")]) from None
+
+
+def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
+    """Read a trace of planlang run and its header. Raises BadInput as :func:`recorded_run` does."""
+    recorded = recorded_run(path)
     if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
         advice = "planlang run PLAN --trace run.jsonl writes one"
         message = "this trace was not written by planlang run: its header names no plan"

@@ -15,7 +15,7 @@ from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
 from executive.runs.traces import lines_of, steps_of
 from planlang import PlanFailure
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic
 from planlang.outputs import replace as write_complete
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
@@ -183,8 +183,14 @@ class Written:
         self._shown.close()
         if self._poses is not None:
             self._poses.close()
+        problems: list[Diagnostic] = []
         for path, save in self._files if self._is_new else ():
-            write_complete(path, save)
+            try:
+                write_complete(path, save)
+            except BadInput as problem:  # the others are written all the same
+                problems += problem.diagnostics
+        if problems:
+            raise BadInput(problems)
 
 
 def names_in(failure: PlanFailure) -> Iterator[str]:

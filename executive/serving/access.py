@@ -12,6 +12,7 @@ from pathlib import Path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from executive.serving.serving import now
+from planlang.outputs import is_device
 
 LONGEST_PATH = 500
 """Characters of a path that are logged."""
@@ -62,7 +63,8 @@ class Lines:
 
     def __init__(self, path: Path) -> None:
         """Open the file and create it if necessary. Raises OSError."""
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT
+        # a device may be named by a link, a file not
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | (0 if is_device(path) else os.O_NOFOLLOW)
         self._handle = os.dup(2) if path == TO_STDERR else os.open(path, flags, 0o640)
         self._is_failing = False
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterable
 from http import HTTPStatus
 from typing import Any
@@ -154,10 +153,6 @@ def add_handlers(app: FastAPI) -> None:
     @app.exception_handler(ClientDisconnect)
     def gone(_: Request, __: ClientDisconnect) -> Response:
         return problem_response(HTTPStatus.REQUEST_TIMEOUT, "the connection was closed before the end of the body")
-
-    @app.exception_handler(sqlite3.OperationalError)
-    def unable(_: Request, problem: sqlite3.OperationalError) -> Response:
-        return problem_response(HTTPStatus.SERVICE_UNAVAILABLE, f"the store is unavailable: {problem}")
 
     @app.exception_handler(Exception)
     def failed(_: Request, __: Exception) -> Response:

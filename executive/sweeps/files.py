@@ -22,14 +22,20 @@ from typing import Any
 from executive.sweeps.records import Row, World
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import read_file
-from planlang.outputs import MARK, write_text
+from planlang.outputs import MARK, unwritable, write_text
 from planlang.records import dataclass
+from planlang.runs.schema import FLAG, NUMBER, TEXT, TEXTS, wrong_entry
 
 LARGEST = 1_000_000_000
 """Largest file that can be read [bytes]."""
 SYNCED_EVERY = 5.0
 """Interval of fsync [s]: a crash of the machine loses at most this much work, a crash of planlang none."""
 _WHOLE = [1, 1]
+_ROW = {
+    **dict.fromkeys(("outcome", "message", "repeat"), TEXT),
+    **{"reached": FLAG, "failure": TEXTS, "duration": NUMBER},
+}
+"""What the entries of a row have to be, if they are there."""
 Header = dict[str, Any]
 
 
@@ -81,9 +87,9 @@ class SweepFile:
         written.
         """
         try:
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK, 0o666)
-        except OSError as problem:
-            raise BadInput([error("C004", f"{path} cannot be written: {problem.strerror}")]) from None
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK | os.O_NOFOLLOW, 0o666)
+        except (OSError, ValueError) as problem:
+            raise BadInput([unwritable(path, problem)]) from None
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 raise BadInput([error("C004", f"{path} is not a regular file, which a sweep needs to resume")])
@@ -128,6 +134,8 @@ def read_sweep(path: Path) -> Sweep:
         if not isinstance(key, int | str) or key not in known or key in rows:
             message = f"world {str(key)[:100]} is not part of the sweep, or has two lines"
             raise BadInput([error("C030", message, Span(str(path), number))])
+        if (wrong := wrong_entry(row, _ROW)) is not None:
+            raise BadInput([error("C030", f"this line of a sweep is damaged: {wrong}", Span(str(path), number))])
         rows[key] = row
     return Sweep(str(path), header, tuple(rows.values()), len(rest))
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
-import shutil
 import sys
 import tempfile
 import threading
@@ -19,15 +17,16 @@ from executive.processes.calls import Ending, Limits, Performs, Reply
 from executive.processes.workers import Source, Worker
 from executive.sweeps.records import CRASHED, Done, Task, World
 from planlang.diagnostics import BadInput
+from planlang.temporary import temporary_folder
 
 
 @contextmanager
 def worlds_done(worlds: Sequence[World], task: Task) -> Iterator[Iterator[Done]]:
     """Run a task in all worlds, ``task.processes`` at a time. BadInput raised by the job ends the sweep."""
     resolve_name(task.job)  # a wrong name raises here, instead of failing in each world
-    with tempfile.TemporaryDirectory(prefix="planlang-sweep-") as folder:
+    with temporary_folder() as folder:
         path = [os.path.abspath(one) for one in sys.path]
-        source = Source("executive.sweeps.local:prepared", task.job, folder, *path)
+        source = Source("executive.sweeps.local:prepared", task.job, str(folder), *path)
         supervision = _Supervision(worlds, task, source)
         try:
             yield supervision.results()
@@ -109,7 +108,6 @@ def prepared(job: str, folder: str, *path: str) -> Performs:
     """Import the job before processes are forked. Temporary files go to ``folder``, which the supervisor removes."""
     sys.path += [one for one in path if one not in sys.path]
     tempfile.tempdir = folder
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # in case the supervisor is killed
     resolve_name(job)
     return lambda function, arguments: function(*arguments)
 

@@ -17,6 +17,7 @@ from typing import Protocol
 from urllib.parse import unquote
 
 from planlang.designators import local_name
+from planlang.diagnostics import Diagnostic, Span, error
 from planlang.records import dataclass
 
 LOWEST_RATING, HIGHEST_RATING = 0, 10
@@ -240,6 +241,18 @@ class Unreachable(Exception):
 
 class Full(Unreachable):
     """No space is left; the store is unchanged."""
+
+
+class Unusable(Unreachable):
+    """The file of a store is damaged, locked, or cannot be written; ``advice`` says what to do."""
+
+    def __init__(self, message: str, advice: str) -> None:
+        super().__init__(message)
+        self.advice = advice
+
+    def diagnostic(self, file: str) -> Diagnostic:
+        """Make the error that the file cannot be used."""
+        return error("K001", str(self), Span(file), self.advice)
 
 
 def check_rating(entry: Entry, author: str, rating: int) -> None:

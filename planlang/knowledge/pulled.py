@@ -66,6 +66,9 @@ def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> lis
         path = folder / name
         if path.is_dir():
             problems.append(error("C004", f"{path} is a folder"))
+        elif path.is_symlink() and not force:
+            advice = "-o FOLDER names another folder, --force replaces the link by a file"
+            problems.append(error("C005", f"{path} is a symbolic link", help=advice))
         elif path.exists() and not force and not is_as_pulled(path, origin, before.get(name)):
             advice = "-o FOLDER names another folder, --force overwrites it"
             problems.append(error("C005", f"{path} exists with different content", help=advice))

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from shutil import copyfile
-from tempfile import TemporaryDirectory
 from typing import Protocol
 
 from planlang.diagnostics import BadInput, error, has_errors
 from planlang.knowledge.answers import NotAsAgreed
 from planlang.knowledge.entries import Attachment, Entry, Revision, Syntax
 from planlang.knowledge.pulled import Origin, check_free, is_as_pulled, record
-from planlang.outputs import replace
+from planlang.outputs import make_folder, replace
+from planlang.temporary import temporary_folder
 
 SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
 MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
@@ -46,14 +46,14 @@ def pull(
     are already up to date are not read again. ``force`` overwrites the user's own files. Raises BadInput and the
     exceptions of the client.
     """
-    with TemporaryDirectory(prefix="planlang-") as staged:
-        folders = [_read(client, entry, folder, revision, Path(staged), force=force) for entry, folder in wanted]
+    with temporary_folder() as staged:
+        folders = [_read(client, entry, folder, revision, staged, force=force) for entry, folder in wanted]
         for folder, names in folders:
-            _make(folder)
+            make_folder(folder)
             record(folder, names, force=force)
             for name, origin in names.items():
                 if not is_as_pulled(folder / name, origin):
-                    replace(folder / name, partial(copyfile, Path(staged) / origin.sha256))
+                    replace(folder / name, partial(copyfile, staged / origin.sha256))
     return tuple(folder / name for folder, names in folders for name in names)
 
 
@@ -88,10 +88,3 @@ def _check_bounds(entry: Entry, content: str) -> None:
     if len(sizes) > MOST_FILES or sum(sizes) > LARGEST_ENTRY:
         limit = f"{MOST_FILES:,} files, {LARGEST_ENTRY // 1_000_000_000} GB"
         raise BadInput([error("K036", f"{entry.uid} exceeds the limit for a download: {limit}")])
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as problem:
-        raise BadInput([error("C004", f"{folder}: {getattr(problem, 'strerror', None) or problem}")]) from None

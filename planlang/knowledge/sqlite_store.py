@@ -7,14 +7,17 @@ returns. Equal contents are stored once, by SHA-256.
 from __future__ import annotations
 
 import hashlib
+import os
 import secrets
 import sqlite3
 import threading
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.knowledge.database import Connection, damaged, exception_of, typed
 from planlang.knowledge.entries import (
     REVISIONS_KEPT,
     Attachment,
@@ -24,23 +27,23 @@ from planlang.knowledge.entries import (
     Entry,
     EntryExists,
     File,
-    Full,
     Kind,
     News,
     NoSuchEntry,
     Request,
     Revision,
     Syntax,
+    Unusable,
     check_rating,
     own,
     rating_of,
     uid_of,
 )
+from planlang.outputs import named
 
 VERSION = 2
 """Version of the schema; files with another version are refused."""
 
-_NO_ROOM = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE)
 _PATIENCE = 10.0
 """Time that a writer waits for the transaction of another process [s]."""
 
@@ -82,12 +85,10 @@ _RATED = "SELECT r.uid, r.rating FROM ratings r JOIN entries e ON e.uid = r.uid 
 """Ratings, without those by the entry's author, which earlier versions may have stored."""
 
 
-def _no_base(path: Path, problem: sqlite3.DatabaseError) -> Diagnostic:
-    if path.is_dir():
-        return error("K001", f"{path} is a folder", help="name a file in it; it is created if needed")
-    if not path.parent.is_dir():
-        return error("K001", f"there is no folder {path.parent}", help="create it first")
-    return error("K001", f"not a knowledge base: {problem}", Span(str(path)))
+def _columns(database: sqlite3.Connection) -> set[tuple[str, str]]:
+    """Tables of a database with their columns."""
+    listed = "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c WHERE m.type = 'table'"
+    return set(database.execute(listed))
 
 
 class SqliteStore:
@@ -96,9 +97,9 @@ class SqliteStore:
     Raises BadInput with K001 unless the file is a knowledge base.
     """
 
-    def __init__(self, path: Path, *, revisions_kept: int = REVISIONS_KEPT) -> None:
-        """Open or create the file; it keeps ``revisions_kept`` earlier revisions of each entry."""
-        self._path = path
+    def __init__(self, path: Path, *, revisions_kept: int = REVISIONS_KEPT, creates: bool = True) -> None:
+        """Open the file, or create it if ``creates``; it keeps ``revisions_kept`` earlier revisions of each entry."""
+        self._path, self._creates = path, creates
         self._kept = revisions_kept
         self._local = threading.local()
         self._connections: dict[threading.Thread, sqlite3.Connection] = {}
@@ -106,29 +107,60 @@ class SqliteStore:
         self._writing = threading.Lock()
         try:
             self._prepare()
-        except sqlite3.DatabaseError as problem:
+        except Unusable as problem:
             self.close()
-            raise BadInput([_no_base(path, problem)]) from None
+            raise BadInput([self._refusal(problem)]) from None
+
+    def _refusal(self, problem: Unusable) -> Diagnostic:
+        """Error for a file that cannot be opened as a store."""
+        path = self._path
+        if os.path.isdir(path):
+            return error("K001", f"{path} is a folder", help="name a file in it; it is created if needed")
+        if not os.path.isdir(path.parent):
+            return error("K001", f"there is no folder {named(path.parent)}", help="create it first")
+        return problem.diagnostic(named(path))
 
     def _prepare(self) -> None:
+        if os.path.islink(self._path) and not os.path.exists(self._path):
+            raise Unusable("it is a symbolic link that leads nowhere", "name the file itself")
+        if not self._creates and not os.path.getsize(self._path):
+            raise Unusable("not a knowledge base: it is empty", "name the file of a store")
         database = self._database
         database.execute("PRAGMA journal_mode = WAL")
         with self._transaction():
             (version,) = database.execute("PRAGMA user_version").fetchone()
-            if version == 0 and not database.execute("SELECT 1 FROM sqlite_master").fetchone():
+            if version == 0 and self._creates and not database.execute("SELECT 1 FROM sqlite_master").fetchone():
                 forgetting = (_UNUSED.format(table=table) for table in ("revisions", "attachments"))
                 for statement in (*_TABLES.split(";"), *forgetting):
                     database.execute(statement)
                 database.execute(f"PRAGMA user_version = {VERSION}")
             elif version != VERSION:
-                raise sqlite3.DatabaseError(f"its schema version is {version}, not {VERSION}")
+                advice = "name the file of a store, or one that is not there yet"
+                if 0 < version < VERSION or version > VERSION:
+                    advice = "open it with the version of planlang that wrote it, and push its entries to a new store"
+                raise Unusable(f"not a knowledge base: its schema version is {version}, not {VERSION}", advice)
+            else:
+                self._check_tables(database)
+
+    @staticmethod
+    def _check_tables(database: sqlite3.Connection) -> None:
+        with closing(sqlite3.connect(":memory:")) as new:
+            new.executescript(_TABLES)
+            missing = sorted(_columns(new) - _columns(database))
+        if missing:
+            raise damaged(f"the table {missing[0][0]} has no column {missing[0][1]}, or is missing")
 
     @property
     def _database(self) -> sqlite3.Connection:
         """Connection of this thread; opening one closes those of threads that have ended."""
         found: sqlite3.Connection | None = getattr(self._local, "database", None)
         if found is None:
-            found = sqlite3.connect(self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False)
+            try:
+                found = sqlite3.connect(
+                    self._path, timeout=_PATIENCE, isolation_level=None, check_same_thread=False, factory=Connection
+                )
+            except (sqlite3.Error, ValueError) as problem:  # ValueError: a null character in the name
+                raise exception_of(problem) from None
             self._local.database = found
             with self._opening:  # register it before its first use: close() must know it even after a failure
                 for thread in [one for one in self._connections if not one.is_alive()]:
@@ -146,11 +178,9 @@ class SqliteStore:
             try:
                 yield database
                 database.execute("COMMIT")
-            except BaseException as problem:
+            except BaseException:
                 if database.in_transaction:  # SQLite ends it itself when the disk is full
                     database.execute("ROLLBACK")
-                if getattr(problem, "sqlite_errorcode", None) in _NO_ROOM:
-                    raise Full(f"the store is full: {problem}") from None
                 raise
 
     # entries
@@ -160,7 +190,7 @@ class SqliteStore:
         database = self._database
         attachments: dict[str, list[Attachment]] = {}
         for uid, *row in database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2"):
-            attachments.setdefault(uid, []).append(Attachment(*row))
+            attachments.setdefault(uid, []).append(Attachment(*typed(row, str, str, str, int)))
         ratings = self._all_ratings()
         wanted = "" if kind is None else " WHERE e.kind = ?"
         for row in database.execute(
@@ -175,8 +205,8 @@ class SqliteStore:
         if row is None:
             raise NoSuchEntry(f"there is no entry {uid}")
         listed = "SELECT name, media_type, sha256, size FROM attachments WHERE uid = ? ORDER BY name"
-        attachments = tuple(Attachment(*one) for one in database.execute(listed, (uid,)))
-        ratings = [rating for _, rating in database.execute(f"{_RATED} WHERE e.uid = ?", (uid,))]
+        attachments = tuple(Attachment(*typed(one, str, str, str, int)) for one in database.execute(listed, (uid,)))
+        ratings = [typed(row, str, int)[1] for row in database.execute(f"{_RATED} WHERE e.uid = ?", (uid,))]
         return _entry(row, attachments, ratings)
 
     def content(self, uid: str, revision: int | None = None) -> bytes:
@@ -186,26 +216,26 @@ class SqliteStore:
         row = self._database.execute(stored, (uid, number)).fetchone()
         if row is None:
             raise NoSuchEntry(f"there is no revision {number} of {uid}")
-        return bytes(row[0])
+        return bytes(typed(row, bytes)[0])
 
     def revisions(self, uid: str) -> tuple[Revision, ...]:
         """Return the stored revisions, latest first. Raises NoSuchEntry."""
         self.entry(uid)
         stored = "SELECT number, sha256, author, made FROM revisions WHERE uid = ? ORDER BY number DESC"
-        return tuple(Revision(*row) for row in self._database.execute(stored, (uid,)))
+        return tuple(Revision(*typed(row, int, str, str, str)) for row in self._database.execute(stored, (uid,)))
 
     def descriptions(self) -> Iterator[Described]:
         """Yield the fields and descriptions of all entries, sorted by identifier."""
         stored = "SELECT uid, kind, about, label, description FROM entries ORDER BY uid"
         for uid, kind, *others in self._database.execute(stored).fetchall():
-            yield Described(uid, Kind(kind), *others)
+            yield Described(*typed((uid, kind), str, Kind), *typed(others, str, str, bytes))
 
     def description(self, uid: str) -> bytes:
         """Return the description of the latest revision. Raises NoSuchEntry."""
         row = self._database.execute("SELECT description FROM entries WHERE uid = ?", (uid,)).fetchone()
         if row is None:
             raise NoSuchEntry(f"there is no entry {uid}")
-        return bytes(row[0])
+        return bytes(typed(row, bytes)[0])
 
     def describe(self, uid: str, description: bytes, expected: str) -> None:
         """Replace the description of unchanged content, without a line in the feed. Raises NoSuchEntry, Changed."""
@@ -286,7 +316,8 @@ class SqliteStore:
         row = self._database.execute(stored, (uid, name)).fetchone()
         if row is None:
             raise NoSuchEntry(f"{uid} has no file {name}")
-        return Attachment(*row[:4]), bytes(row[4])
+        *fields, data = typed(row, str, str, str, int, bytes)
+        return Attachment(*fields), data
 
     # ratings
 
@@ -309,7 +340,8 @@ class SqliteStore:
 
     def _all_ratings(self) -> dict[str, list[int]]:
         found: dict[str, list[int]] = {}
-        for uid, rating in self._database.execute(_RATED):
+        for row in self._database.execute(_RATED):
+            uid, rating = typed(row, str, int)
             found.setdefault(uid, []).append(rating)
         return found
 
@@ -365,12 +397,20 @@ class SqliteStore:
         stored = f"""SELECT number, change, uid, kind, author, made FROM news
             WHERE number > :after{mine} ORDER BY number {order} LIMIT :limit"""
         rows = self._database.execute(stored, {"after": after, "author": author, "limit": limit})
-        return tuple(News(n, Change(change), uid, Kind(kind), *others) for n, change, uid, kind, *others in rows)
+        return tuple(News(*typed(row, int, Change, str, Kind, str, str)) for row in rows)
 
     def last_news(self) -> int:
         """Return the number of the last line of the feed; 0 if it is empty."""
         (number,) = self._database.execute("SELECT max(number) FROM news").fetchone()
         return number or 0
+
+    def copy_to(self, path: Path) -> None:
+        """Copy the store as it is at this moment to a new file. Raises Unusable, Full."""
+        try:
+            with closing(sqlite3.connect(path)) as copy:
+                self._database.backup(copy)
+        except sqlite3.Error as problem:
+            raise exception_of(problem) from None
 
     def close(self) -> None:
         """Close the file."""
@@ -379,11 +419,12 @@ class SqliteStore:
                 connection.close()
 
 
-def _entry(row: tuple[str, ...], attachments: tuple[Attachment, ...], ratings: list[int]) -> Entry:
-    uid, kind, about, label, author, syntax, created, number, *revision = row
-    last = Revision(int(number), *revision)
+def _entry(row: Sequence[Any], attachments: tuple[Attachment, ...], ratings: list[int]) -> Entry:
+    *entry, number, sha256, author, made = row
+    last = Revision(*typed((number, sha256, author, made), int, str, str, str))
     rating, count = rating_of(ratings), len(ratings)
-    return Entry(uid, Kind(kind), about, label, author, Syntax(syntax), created, last, attachments, rating, count)
+    fields = typed(entry, str, Kind, str, str, str, Syntax, str)
+    return Entry(*fields, last, attachments, rating, count)  # type: ignore[call-arg]  # it counts the fields as one
 
 
 def _tell(database: sqlite3.Connection, change: Change, uid: str, kind: Kind, author: str, now: str) -> None:

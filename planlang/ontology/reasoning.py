@@ -20,7 +20,6 @@ import os
 import re
 import shutil
 import subprocess
-import tempfile
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
@@ -36,6 +35,7 @@ from planlang.ontology.nested_writers import rdfxml
 from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
+from planlang.temporary import temporary_folder
 
 MEMORY = 2000
 """Memory limit of a reasoner [MB]."""
@@ -81,8 +81,8 @@ def reason(ontology: Ontology, reasoner: Reasoner = Reasoner.HERMIT, seconds: fl
     if (lacking := missing()) is not None:
         raise BadInput([error("O064", lacking)])
     given = reasoner_input(ontology)
-    with tempfile.TemporaryDirectory() as folder:
-        run = _Reasoning(ontology, given, reasoner, Path(folder), time.monotonic() + seconds, seconds)
+    with temporary_folder() as folder:
+        run = _Reasoning(ontology, given, reasoner, folder, time.monotonic() + seconds, seconds)
         contradictions = run.diagnostics()
     classes = sum(ontology.is_class(iri) for iri in given.names.values())
     individuals = len({given.triples[row].subject for row in given.facts})

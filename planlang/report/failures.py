@@ -100,7 +100,7 @@ def reason_in(record: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
     """
     try:
         failure = load_failure(record["failure"])
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError):
         return None
     if isinstance(failure, MissingCapability):
         return str(failure), {"missing": failure.missing}

@@ -15,10 +15,11 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from planlang.files import encoding_of
+from planlang.files import encoding_of, open_regular
 from planlang.kernel.schedule import parse_draws
 from planlang.records import dataclass
 from planlang.runs.codec import SCHEMA, Exact, load, load_failure
+from planlang.runs.schema import DEEPEST, LATEST, is_deep, mistake
 
 LONGEST_LINE = 20_000_000
 """Maximum length of a line of a trace [bytes]."""
@@ -114,7 +115,7 @@ class RecordedRun:
 def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
     """Read the records of a file, unchecked, and whether the last line was cut off; raises OSError, DamagedTrace."""
     texts: list[bytes] = []
-    with Path(path).open("rb") as file:
+    with open_regular(Path(path)) as file:
         while text := file.readline(LONGEST_LINE + 1):
             if len(text) > LONGEST_LINE:
                 raise DamagedTrace(f"a line of more than {LONGEST_LINE // 1_000_000} MB", len(texts) + 1)
@@ -125,7 +126,11 @@ def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
     records: list[Any] = []
     for number, text in enumerate(texts, 1):
         try:
-            records.append(json.loads(text))
+            record = json.loads(text)
+            # most lines are too short for this
+            if text.count(b"[") + text.count(b"{") > DEEPEST and is_deep(record):
+                raise RecursionError
+            records.append(record)
         except (ValueError, RecursionError) as problem:
             if torn and number == len(texts) and number > 1:
                 return records, True
@@ -151,6 +156,10 @@ def checked_records(records: Iterable[object]) -> Iterator[tuple[int, Mapping[st
         assert isinstance(record, Mapping)
         if number == 1:
             _check_header(record)
+        if (wrong := mistake(record)) is not None:
+            raise DamagedTrace(wrong, number)
+        if now > LATEST:
+            raise DamagedTrace(f"step {now} is too late", number)
         if now < step:
             raise DamagedTrace(f"step {now} comes after step {step}", number)
         step = now
@@ -167,15 +176,19 @@ def _lines(records: Iterable[object]) -> list[Line]:
 def _check_header(record: Mapping[str, Any]) -> None:
     if record["event"] != "header":
         raise DamagedTrace("a trace begins with its header", 1)
-    if record.get("schema") != SCHEMA:
-        versions = record.get("versions")
-        version = versions.get("planlang") if isinstance(versions, dict) else None
-        writer = "the version of planlang that wrote it" if version is None else f"planlang {version}, which wrote it"
-        raise DamagedTrace(
-            f"the trace has schema {record.get('schema')!r}, and this version reads schema {SCHEMA}: read it with "
-            f"{writer}, or run the plan again",
-            1,
-        )
+    schema, versions = record.get("schema"), record.get("versions")
+    if schema == SCHEMA:
+        return
+    if type(schema) is not int:
+        raise DamagedTrace(f"schema has to be a number: that of this version of planlang is {SCHEMA}", 1)
+    version = versions.get("planlang") if isinstance(versions, dict) else None
+    age = "an older" if schema < SCHEMA else "a newer"
+    written = "" if version is None else f"; its header names planlang {version}"
+    raise DamagedTrace(
+        f"the trace has schema {schema}, that of {age} planlang, and this one reads only schema {SCHEMA}{written}: run "
+        "the plan again, or read the trace where it was written",
+        1,
+    )
 
 
 def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> Place | None:
@@ -186,9 +199,9 @@ def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> 
         raise DamagedTrace("node has to be a number", number)
     if node not in places:
         match record:
-            case {"node": int(), "parent": None, "name": str(name)}:
+            case {"node": int(), "parent": None, "name": str(name), "kind": str()}:
                 places[node] = Place(name, None)
-            case {"node": int(), "parent": int(parent), "name": str(name)} if parent in places:
+            case {"node": int(), "parent": int(parent), "name": str(name), "kind": str()} if parent in places:
                 places[node] = Place(name, places[parent])
             case _:
                 raise DamagedTrace("the node of this record has not started", number)

@@ -18,6 +18,7 @@ from planlang.kernel.errors import RunError
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import SUCCEEDED, Node, Status
 from planlang.misuse import Usage, WrongType, contrast, written
+from planlang.outputs import beside, is_device, open_output
 from planlang.runs.codec import PLAIN, SCHEMA, Exact, encode
 from planlang.runs.recorded_run import BOOKKEEPING, SPANS, Line, Past, details
 
@@ -103,20 +104,24 @@ class Trace:
         target = Path(path)
         trace = cls(None, header)
         if earlier is None:
-            if target.is_file():
-                target.replace(target.with_name(target.name + ".old"))
-            trace._file = io.FileIO(target, "w")
-            trace._put = trace._file.write
+            if _is_file(target):
+                target.replace(beside(target, ".old"))
+            trace._open(target)
             return trace
-        new_file = target.with_name(f".{target.name}.new") if target.is_file() or not target.exists() else target
-        trace._file = io.FileIO(new_file, "w")
-        trace._put = trace._file.write
-        trace.take_over((line.record for line in earlier.kept), earlier.nodes)
-        if target.is_file():
-            target.replace(_free(target))
+        new_file = target if is_device(target) else beside(target, ".new", ".")
         if new_file is not target:
+            new_file.unlink(missing_ok=True)
+        trace._open(new_file)
+        trace.take_over((line.record for line in earlier.kept), earlier.nodes)
+        if new_file is not target:
+            if _is_file(target):
+                target.replace(_free(target))
             new_file.replace(target)
         return trace
+
+    def _open(self, path: Path) -> None:
+        self._file = open_output(path)
+        self._put = self._file.write
 
     def write_header(self, **known: object) -> None:
         """Write the header, with these entries and those of the constructor."""
@@ -421,10 +426,15 @@ def _free(target: Path) -> Path:
     """First free name for an older file."""
     number = 1
     while True:
-        older = target.with_name(f"{target.name}.old{number if number > 1 else ''}")
-        if not older.exists():
+        older = beside(target, f".old{number if number > 1 else ''}")
+        if not os.path.lexists(older):
             return older
         number += 1
+
+
+def _is_file(path: Path) -> bool:
+    """Check for a file or a link, wherever it leads; not for a folder or a device."""
+    return os.path.lexists(path) and not path.is_dir() and not is_device(path)
 
 
 def _through(file: TextIO) -> Callable[[bytes], int]:

@@ -77,3 +77,61 @@ def test_a_name_that_cannot_be_a_function_gets_a_proposal(tmp_path: Path, monkey
     assert refused.exit_code == 2
     assert "C034" in refused.output
     assert "my_task" in refused.output
+
+
+NO_NAMES = {
+    "all": (
+        "class",
+        "async",
+        "print",
+        "some",
+        "random",
+        "pytest",
+        "planlang",
+        "__init__",
+        "9x",
+        "é",
+        "",
+        "a b",
+        "x" * 300,
+    ),
+    "plan": ("grasp", "partial", "perform", "plan"),
+    "recipe": ("take_first", "close_the_cabinet"),
+    "map": ("cup1", "cabinet1"),
+    "module": ("whistling", "sleep"),
+    "project": ("class",),
+    "robot": ("import",),
+}
+
+
+@pytest.mark.parametrize("kind", [kind for kind in NO_NAMES if kind != "all"])
+def test_no_template_is_written_under_a_name_that_would_break_it(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in (*NO_NAMES["all"], *NO_NAMES[kind]):
+        refused = planlang("new", kind, name)
+        assert (refused.exit_code, "C0" in refused.stderr, "help:" in refused.stderr) == (2, True, True), refused.output
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["plan", "module"])
+def test_what_is_written_under_a_proposed_name_is_python(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("class", "9x", "grasp", "sleep"):
+        told = planlang("new", kind, name)
+        written = name
+        if told.exit_code == 2:
+            written = told.stderr.partition("for example ")[2].split()[0]
+            assert planlang("new", kind, written).exit_code == 0
+        compile(Path(f"{written}.py").read_text("utf-8"), written, "exec")
+
+
+def test_a_folder_that_is_a_file_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("mine")
+    for folder in ("file", "file/below"):
+        refused = planlang("new", "plan", "mine", "--folder", folder)
+        assert (refused.exit_code, "is a file, not a folder" in refused.stderr) == (2, True), refused.output

@@ -88,12 +88,18 @@ def test_a_pipe_gets_the_content_and_stays_a_pipe(tmp_path: Path) -> None:
     assert pipe.is_fifo()
 
 
-def test_a_link_stays_and_what_it_names_is_replaced(tmp_path: Path) -> None:
-    (tmp_path / "there.txt").write_text("old")
-    link = tmp_path / "out.txt"
+@pytest.mark.parametrize("is_there", [True, False])
+def test_no_output_goes_through_a_link_which_only_force_replaces(tmp_path: Path, *, is_there: bool) -> None:
+    there, link = tmp_path / "there.txt", tmp_path / "out.txt"
+    if is_there:
+        there.write_text("written by planlang")
     link.symlink_to("there.txt")
+    (refused,) = check_outputs({"--output": link}, {})
+    assert (refused.code, str(there) in str(refused.help)) == ("C005", True)
+    assert check_outputs({"--output": link}, {}, force=True) == []
     write_text(link, "new")
-    assert (link.is_symlink(), (tmp_path / "there.txt").read_text()) == (True, "new")
+    assert (link.is_symlink(), link.read_text()) == (False, "new")
+    assert (there.read_text() if there.exists() else "") == ("written by planlang" if is_there else "")
 
 
 def test_a_folder_that_is_not_there_is_bad_input(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ A fix that the user accepted is evaluated by the checks and by a rehearsal of th
 
 from __future__ import annotations
 
-import tempfile
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -23,6 +22,7 @@ from planlang.recipe.fixes.proposals import declarations, propose_fixes, renames
 from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
 from planlang.records import dataclass
+from planlang.temporary import temporary_folder
 
 MOST_FIXES = 100
 """Maximum number of fixes tried in one file. Each reads the whole file again, a tenth of a second for a real recipe."""
@@ -127,8 +127,8 @@ class _Fixing:
 
     def _read(self, text: str) -> _State:
         """Read a text with its diagnostics and fixes. Raises BadInput if it cannot be read."""
-        with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-            copy = Path(folder) / self._path.name
+        with temporary_folder() as folder:
+            copy = folder / self._path.name
             copy.write_bytes(text.encode(self.encoding))
             actions = Actions(load(copy, folders=(self._path.parent, *self._folders)))
             reading = read_recipe(actions, self._task)
@@ -192,8 +192,8 @@ class _Fixing:
         if self._rehearse is None:
             return None
         if state.text not in self._rehearsals:
-            with tempfile.TemporaryDirectory(prefix="planlang-") as folder:
-                copy = Path(folder) / self._path.name
+            with temporary_folder() as folder:
+                copy = folder / self._path.name
                 copy.write_bytes(state.text.encode(self.encoding))
                 self._rehearsals[state.text] = self._rehearse(copy)
         return self._rehearsals[state.text]

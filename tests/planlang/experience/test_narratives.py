@@ -240,7 +240,7 @@ ROOT = {"step": 0, "event": "started", "node": 1, "parent": None, "kind": "branc
         ([HEADER, {**ROOT, "parent": 7}], 2, "has not started"),
         ([HEADER, {**ROOT, "node": -1}], 2, "number"),
         ([HEADER, {**ROOT, "name": 7}], 2, "text"),
-        ([HEADER, {"step": 0, "event": "ended", "node": 1}], 2, "parent"),
+        ([HEADER, {"step": 0, "event": "ended", "node": 1, "status": "failed"}], 2, "parent"),
         ([HEADER, ROOT, {**ROOT, "event": "ended", "status": "odd"}], 3, "odd"),
         ([HEADER, ROOT, {**ROOT, "event": "ended", "status": "failed", "failure": []}], 3, "failure"),
         ([HEADER, ROOT, {"step": 0, "event": "request", "node": 1}], 3, "module"),

@@ -289,7 +289,11 @@ def test_a_torn_last_line_is_left_out_and_a_whole_one_without_its_end_is_not(wri
         (3, '{"step": 0}', "not a record"),
         (4, '{"step": 0, "event": "x", "node": 99, "name": "y"}', "has not started"),
         (4, '{"step": 0, "event": "x", "node": [], "name": "y"}', "node has to be a number"),
-        (4, '{"step": 0, "event": "started", "node": 99, "parent": 98, "name": "y"}', "has not started"),
+        (
+            4,
+            '{"step": 0, "event": "started", "node": 99, "parent": 98, "kind": "branch", "name": "y"}',
+            "has not started",
+        ),
         (1, '{"step": 0, "event": "started"}', "begins with its header"),
         (1, '{"step": 0, "event": "header", "schema": 1}', "schema 1"),
         (5, '{"step": 0, "event": "x"}', None),
@@ -402,10 +406,11 @@ def test_a_trace_that_is_kept_in_memory_has_nothing_to_close() -> None:
 def test_what_is_read_of_nodes_inside_of_nodes_grows_as_the_trace_does(tmp_path: Path) -> None:
     def room(depth: int) -> int:
         file = tmp_path / f"{depth}.jsonl"
-        lines: list[dict[str, object]] = [{"step": 0, "event": "header", "schema": SCHEMA}]
+        lines: list[dict[str, object]] = [{"step": 0, "event": "header", "schema": SCHEMA, "rate": 30}]
         around = None
-        for node in range(depth):
-            lines.append({"step": 0, "event": "started", "node": node, "parent": around, "name": f"part#{node}"})
+        for node in range(1, depth + 1):
+            named = {"node": node, "parent": around, "kind": "branch", "name": f"part#{node}"}
+            lines.append({"step": 0, "event": "started", **named})
             around = node
         file.write_text("".join(json.dumps(line) + "\n" for line in lines))
         tracemalloc.start()
