@@ -342,7 +342,7 @@ def test_a_fix_that_would_do_harm_is_refused_and_says_what_to_write_instead(tmp_
 
 def test_a_bundled_map_is_checked_by_its_name_and_its_contents_are_listed_on_request() -> None:
     shown = CliRunner().invoke(app, ["check", "hospital_room", "--verbose"]).stdout
-    assert "  bottle1  DrinkingBottle\n" in shown
+    assert "  bottle1  DrinkingBottle  at " in shown
     assert "bottle1" not in CliRunner().invoke(app, ["check", "hospital_room"]).stdout
 
 

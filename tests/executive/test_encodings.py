@@ -22,7 +22,7 @@ fixed = true
 WORLD = """<robot name="flat"><link name="floor"/><link name="table">
 <collision><geometry><box size="1 1 0.7"/></geometry></collision></link>
 <joint name="j" type="fixed"><parent link="floor"/><child link="table"/></joint></robot>"""
-LABELS = '[links.table]\nclass = "KitchenIsland"\n'
+LABELS = '[links.table]\nclass = "CounterTop"\n'
 GRID = "image: grid.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
 PLAN = """from planlang import plan, sleep
 

@@ -46,9 +46,9 @@ OUTPUTS = {
     "run --poses": f"run {IN_ROOM} --poses {{}}",
     "run --upload": f"run {IN_ROOM} --upload {{}}",
     "run --update-map": f"run {IN_ROOM} --update-map {{}}",
-    "sweep --out": f"sweep {IN_ROOM} --worlds 1 --out {{}}",
+    "sweep --output": f"sweep {IN_ROOM} --worlds 1 --out {{}}",
     "sweep --csv": f"sweep {IN_ROOM} --worlds 1 --csv {{}}",
-    "sweep-merge --out": "sweep-merge sweep.jsonl --out {}",
+    "sweep-merge --output": "sweep-merge sweep.jsonl --out {}",
     "sweep-merge --csv": "sweep-merge sweep.jsonl --out merged.jsonl --csv {}",
     "sweep-table --csv": "sweep-table sweep.jsonl --csv {}",
     "report --output": "report run.jsonl -o {}",
@@ -99,7 +99,7 @@ INPUTS = {
     "robot make --srdf": f"robot make {ROBOT} --srdf {{}}",
 }
 ELSEWHERE = {
-    *("enable --store", "enable --trace", "sweep --reports", "pull --output", "serve --access-log"),
+    *("enable --folder", "enable --trace", "sweep --reports", "pull --output", "serve --access-log"),
     *("delete --key-file", "rate --key-file", "watch --key-file", "push --key-file", "enable --modules"),
     *("enable --ontologies", "enable --urdf", "locate --urdf", "locate --ontologies", "robot inspect --urdf"),
 }
