@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from planlang.changes import Change
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
@@ -42,6 +44,8 @@ class KinematicScene:
         self._client = connect(gui=gui)
         persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
         self._bodies = Bodies(self._client, scene, persons)
+        if gui:
+            self._bodies.fill(np.full(3, -np.inf), np.full(3, np.inf))
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
         self._held: dict[str, HeldObject] = {}
