@@ -79,8 +79,9 @@ class Piece:
 class Bodies:
     """Bodies of a scene in one client; ``lower`` and ``upper`` (n, 3) hold a box per piece, empty if removed."""
 
-    def __init__(self, client: int, scene: Scene, parts: dict[str, tuple[Part, ...]]) -> None:
-        self.client = client
+    def __init__(self, client: int, scene: Scene, parts: dict[str, tuple[Part, ...]], *, shown: bool = True) -> None:
+        """``parts``: those of persons; without ``shown``, pictures show none of the bodies, which takes less time."""
+        self.client, self.shown = client, shown
         self.bodies = {body.name: body for body in scene.bodies}
         self.poses = {body.name: body.pose for body in scene.bodies}
         self.removed: set[str] = set()
@@ -99,6 +100,8 @@ class Bodies:
         self.lower, self.upper = np.zeros((0, 3)), np.zeros((0, 3))
         self._made = np.zeros(0, bool)
         """Which pieces exist in the client."""
+        self._making: int | None = None
+        """Number of bodies in the client before the piece that is being made."""
         self._add(self.bodies.values(), parts)
         self.first = len(self.pieces)
         """Number of pieces in the initial scene."""
@@ -149,16 +152,30 @@ class Bodies:
         uid = self.pieces[index].uid
         return self._make(index) if uid is None else uid
 
-    def fill(self, lower: Array, upper: Array) -> None:
-        """Make the pieces in a box, given by its corners (3,), in the client: rays and pictures meet only those."""
+    def fill(self, lower: Array, upper: Array, planes: Array | None = None) -> None:
+        """Make the pieces in a box, given by its corners (3,), in the client: rays and pictures meet only those.
+
+        ``planes`` (k, 4), normals and distances from the origin, leave out pieces wholly on the positive side of one.
+        """
         missing = ~self._made
-        if missing.any():
-            missing &= (self.lower <= upper + _SLACK).all(axis=1) & (self.upper >= lower - _SLACK).all(axis=1)
-            for index in np.flatnonzero(missing).tolist():
-                self._make(index)
+        if not missing.any():
+            return
+        missing &= (self.lower <= upper + _SLACK).all(axis=1) & (self.upper >= lower - _SLACK).all(axis=1)
+        some = np.flatnonzero(missing)
+        if planes is not None and len(some):
+            low, high = self.lower[some, None], self.upper[some, None]
+            least = np.where(planes[:, :3] > 0, low, high) * planes[:, :3]
+            some = some[(least.sum(axis=2) <= planes[:, 3] + _SLACK).all(axis=1)]
+        for index in some.tolist():
+            self._make(index)
 
     def _make(self, index: int) -> int:
         """Make a piece where it is now: where many overlap, each further one takes PyBullet longer."""
+        count = bullet.getNumBodies(physicsClientId=self.client)
+        if self._making is not None and count > self._making:  # an interrupt came before it was noted
+            bullet.removeBody(bullet.getBodyUniqueId(count - 1, physicsClientId=self.client), self.client)
+            count -= 1
+        self._making = count
         piece = self.pieces[index]
         body, part = self.bodies[piece.body], piece.part
         x, y, z = part.size
@@ -183,13 +200,14 @@ class Bodies:
             bullet.createMultiBody(
                 0,
                 bullet.createCollisionShape(shape, **solid),
-                bullet.createVisualShape(shape, **visual),
+                bullet.createVisualShape(shape, **visual) if self.shown else -1,
                 basePosition=_AWAY if is_away else piece.pose.position,
                 baseOrientation=(0, 0, 0, 1) if is_away else piece.pose.orientation,
                 physicsClientId=self.client,
             )
         )
         piece.uid, self._index[uid], self._made[index] = uid, index, True
+        self._making = None
         return uid
 
     def place(self, name: str, pose: Pose) -> None:

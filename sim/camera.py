@@ -106,8 +106,11 @@ class Camera:
         eye, forward, up = _axes(model, pose)
         wide = math.tan(model.fov / 2)
         right, above = np.cross(forward, up) * wide, up * (wide * model.height / model.width)
-        rim = [eye + far * (forward + i * right + k * above) for i in (-1, 1) for k in (-1, 1)]
-        self.bodies.fill(np.min([eye, *rim], axis=0), np.max([eye, *rim], axis=0))
+        rim = [forward + i * right + k * above for i, k in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        normals = np.array([np.cross(one, other) for one, other in zip(rim, [*rim[1:], rim[0]], strict=True)])
+        ends = eye + far * np.array([np.zeros(3), *rim])
+        planes = np.column_stack([normals, normals @ eye])
+        self.bodies.fill(ends.min(axis=0), ends.max(axis=0), planes)
 
     def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
         """Compute the pixels that a body would cover with nothing in front of it."""

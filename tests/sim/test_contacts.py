@@ -367,6 +367,7 @@ def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(q
     urdf = bundled("ontologies") / "robots" / "amigo.urdf"
     world = PlanningWorld(DIRTY_ROOM, RobotBody(urdf, CameraModel("openni_rgb_optical_frame")))
     try:
+        QUESTIONS[question](world)  # makes in the client what it comes near
         before = world.state(), physics(world.robot.client)
         whole = False
         for calls in (*range(1, 80), *range(80, 4000, 17)):
@@ -379,6 +380,25 @@ def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(q
         assert whole
     finally:
         world.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_question_interrupted_while_bodies_are_made_is_answered_rightly_afterwards() -> None:
+    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
+    body = RobotBody(urdf, CameraModel("openni_rgb_optical_frame"))
+    answers = set()
+    for calls in (10_000, *range(1, 90, 4)):
+        world = PlanningWorld(DIRTY_ROOM, body)
+        try:
+            with contextlib.suppress(KeyboardInterrupt), Interrupter(calls):
+                world.sight("cup", ELSEWHERE)
+            share, lines = world.sight("cup", ELSEWHERE)
+            support = world.support("cup")
+            pieces = physics(world.robot.client)
+            answers.add((share, tuple(sorted(lines.items())), support, len(pieces)))
+        finally:
+            world.close()
+    assert len(answers) == 1
 
 
 def test_a_tray_rests_on_its_table_not_on_the_hollow_cup_that_stands_on_it() -> None:
