@@ -33,6 +33,8 @@ class Parsed:
     prefixes: dict[str, str] = field(default_factory=dict)
     others: tuple[bytes, ...] = ()
     """Contents of other files that the triples depend on."""
+    is_alone: bool = False
+    """True if the triples depend on nothing but the text, its base IRI and its label."""
 
 
 def check_room(triples: Triples, line: int, column: int) -> None:
@@ -230,16 +232,21 @@ class Triples(Sequence[Triple]):
 
     @classmethod
     def unpacked(cls, packed: bytes, file: str) -> Triples:
-        """Restore triples from :meth:`packed`, with positions in ``file``."""
-        label, terms, *columns = json.loads(packed)
-        store = cls(file, label)
-        store.terms = [
-            term if term is None or isinstance(term, str) else BNode(*term) if len(term) == 1 else Literal(*term)
-            for term in terms
-        ]
-        store.numbers = {term: number for number, term in enumerate(store.terms) if term is not None}
-        for column, numbers in zip((*store._terms_of_rows(), store.lines, store.columns), columns, strict=True):
-            column.extend(numbers)
+        """Restore triples from :meth:`packed`, with positions in ``file``. Raises ValueError if that is no such text."""
+        try:
+            label, terms, *columns = json.loads(packed)
+            store = cls(file, label)
+            store.terms = [term if term is None or isinstance(term, str) else _unpacked_term(*term) for term in terms]
+            store.numbers = {term: number for number, term in enumerate(store.terms) if term is not None}
+            for column, numbers in zip((*store._terms_of_rows(), store.lines, store.columns), columns, strict=True):
+                column.extend(numbers)
+        except (TypeError, OverflowError, RecursionError) as problem:
+            raise ValueError(f"no packed triples: {problem}") from None
+        count, rows = len(store.terms), {len(column) for column in columns}
+        if not isinstance(label, str) or len(rows) != 1 or len(store.subjects) > MOST_TRIPLES:
+            raise ValueError("no packed triples: their label or columns")
+        if any(column and not 0 <= min(column) <= max(column) < count for column in store._terms_of_rows()):
+            raise ValueError("no packed triples: a term that is not there")
         return store
 
     # several files
@@ -350,6 +357,14 @@ def _chain(row: int, following: array[int]) -> list[int]:
         rows.append(row)
         row = following[row]
     return rows
+
+
+def _unpacked_term(*texts: str | None) -> BNode | Literal:
+    """Restore a term from the result of :func:`_packed_term`."""
+    value, *more = texts
+    if not isinstance(value, str) or any(not isinstance(one, str | None) for one in more):
+        raise ValueError(f"no packed term: {texts!r}")
+    return Literal(value, *more) if more else BNode(value)
 
 
 def _packed_term(term: Term | None) -> str | list[str | None] | None:
