@@ -100,6 +100,7 @@ class Bodies:
         self.lower, self.upper = np.zeros((0, 3)), np.zeros((0, 3))
         self._made = np.zeros(0, bool)
         """Which pieces exist in the client."""
+        self._boxes: tuple[object, tuple[list[str], Array, Array]] | None = None
         self._making: int | None = None
         """Number of bodies in the client before the piece that is being made."""
         self._add(self.bodies.values(), parts)
@@ -270,8 +271,10 @@ class Bodies:
 
     def show(self, indices: Sequence[int]) -> None:
         """Undo :meth:`hide`."""
-        for index in indices:
-            self._put(index)
+        for piece in (self.pieces[index] for index in indices):
+            if piece.uid is not None and piece.body not in self.removed:
+                place = piece.pose.position, piece.pose.orientation
+                bullet.resetBasePositionAndOrientation(piece.uid, *place, physicsClientId=self.client)
         self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
@@ -295,6 +298,18 @@ class Bodies:
         if not indices:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
+
+    def boxes(self) -> tuple[list[str], Array, Array]:
+        """List the bodies that have pieces, and the corners (n, 3) of their boxes, as :meth:`box_of` has them."""
+        state = self.moves, self.carries, len(self.pieces)
+        if self._boxes is None or self._boxes[0] != state:
+            names = [name for name, indices in self.of.items() if indices]
+            first = [self.of[name][0] for name in names]  # the pieces of a body follow one another
+            lower, upper = (np.zeros((0, 3)), np.zeros((0, 3)))
+            if names:
+                lower, upper = np.minimum.reduceat(self.lower, first), np.maximum.reduceat(self.upper, first)
+            self._boxes = state, (names, lower, upper)
+        return self._boxes[1]
 
     def spans(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
         """Oriented boxes around some pieces: centres (n, 3), axes (n, 3, 3) as columns, and half extents (n, 3)."""

@@ -56,11 +56,16 @@ class Falling:
     def _inside(self, name: str) -> Iterator[str]:
         """Yield bodies whose bottom is between bottom and top of one, as a cup's in a tray: they cannot bear it."""
         low, high = self.bodies.box_of(name)
-        for other, body in self.bodies.bodies.items():
-            if body.movable and other != name and other not in self.bodies.removed:
-                least, most = self.bodies.box_of(other)
-                if low[2] + _SAME < least[2] < high[2] and not _beside((low, high), (least, most)):
-                    yield other
+        least, most = np.nextafter(low[2] + _SAME, np.inf), np.nextafter(high[2], -np.inf)
+        yield from (other for other in self._over(low, high, least, most) if other != name)
+
+    def _over(self, low: Array, high: Array, least: float, most: float) -> list[str]:
+        """List the movable bodies with their bottoms between two heights and over a box, given by its corners (3,)."""
+        names, lower, upper = self.bodies.boxes()
+        over = ((lower[:, :2] <= high[:2]) & (upper[:, :2] >= low[:2])).all(axis=1)
+        over &= (lower[:, 2] >= least) & (lower[:, 2] <= most)
+        found = (names[index] for index in np.flatnonzero(over).tolist())
+        return [one for one in found if self.bodies.bodies[one].movable and one not in self.bodies.removed]
 
     def begin(self, name: str, riders: Collection[str] = ()) -> None:
         """Release a body with what stands on it; with nothing below, it stays in the air."""
@@ -75,11 +80,8 @@ class Falling:
         standing, bodies = [name], self.bodies
         for support in standing:
             low, high = bodies.box_of(support)
-            for other, body in bodies.bodies.items():
-                if not body.movable or other in standing or other in held or other in bodies.removed:
-                    continue
-                least, most = bodies.box_of(other)
-                if _beside((low, high), (least, most)) or least[2] > high[2] + _NEAR or least[2] < low[2]:
+            for other in self._over(low, high, low[2], high[2] + _NEAR):
+                if other in standing or other in held:
                     continue
                 rest, on = self.rest(other)
                 if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
@@ -101,11 +103,6 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
-
-
-def _beside(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
-    """Check whether two boxes, each given by its lower and upper corner (3,), do not overlap seen from above."""
-    return bool((other[0][:2] > one[1][:2]).any() or (other[1][:2] < one[0][:2]).any())
 
 
 def upright(pose: Pose) -> Pose:

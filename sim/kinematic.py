@@ -36,7 +36,7 @@ class KinematicScene:
     """A scene and at most one robot in its own physics client; any number of scenes live side by side."""
 
     has_camera = False
-    """True if pictures are taken in it."""
+    """True if a robot takes pictures in it."""
 
     def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
         """Create the scene, with ``rate`` steps per second.
@@ -46,7 +46,7 @@ class KinematicScene:
         self.scene, self.rate = scene, rate
         self._client = connect(gui=gui)
         persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
-        self._bodies = Bodies(self._client, scene, persons, shown=gui or self.has_camera)
+        self._bodies = Bodies(self._client, scene, persons, shown=gui or (self.has_camera and robot is not None))
         if gui:
             self._bodies.fill(np.full(3, -np.inf), np.full(3, np.inf))
         self._camera = Camera(self._client, self._bodies)

@@ -210,7 +210,10 @@ def read_all(
     BadInput if the file or one of ``also`` cannot be used; an unusable import is a warning of the main document.
     """
     main_content = read_bytes(path) if content is None else content
-    readings = [_read(path, main_content, is_file=content is None), *(_version(named, *_stamp(named)) for named in also)]
+    readings = [
+        _read(path, main_content, is_file=content is None),
+        *(_version(named, *_stamp(named)) for named in also),
+    ]
     main = readings[0]
     loaded = {named.resolve() for named in (path, *also)}
     digests = {reading.document.sha256 for reading in readings}

@@ -232,7 +232,7 @@ class Triples(Sequence[Triple]):
 
     @classmethod
     def unpacked(cls, packed: bytes, file: str) -> Triples:
-        """Restore triples from :meth:`packed`, with positions in ``file``. Raises ValueError if that is no such text."""
+        """Restore triples from :meth:`packed`, with positions in ``file``. Raises ValueError for anything else."""
         try:
             label, terms, *columns = json.loads(packed)
             store = cls(file, label)
