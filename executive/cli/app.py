@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
-from importlib.metadata import version as installed_version
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -19,10 +18,11 @@ from executive.cli.usage import explain, guessed_value
 from executive.commands import arguments as shared
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.base_arguments import Arguments
-from executive.commands.command_lines import with_parameters
+from executive.commands.command_lines import Commands, command_of, with_parameters
 from executive.commands.resources import check_memory
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -31,7 +31,9 @@ app = typer.Typer(
     epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted.",
 )
 
-robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect robots, make robot files.")
+robot_app = typer.Typer(
+    cls=Commands, no_args_is_help=True, rich_markup_mode=None, help="Inspect robots, make robot files."
+)
 app.add_typer(robot_app, name="robot")
 
 
@@ -42,6 +44,8 @@ def planlang(
 ) -> None:
     """Compile OWL action recipes to robot plans and run them in a simulated world."""
     if version:
+        from importlib.metadata import version as installed_version  # slow to import
+
         typer.echo(f"planlang {installed_version('planlang')}")
         raise typer.Exit
 
@@ -109,7 +113,8 @@ for name, arguments, example in (
     # without a short help, click cuts the first sentence off after 45 characters
     summary = (arguments.__doc__ or "").partition(".")[0] + "."
     group = robot_app if name.startswith("robot") else app
-    add = group.command(name.split()[-1], short_help=summary, epilog=f"Example: planlang {name} {example}")
+    kind, epilog = command_of(arguments), f"Example: planlang {name} {example}"
+    add = group.command(name.split()[-1], cls=kind, short_help=summary, epilog=epilog)
     add(_command(name, arguments))
 
 
