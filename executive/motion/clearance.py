@@ -24,7 +24,9 @@ ROUNDING = 1e-6
 AT_ONCE = 8192
 """Point-box distances computed together, so that they stay in the processor's cache."""
 FEW = 64
-"""Number of points, or of boxes, that are compared without dividing them further."""
+"""Number of boxes that are compared with points without dividing these further."""
+TOGETHER = 32_768
+"""Point-box distances for which dividing the points would cost more than it saves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,7 +193,7 @@ def _together(places: Array, sides: _Sides, widest: Array, most: float) -> Itera
             some = some[(least <= largest[:, None] + ROUNDING).any(axis=0)]
         wide = int(np.argmax(high - low))
         is_low = places[rows, wide] <= (low[wide] + high[wide]) / 2
-        if len(some) <= FEW or len(rows) <= FEW or is_low.all():
+        if len(some) <= FEW or len(rows) * len(some) <= TOGETHER or is_low.all():
             if len(some):
                 yield rows, some
         else:
