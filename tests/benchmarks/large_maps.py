@@ -16,7 +16,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -146,7 +145,6 @@ def main() -> int:
                 bound = BOUNDS.get((command, count))
                 if given.things is None and bound is None:
                     continue
-                began = time.perf_counter()
                 took = of(count, cold=count >= 10_000)
                 cpu, memory = bound or (float("inf"), float("inf"))
                 is_missed = took.cpu > cpu or took.memory > memory or took.code != 0
@@ -158,7 +156,6 @@ def main() -> int:
                     f"{'missed' if is_missed else ''} |",
                     flush=True,
                 )
-                del began
     return int(missed)
 
 
