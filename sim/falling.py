@@ -9,7 +9,8 @@ from contextlib import ExitStack
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.shapes import footprint, half_extents, inside, outline_of
+from planlang.geometry.matrices import moved
+from planlang.geometry.shapes import SolidKind, corners, footprint, half_extents, inside, outline_of
 from sim.bodies import Bodies
 from sim.camera import Rays
 from sim.scene import BodyShape
@@ -52,6 +53,27 @@ class Falling:
             return resting(
                 self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape is BodyShape.CYLINDER
             )
+
+    def stands(self, name: str) -> bool:
+        """Check whether a body surely stands within :data:`_NEAR` on one level box under all of it; False may be wrong.
+
+        No rays are cast, so that the things of a large map need not be made in the physics client for that.
+        """
+        body, pose, bodies = self.bodies.bodies[name], self.bodies.poses[name], self.bodies
+        points, (low, high) = corners(pose, body.size), bodies.box_of(name)
+        lower, upper = low - (0.0, 0.0, _NEAR), np.array((high[0], high[1], low[2] + 2 * _UP))
+        within = {name, *self._inside(name)}
+        others = [k for k in bodies.within(lower, upper).tolist() if bodies.pieces[k].body not in within]
+        top = max(others, key=lambda k: float(bodies.upper[k, 2]), default=None)
+        if (
+            top is None
+            or abs(bodies.upper[top, 2] - low[2]) > _UP - _SKIN
+            or bodies.pieces[top].part.kind != SolidKind.BOX
+        ):
+            return False
+        place, size = bodies.pieces[top].pose, np.array(bodies.pieces[top].part.size)
+        local = moved(place.inverse().matrix(), points)
+        return place.rotation[2, 2] == 1.0 and bool((np.abs(local[:, :2]) < size[:2] / 2 - _SKIN).all())
 
     def _inside(self, name: str) -> Iterator[str]:
         """Yield bodies whose bottom is between bottom and top of one, as a cup's in a tray: they cannot bear it."""

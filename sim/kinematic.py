@@ -328,6 +328,10 @@ class KinematicScene:
         rest, support = self._falling.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
 
+    def stands(self, name: str) -> bool:
+        """Check whether a body surely stands on a box, within 3 cm, without asking for more; False may be wrong."""
+        return self._falling.stands(name)
+
     def standing_on(self, name: str) -> tuple[str, ...]:
         """List the movable bodies that stand on a body, directly or not, and that nothing holds."""
         self.scene.body(name)

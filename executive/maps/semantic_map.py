@@ -58,11 +58,14 @@ class SemanticMap:
     diagnostics: tuple[Diagnostic, ...]
     _known: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _holders: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
+    _kinds: dict[tuple[tuple[str, ...], tuple[str, ...]], bool] = field(init=False, repr=False, compare=False)
+    """Whether classes are below others: of thousands of things, few have different ones."""
 
     def __post_init__(self) -> None:
         backwards = self.objects[::-1]  # so that the first of several objects wins
         known = {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
         object.__setattr__(self, "_known", known)
+        object.__setattr__(self, "_kinds", {})
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})
 
     @property
@@ -77,7 +80,10 @@ class SemanticMap:
 
     def is_a(self, thing: MapObject, *classes: str) -> bool:
         """Check whether an object is of one of these classes."""
-        return self.ontology.any_is_a(thing.types, classes)
+        key = thing.types, classes
+        if key not in self._kinds:
+            self._kinds[key] = self.ontology.any_is_a(*key)
+        return self._kinds[key]
 
     def holder(self, thing: MapObject) -> MapObject | None:
         """Find the object that another is a part of; None if the map states none."""

@@ -23,7 +23,7 @@ ROUNDING = 1e-6
 """Margin for leaving out distant boxes [m]."""
 AT_ONCE = 8192
 """Point-box distances computed together, so that they stay in the processor's cache."""
-FEW = 64
+FEW = 16
 """Number of boxes that are compared with points without dividing these further."""
 TOGETHER = 32_768
 """Point-box distances for which dividing the points would cost more than it saves."""

@@ -141,7 +141,7 @@ class Stage:
 
     def _hanging(self) -> Iterator[tuple[str, Array]]:
         poses = self.poses()
-        for name in filter(self._is_loose, self.world.names()):
+        for name in (one for one in self.world.names() if self._is_loose(one) and not self.world.stands(one)):
             height, paths = self.world.height_above_support(name), self.of(name, poses)
             if paths and HANGING < height < math.inf:
                 low, high = self.bounds(poses, paths)
