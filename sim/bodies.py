@@ -36,6 +36,8 @@ _AWAY = (0.0, 0.0, -500.0)
 """Position of hidden pieces [m]: far below anything that falls or is looked at."""
 _SLACK = 0.001
 """Distance beyond which pieces are surely not met [m]: PyBullet computes with single precision."""
+_FEW = 500
+"""Number of pieces up to which all are compared at once."""
 _ARM = 2.0
 """Distance from the middle of a body beyond which nothing of it is, if none is larger: a person with arms out [m]."""
 _COLORS: dict[BodyShape, tuple[float, float, float, float]] = {
@@ -158,11 +160,8 @@ class Bodies:
 
         ``planes`` (k, 4), normals and distances from the origin, leave out pieces wholly on the positive side of one.
         """
-        missing = ~self._made
-        if not missing.any():
-            return
-        missing &= (self.lower <= upper + _SLACK).all(axis=1) & (self.upper >= lower - _SLACK).all(axis=1)
-        some = np.flatnonzero(missing)
+        some = self.within(lower - _SLACK, upper + _SLACK)
+        some = some[~self._made[some]]
         if planes is not None and len(some):
             low, high = self.lower[some, None], self.upper[some, None]
             least = np.where(planes[:, :3] > 0, low, high) * planes[:, :3]
@@ -284,13 +283,16 @@ class Bodies:
 
     def near(self, lower: Array, upper: Array) -> tuple[list[int], list[int]]:
         """List which of n boxes overlap the boxes of which pieces: numbers of both, in the order of the boxes."""
-        around = self.within(lower.min(axis=0), upper.max(axis=0)) if len(lower) else np.zeros(0, int)
+        if len(self.pieces) <= _FEW or not len(lower):
+            which, pieces = np.nonzero(overlaps(lower, upper, self.lower, self.upper))
+            return which.tolist(), pieces.tolist()
+        around = self.within(lower.min(axis=0), upper.max(axis=0))
         which, pieces = np.nonzero(overlaps(lower, upper, self.lower[around], self.upper[around]))
         return which.tolist(), around[pieces].tolist()
 
     def within(self, lower: Array, upper: Array) -> NDArray[np.intp]:
         """List the pieces whose boxes overlap one, given by its corners (3,), in ascending order."""
-        return np.flatnonzero((self.lower <= upper).all(axis=1) & (self.upper >= lower).all(axis=1))
+        return np.flatnonzero(overlaps(lower[None], upper[None], self.lower, self.upper)[0])
 
     def box_of(self, name: str) -> tuple[Array, Array]:
         """Lower and upper corner of the box around a body, along the map's axes; inf and -inf for a removed one."""
