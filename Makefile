@@ -117,11 +117,12 @@ $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 
 bench: $(VENV)/.bench-stamp
 	@set -e; for benchmark in tests/benchmarks/*.py; do \
-	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py) continue;; esac; \
+	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py) continue;; esac; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
 	@echo "== doors and drawers"; $(BIN)/python -m tests.benchmarks.doors
+	@echo "== large maps"; $(BIN)/python -m tests.benchmarks.large_maps
 	@echo "== failing requests"; $(BIN)/python -m tests.benchmarks.faults --least 0.85
 
 $(VENV)/.pr2-stamp: $(VENV)/.bench-stamp

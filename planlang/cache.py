@@ -28,12 +28,13 @@ _DIGEST_BYTES = 64
 class Cache:
     """Entries of one kind, in a folder of their own.
 
-    The ``most`` recent entries are kept; an entry has at most ``largest`` bytes.
+    The ``most`` recent entries are kept, of ``total`` bytes together; an entry has at most ``largest`` bytes.
     """
 
     kind: str
     most: int
     largest: int = 64_000_000
+    total: int = 250_000_000
 
     def load(self, key: str) -> bytes | None:
         """Return the content stored under a key; None if there is none or it was altered."""
@@ -83,9 +84,12 @@ class Cache:
         found = []
         for path in newest.parent.iterdir():
             with suppress(OSError):  # another process has deleted it
-                found.append((path.lstat().st_mtime, path))
-        for _, path in sorted(found)[: max(0, len(found) - self.most)]:
-            if path != newest:
+                entry = path.lstat()
+                found.append((path != newest, -entry.st_mtime, path, entry.st_size))
+        kept = 0
+        for number, (is_older, _, path, size) in enumerate(sorted(found)):
+            kept += size
+            if is_older and (number >= self.most or kept > self.total):
                 with suppress(OSError):
                     path.unlink()
 

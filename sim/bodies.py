@@ -1,20 +1,23 @@
 """The bodies of a scene in one physics client: convex pieces, their poses, and bounding boxes.
 
 A body consists of one piece (box, cylinder), several (person, room) or none (marker). The boxes around the pieces are
-kept in two arrays, so that a contact query passes only near pairs to PyBullet.
+kept in two arrays, so that a contact query passes only near pairs to PyBullet. A piece gets its place in PyBullet when
+something first comes near it, or looks there: of a map of thousands of things, a run touches few.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import product, rotated
 from planlang.geometry.shapes import SolidKind, half_extents, overlaps
 from planlang.records import dataclass
 from sim.engine import bullet
@@ -31,6 +34,12 @@ AT_REST = 1e-3
 """Distance from its initial pose up to which a limb is at rest [m]."""
 _AWAY = (0.0, 0.0, -500.0)
 """Position of hidden pieces [m]: far below anything that falls or is looked at."""
+_SLACK = 0.001
+"""Distance beyond which pieces are surely not met [m]: PyBullet computes with single precision."""
+_FEW = 500
+"""Number of pieces up to which all are compared at once."""
+_ARM = 2.0
+"""Distance from the middle of a body beyond which nothing of it is, if none is larger: a person with arms out [m]."""
 _COLORS: dict[BodyShape, tuple[float, float, float, float]] = {
     BodyShape.BOX: (0.72, 0.60, 0.45, 1.0),
     BodyShape.CYLINDER: (0.20, 0.50, 0.85, 1.0),
@@ -56,9 +65,8 @@ class Part:
 
 @dataclass(slots=True)
 class Piece:
-    """A part that exists in the physics client."""
+    """A part with its place in the map."""
 
-    uid: int
     body: str
     part: Part
     offset: Pose
@@ -66,13 +74,16 @@ class Piece:
     """Pose in the map."""
     yields: bool = False
     """True if hands and what they hold may touch it: a limb that reaches for something or holds it."""
+    uid: int | None = None
+    """Its number in the physics client; None before something comes near."""
 
 
 class Bodies:
     """Bodies of a scene in one client; ``lower`` and ``upper`` (n, 3) hold a box per piece, empty if removed."""
 
-    def __init__(self, client: int, scene: Scene, parts: dict[str, tuple[Part, ...]]) -> None:
-        self.client = client
+    def __init__(self, client: int, scene: Scene, parts: dict[str, tuple[Part, ...]], *, shown: bool = True) -> None:
+        """``parts``: those of persons; without ``shown``, pictures show none of the bodies, which takes less time."""
+        self.client, self.shown = client, shown
         self.bodies = {body.name: body for body in scene.bodies}
         self.poses = {body.name: body.pose for body in scene.bodies}
         self.removed: set[str] = set()
@@ -85,28 +96,31 @@ class Bodies:
         self.moves = self.carries = 0
         """Counters: ``moves`` of bodies placed or removed, ``carries`` of bodies that the robot moved along. While both
         are unchanged, so are all poses."""
-        for body in scene.bodies:
-            for part in parts.get(body.name) or plain(body):
-                self._add(body, part)
         if not any(body.shape is BodyShape.ROOM for body in scene.bodies):
             ground = Body(FLOOR, Pose((0.0, 0.0, -0.05)), (60.0, 60.0, 0.1), color=_COLORS[BodyShape.ROOM])
             self.bodies[FLOOR], self.poses[FLOOR], self.of[FLOOR] = ground, ground.pose, []
-            self._add(ground, *plain(ground))
-        self.lower = np.full((len(self.pieces), 3), np.inf)
-        self.upper = np.full((len(self.pieces), 3), -np.inf)
+        self.lower, self.upper = np.zeros((0, 3)), np.zeros((0, 3))
+        self._made = np.zeros(0, bool)
+        """Which pieces exist in the client."""
+        self._boxes: tuple[object, tuple[list[str], Array, Array]] | None = None
+        self._making: int | None = None
+        """Number of bodies in the client before the piece that is being made."""
+        self._add(self.bodies.values(), parts)
         self.first = len(self.pieces)
         """Number of pieces in the initial scene."""
-        for name in self.of:
-            self.place(name, self.poses[name])
+        rooms = [body.name for body in self.bodies.values() if body.shape is BodyShape.ROOM]
+        middles = np.array([self.poses[piece.body].position for piece in self.pieces]).reshape(-1, 3)
+        reaches = np.linalg.norm(np.maximum(self.upper - middles, middles - self.lower), axis=1)
+        inner = np.ones(self.first, bool)
+        inner[[index for name in rooms for index in self.of[name]]] = False
+        self.reach = float(reaches[inner].max(initial=_ARM))
+        """Distance from the middle of any body but rooms within which all of it is [m]."""
 
     def create(self, body: Body) -> None:
         """Add a body that was not in the scene."""
         self.bodies[body.name], self.poses[body.name], self.of[body.name] = body, body.pose, []
-        for part in plain(body):
-            self._add(body, part)
-            self.lower = np.vstack([self.lower, np.full((1, 3), np.inf)])
-            self.upper = np.vstack([self.upper, np.full((1, 3), -np.inf)])
-        self.place(body.name, body.pose)
+        self._add([body], {})
+        self.moves += 1
 
     @property
     def created(self) -> tuple[str, ...]:
@@ -118,7 +132,52 @@ class Bodies:
         first, second = self.bodies[one], self.bodies[other]
         return bool((first.blade and second.thin) or (second.blade and first.thin))
 
-    def _add(self, body: Body, part: Part) -> None:
+    def _add(self, bodies: Iterable[Body], parts: Mapping[str, tuple[Part, ...]]) -> None:
+        """Add the pieces of bodies, all at once; their places are the same bits as those of :meth:`_put`."""
+        owned = [(body, part) for body in bodies for part in parts.get(body.name) or plain(body)]
+        offset = [k for k, (_, part) in enumerate(owned) if part.offset != _HERE]
+        poses = [body.pose for body, _ in owned]
+        composed = product(Pose.matrices(poses[k] for k in offset), Pose.matrices(owned[k][1].offset for k in offset))
+        for k, pose in zip(offset, Pose.from_matrices(composed), strict=True):
+            poses[k] = pose
+        for (body, part), pose in zip(owned, poses, strict=True):
+            self.of[body.name].append(len(self.pieces))
+            self.pieces.append(Piece(body.name, part, part.offset, pose))
+        matrices = Pose.matrices(poses)
+        half = np.array([_extents(part) for _, part in owned]).reshape(-1, 3) / 2
+        reach, middles = rotated(np.abs(matrices[:, :3, :3]), half), matrices[:, :3, 3]
+        self.lower = np.vstack([self.lower, middles - reach])
+        self.upper = np.vstack([self.upper, middles + reach])
+        self._made = np.concatenate([self._made, np.zeros(len(owned), bool)])
+
+    def uid(self, index: int) -> int:
+        """Number of a piece in the physics client, where it is made if it was not needed before."""
+        uid = self.pieces[index].uid
+        return self._make(index) if uid is None else uid
+
+    def fill(self, lower: Array, upper: Array, planes: Array | None = None) -> None:
+        """Make the pieces in a box, given by its corners (3,), in the client: rays and pictures meet only those.
+
+        ``planes`` (k, 4), normals and distances from the origin, leave out pieces wholly on the positive side of one.
+        """
+        some = self.within(lower - _SLACK, upper + _SLACK)
+        some = some[~self._made[some]]
+        if planes is not None and len(some):
+            low, high = self.lower[some, None], self.upper[some, None]
+            least = np.where(planes[:, :3] > 0, low, high) * planes[:, :3]
+            some = some[(least.sum(axis=2) <= planes[:, 3] + _SLACK).all(axis=1)]
+        for index in some.tolist():
+            self._make(index)
+
+    def _make(self, index: int) -> int:
+        """Make a piece where it is now: where many overlap, each further one takes PyBullet longer."""
+        count = bullet.getNumBodies(physicsClientId=self.client)
+        if self._making is not None and count > self._making:  # an interrupt came before it was noted
+            bullet.removeBody(bullet.getBodyUniqueId(count - 1, physicsClientId=self.client), self.client)
+            count -= 1
+        self._making = count
+        piece = self.pieces[index]
+        body, part = self.bodies[piece.body], piece.part
         x, y, z = part.size
         color = part.color or body.color or _COLORS.get(body.shape, (0.7, 0.7, 0.7, 1.0))
         solid: dict[str, Any] = {"physicsClientId": self.client}
@@ -136,15 +195,20 @@ class Bodies:
                 shape = bullet.GEOM_SPHERE
                 solid |= {"radius": max(x, y) / 2}
                 visual |= {"radius": max(x, y) / 2}
-        uid = bullet.createMultiBody(
-            0,
-            bullet.createCollisionShape(shape, **solid),
-            bullet.createVisualShape(shape, **visual),
-            physicsClientId=self.client,
+        is_away = index in self.hidden or piece.body in self.removed
+        uid = int(
+            bullet.createMultiBody(
+                0,
+                bullet.createCollisionShape(shape, **solid),
+                bullet.createVisualShape(shape, **visual) if self.shown else -1,
+                basePosition=_AWAY if is_away else piece.pose.position,
+                baseOrientation=(0, 0, 0, 1) if is_away else piece.pose.orientation,
+                physicsClientId=self.client,
+            )
         )
-        self._index[uid] = len(self.pieces)
-        self.of[body.name].append(len(self.pieces))
-        self.pieces.append(Piece(uid, body.name, part, part.offset, body.pose))
+        piece.uid, self._index[uid], self._made[index] = uid, index, True
+        self._making = None
+        return uid
 
     def place(self, name: str, pose: Pose) -> None:
         """Place a body with all its pieces; a removed one stays away until :meth:`restore`."""
@@ -175,11 +239,11 @@ class Bodies:
         piece.pose = pose = body if piece.offset == _HERE else body @ piece.offset
         if piece.body in self.removed:
             return
-        bullet.resetBasePositionAndOrientation(piece.uid, pose.position, pose.orientation, physicsClientId=self.client)
-        x, y, z = piece.part.size
-        if piece.part.kind != SolidKind.BOX:
-            x = y = max(x, y)
-        reach = half_extents(pose, (x, y, z))
+        if piece.uid is not None:
+            bullet.resetBasePositionAndOrientation(
+                piece.uid, pose.position, pose.orientation, physicsClientId=self.client
+            )
+        reach = half_extents(pose, _extents(piece.part))
         self.lower[index] = np.asarray(pose.position) - reach
         self.upper[index] = np.asarray(pose.position) + reach
 
@@ -200,14 +264,16 @@ class Bodies:
         """Move pieces out of the way within the client only; :meth:`show` brings them back."""
         self.hidden.update(indices)  # before moving them: an interrupt may come at any moment
         for index in indices:
-            bullet.resetBasePositionAndOrientation(
-                self.pieces[index].uid, _AWAY, (0, 0, 0, 1), physicsClientId=self.client
-            )
+            uid = self.pieces[index].uid
+            if uid is not None:
+                bullet.resetBasePositionAndOrientation(uid, _AWAY, (0, 0, 0, 1), physicsClientId=self.client)
 
     def show(self, indices: Sequence[int]) -> None:
         """Undo :meth:`hide`."""
-        for index in indices:
-            self._put(index)
+        for piece in (self.pieces[index] for index in indices):
+            if piece.uid is not None and piece.body not in self.removed:
+                place = piece.pose.position, piece.pose.orientation
+                bullet.resetBasePositionAndOrientation(piece.uid, *place, physicsClientId=self.client)
         self.hidden.difference_update(indices)
 
     def name_of(self, uid: int) -> str | None:
@@ -215,9 +281,18 @@ class Bodies:
         index = self._index.get(uid)
         return None if index is None else self.pieces[index].body
 
-    def near(self, lower: Array, upper: Array) -> NDArray[np.bool_]:
-        """Check which of n boxes overlap the boxes of which pieces, (n, m)."""
-        return overlaps(lower, upper, self.lower, self.upper)
+    def near(self, lower: Array, upper: Array) -> tuple[list[int], list[int]]:
+        """List which of n boxes overlap the boxes of which pieces: numbers of both, in the order of the boxes."""
+        if len(self.pieces) <= _FEW or not len(lower):
+            which, pieces = np.nonzero(overlaps(lower, upper, self.lower, self.upper))
+            return which.tolist(), pieces.tolist()
+        around = self.within(lower.min(axis=0), upper.max(axis=0))
+        which, pieces = np.nonzero(overlaps(lower, upper, self.lower[around], self.upper[around]))
+        return which.tolist(), around[pieces].tolist()
+
+    def within(self, lower: Array, upper: Array) -> NDArray[np.intp]:
+        """List the pieces whose boxes overlap one, given by its corners (3,), in ascending order."""
+        return np.flatnonzero(overlaps(lower[None], upper[None], self.lower, self.upper)[0])
 
     def box_of(self, name: str) -> tuple[Array, Array]:
         """Lower and upper corner of the box around a body, along the map's axes; inf and -inf for a removed one."""
@@ -225,6 +300,18 @@ class Bodies:
         if not indices:
             return np.full(3, np.inf), np.full(3, -np.inf)
         return self.lower[indices].min(axis=0), self.upper[indices].max(axis=0)
+
+    def boxes(self) -> tuple[list[str], Array, Array]:
+        """List the bodies that have pieces, and the corners (n, 3) of their boxes, as :meth:`box_of` has them."""
+        state = self.moves, self.carries, len(self.pieces)
+        if self._boxes is None or self._boxes[0] != state:
+            names = [name for name, indices in self.of.items() if indices]
+            first = [self.of[name][0] for name in names]  # the pieces of a body follow one another
+            lower, upper = (np.zeros((0, 3)), np.zeros((0, 3)))
+            if names:
+                lower, upper = np.minimum.reduceat(self.lower, first), np.maximum.reduceat(self.upper, first)
+            self._boxes = state, (names, lower, upper)
+        return self._boxes[1]
 
     def spans(self, indices: Sequence[int]) -> tuple[Array, Array, Array]:
         """Oriented boxes around some pieces: centres (n, 3), axes (n, 3, 3) as columns, and half extents (n, 3)."""
@@ -239,9 +326,7 @@ class Bodies:
         smallest = float("inf")
         for a in first:
             for b in second:
-                for point in bullet.getClosestPoints(
-                    self.pieces[a].uid, self.pieces[b].uid, within, physicsClientId=self.client
-                ):
+                for point in bullet.getClosestPoints(self.uid(a), self.uid(b), within, physicsClientId=self.client):
                     smallest = min(smallest, point[8])
         return smallest
 
@@ -249,8 +334,28 @@ class Bodies:
 _HERE = Pose((0.0, 0.0, 0.0))
 
 
+def _extents(part: Part) -> tuple[float, float, float]:
+    """Extents of the box around a part; round ones are as wide as their larger side."""
+    x, y, z = part.size
+    return (x, y, z) if part.kind == SolidKind.BOX else (max(x, y), max(x, y), z)
+
+
 def plain(body: Body) -> tuple[Part, ...]:
     """Split a body other than a person into its parts."""
+    own = (body.shape, body.size, body.cavities, body.blade, body.wall, body.handles, body.centre)
+    return _parts_of(own)
+
+
+@lru_cache(maxsize=4096)
+def _parts_of(own: tuple[Any, ...]) -> tuple[Part, ...]:
+    """Split a body with these properties, which many things of a class share."""
+    shape, size, cavities, blade, wall, handles, centre = own
+    return _split(
+        Body("", _HERE, size, shape, cavities=cavities, blade=blade, wall=wall, handles=handles, centre=centre)
+    )
+
+
+def _split(body: Body) -> tuple[Part, ...]:
     return (*_without_handles(body), *(Part(SolidKind.BOX, one.size, one.pose) for one in body.handles))
 
 

@@ -71,6 +71,7 @@ class Camera:
         eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         tall = math.tan(model.fov / 2) * model.height / model.width
+        self._fill(model, pose, model.far)
         picture = raster(self.client, model.width, model.height, view, 2 * math.atan(tall))
         depth, mask = picture.depth.reshape(-1), picture.mask.reshape(-1)
         along = _FAR * _CLIP / (_FAR - (_FAR - _CLIP) * depth)
@@ -91,6 +92,7 @@ class Camera:
         eye = eye + _AHEAD * forward
         view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
+        self._fill(model, pose, model.far + self.bodies.reach)
         mask = raster(self.client, model.width, model.height, view, vertical).mask
         counts: dict[str, int] = {}
         for uid, count in zip(*np.unique(mask, return_counts=True), strict=True):
@@ -98,6 +100,17 @@ class Camera:
             if name is not None:
                 counts[name] = counts.get(name, 0) + int(count)
         return counts
+
+    def _fill(self, model: CameraModel, pose: Pose, far: float) -> None:
+        """Make what the camera may see up to a distance [m], and what may hide it, in the client."""
+        eye, forward, up = _axes(model, pose)
+        wide = math.tan(model.fov / 2)
+        right, above = np.cross(forward, up) * wide, up * (wide * model.height / model.width)
+        rim = [forward + i * right + k * above for i, k in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        normals = np.array([np.cross(one, other) for one, other in zip(rim, [*rim[1:], rim[0]], strict=True)])
+        ends = eye + far * np.array([np.zeros(3), *rim])
+        planes = np.column_stack([normals, normals @ eye])
+        self.bodies.fill(ends.min(axis=0), ends.max(axis=0), planes)
 
     def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
         """Compute the pixels that a body would cover with nothing in front of it."""
@@ -268,6 +281,10 @@ class Rays:
                 bullet.setCollisionFilterGroupMask(robot.uid, index, _ROBOT_GROUP, -1, physicsClientId=client)
 
     def _hits(self, starts: Array, ends: Array, mask: int) -> list[Any]:
+        both = np.concatenate([starts, ends]).reshape(-1, 3)
+        if not len(both):
+            return []
+        self.bodies.fill(both.min(axis=0), both.max(axis=0))
         hits: list[Any] = bullet.rayTestBatch(
             starts.tolist(), ends.tolist(), collisionFilterMask=mask, physicsClientId=self.client
         )

@@ -169,7 +169,7 @@ class Contacts:
             if self.leaves.led and number in self.leaves.hands_on(body):
                 continue
             if number is not None:
-                _deepen(depths, part, body, self.robot.depth_with(number, piece.uid))
+                _deepen(depths, part, body, self.robot.depth_with(number, self.bodies.uid(index)))
                 continue
             if self._may_touch(part, body):
                 continue
@@ -177,7 +177,7 @@ class Contacts:
             if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
                 _deepen(depths, part, body, depth)
         if number is None and other is not None:
-            link_depths = (self.robot.depth_with(other, self.bodies.pieces[mine].uid) for mine in self.bodies.of[part])
+            link_depths = (self.robot.depth_with(other, self.bodies.uid(mine)) for mine in self.bodies.of[part])
             _deepen(depths, part, body, max(link_depths, default=0.0))
 
     def _may_touch(self, held: str, body: str) -> bool:
@@ -185,8 +185,7 @@ class Contacts:
         return self.bodies.lets_touch(held, body) or self.matter.gives_way(body)
 
     def _of_links(self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]) -> None:
-        near = self.bodies.near(lower, upper)
-        for number, index in zip(*(axis.tolist() for axis in np.nonzero(near)), strict=True):
+        for number, index in zip(*self.bodies.near(lower, upper), strict=True):
             piece = self.bodies.pieces[index]
             part = self.robot.solid_names[number]
             if query.links is not None and number not in query.links:
@@ -203,7 +202,7 @@ class Contacts:
                 continue
             if piece.body in self.held and number not in self.held[piece.body].hand:
                 continue  # reported as a contact of the held object
-            _deepen(depths, part, piece.body, self.robot.depth_with(number, piece.uid))
+            _deepen(depths, part, piece.body, self.robot.depth_with(number, self.bodies.uid(index)))
 
     def _of_the_robot_itself(
         self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
@@ -218,8 +217,7 @@ class Contacts:
     def _of_held(self, name: str, query: Query, depths: dict[tuple[str, str], float]) -> None:
         held = self.held[name]
         for mine in self.bodies.of[name]:
-            near = self.bodies.near(self.bodies.lower[mine][None], self.bodies.upper[mine][None])[0]
-            for index in np.nonzero(near)[0].tolist():
+            for index in self.bodies.within(self.bodies.lower[mine], self.bodies.upper[mine]).tolist():
                 piece = self.bodies.pieces[index]
                 if piece.body == name or piece.yields or query.ignores(name, piece.body):
                     continue
@@ -235,8 +233,8 @@ class Contacts:
         """Test a leaf that a hand moves against other bodies, and against the robot without that hand."""
         for name in (*self.leaves.joints[leaf].bodies, *led.carried):
             for mine in self.bodies.of[name]:
-                piece, low, high = self.bodies.pieces[mine], self.bodies.lower[mine], self.bodies.upper[mine]
-                for index in np.nonzero(self.bodies.near(low[None], high[None])[0])[0].tolist():
+                low, high = self.bodies.lower[mine], self.bodies.upper[mine]
+                for index in self.bodies.within(low, high).tolist():
                     other = self.bodies.pieces[index].body
                     mate = other == name or other in led.touched or other in led.carried or other in self.held
                     if not mate and not query.ignores(name, other):
@@ -244,7 +242,12 @@ class Contacts:
                 overlap = np.all((lower <= high) & (upper >= low), axis=1)
                 for number in np.nonzero(overlap)[0].tolist():
                     if number not in led.hand and not query.ignores(self.robot.solid_names[number], name):
-                        _deepen(depths, self.robot.solid_names[number], name, self.robot.depth_with(number, piece.uid))
+                        _deepen(
+                            depths,
+                            self.robot.solid_names[number],
+                            name,
+                            self.robot.depth_with(number, self.bodies.uid(mine)),
+                        )
 
     def _of_held_and_robot(
         self, name: str, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]
@@ -259,16 +262,15 @@ class Contacts:
                     continue
                 if query.ignores(name, link):
                     continue
-                _deepen(depths, name, link, self.robot.depth_with(number, self.bodies.pieces[mine].uid))
+                _deepen(depths, name, link, self.robot.depth_with(number, self.bodies.uid(mine)))
 
     def touching(self, name: str, within: float) -> set[str]:
         """Find the bodies within a distance [m] of a body, not counting the robot."""
         mine = self.bodies.of[name]
         lower, upper = self.bodies.box_of(name)
-        near = self.bodies.near(lower[None] - within, upper[None] + within)[0]
         return {
             self.bodies.pieces[index].body
-            for index in np.nonzero(near)[0].tolist()
+            for index in self.bodies.within(lower - within, upper + within).tolist()
             if index not in mine and self.bodies.gap(mine, [index], within) <= within
         }
 
@@ -303,11 +305,10 @@ class Contacts:
         """List the touches of links, each with the touching body."""
         numbers = sorted(self.robot.number[link] for link in links if link in self.robot.number)
         lower, upper = self.robot.boxes_of(numbers)
-        near = self.bodies.near(lower - SKIN, upper + SKIN)
-        candidates = []
-        for number, row in zip(numbers, near, strict=True):
-            for index in np.flatnonzero(row).tolist():
-                candidates.append((self.bodies.pieces[index].body, self._touch(number, [index], SKIN)))
+        candidates = [
+            (self.bodies.pieces[index].body, self._touch(numbers[row], [index], SKIN))
+            for row, index in zip(*self.bodies.near(lower - SKIN, upper + SKIN), strict=True)
+        ]
         felt = [(name, touch) for name, touch in candidates if touch is not None]
         return [*felt, *self._folds(felt)]
 
@@ -328,7 +329,7 @@ class Contacts:
             return None
         if contact.part in self.robot.number:
             return self._touch(self.robot.number[contact.part], self.bodies.of[contact.body], 0.0)
-        uids = [self.bodies.pieces[index].uid for index in self.bodies.of[contact.part]]
+        uids = [self.bodies.uid(index) for index in self.bodies.of[contact.part]]
         held = self.held.get(contact.part)
         link = self.leaves.leader(contact.part) if held is None else held.link
         return (
@@ -351,7 +352,7 @@ class Contacts:
             for uid, part in mine
             for index in pieces
             for point in bullet.getClosestPoints(
-                uid, self.bodies.pieces[index].uid, reach, part, -1, physicsClientId=self.robot.client
+                uid, self.bodies.uid(index), reach, part, -1, physicsClientId=self.robot.client
             )
         ]
         nearest = min(points, key=lambda point: float(point[8]), default=None)

@@ -9,7 +9,8 @@ from contextlib import ExitStack
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.shapes import footprint, half_extents, inside, outline_of
+from planlang.geometry.matrices import moved
+from planlang.geometry.shapes import SolidKind, corners, footprint, half_extents, inside, outline_of
 from sim.bodies import Bodies
 from sim.camera import Rays
 from sim.scene import BodyShape
@@ -53,14 +54,40 @@ class Falling:
                 self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape is BodyShape.CYLINDER
             )
 
+    def stands(self, name: str) -> bool:
+        """Check whether a body surely stands within :data:`_NEAR` on one level box under all of it; False may be wrong.
+
+        No rays are cast, so that the things of a large map need not be made in the physics client for that.
+        """
+        body, pose, bodies = self.bodies.bodies[name], self.bodies.poses[name], self.bodies
+        points, (low, high) = corners(pose, body.size), bodies.box_of(name)
+        lower, upper = low - (0.0, 0.0, _NEAR), np.array((high[0], high[1], low[2] + 2 * _UP))
+        within = {name, *self._inside(name)}
+        others = [k for k in bodies.within(lower, upper).tolist() if bodies.pieces[k].body not in within]
+        top = max(others, key=lambda k: float(bodies.upper[k, 2]), default=None)
+        if (
+            top is None
+            or abs(bodies.upper[top, 2] - low[2]) > _UP - _SKIN
+            or bodies.pieces[top].part.kind != SolidKind.BOX
+        ):
+            return False
+        place, size = bodies.pieces[top].pose, np.array(bodies.pieces[top].part.size)
+        local = moved(place.inverse().matrix(), points)
+        return place.rotation[2, 2] == 1.0 and bool((np.abs(local[:, :2]) < size[:2] / 2 - _SKIN).all())
+
     def _inside(self, name: str) -> Iterator[str]:
         """Yield bodies whose bottom is between bottom and top of one, as a cup's in a tray: they cannot bear it."""
         low, high = self.bodies.box_of(name)
-        for other, body in self.bodies.bodies.items():
-            if body.movable and other != name and other not in self.bodies.removed:
-                least, most = self.bodies.box_of(other)
-                if low[2] + _SAME < least[2] < high[2] and not _beside((low, high), (least, most)):
-                    yield other
+        least, most = np.nextafter(low[2] + _SAME, np.inf), np.nextafter(high[2], -np.inf)
+        yield from (other for other in self._over(low, high, least, most) if other != name)
+
+    def _over(self, low: Array, high: Array, least: float, most: float) -> list[str]:
+        """List the movable bodies with their bottoms between two heights and over a box, given by its corners (3,)."""
+        names, lower, upper = self.bodies.boxes()
+        over = ((lower[:, :2] <= high[:2]) & (upper[:, :2] >= low[:2])).all(axis=1)
+        over &= (lower[:, 2] >= least) & (lower[:, 2] <= most)
+        found = (names[index] for index in np.flatnonzero(over).tolist())
+        return [one for one in found if self.bodies.bodies[one].movable and one not in self.bodies.removed]
 
     def begin(self, name: str, riders: Collection[str] = ()) -> None:
         """Release a body with what stands on it; with nothing below, it stays in the air."""
@@ -75,11 +102,8 @@ class Falling:
         standing, bodies = [name], self.bodies
         for support in standing:
             low, high = bodies.box_of(support)
-            for other, body in bodies.bodies.items():
-                if not body.movable or other in standing or other in held or other in bodies.removed:
-                    continue
-                least, most = bodies.box_of(other)
-                if _beside((low, high), (least, most)) or least[2] > high[2] + _NEAR or least[2] < low[2]:
+            for other in self._over(low, high, low[2], high[2] + _NEAR):
+                if other in standing or other in held:
                     continue
                 rest, on = self.rest(other)
                 if on == support and bodies.poses[other].position[2] - rest.position[2] <= _NEAR:
@@ -101,11 +125,6 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
-
-
-def _beside(one: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
-    """Check whether two boxes, each given by its lower and upper corner (3,), do not overlap seen from above."""
-    return bool((other[0][:2] > one[1][:2]).any() or (other[1][:2] < one[0][:2]).any())
 
 
 def upright(pose: Pose) -> Pose:

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from planlang.changes import Change
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
@@ -33,6 +35,9 @@ NEAR_BY = 0.01
 class KinematicScene:
     """A scene and at most one robot in its own physics client; any number of scenes live side by side."""
 
+    has_camera = False
+    """True if a robot takes pictures in it."""
+
     def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
         """Create the scene, with ``rate`` steps per second.
 
@@ -41,7 +46,9 @@ class KinematicScene:
         self.scene, self.rate = scene, rate
         self._client = connect(gui=gui)
         persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
-        self._bodies = Bodies(self._client, scene, persons)
+        self._bodies = Bodies(self._client, scene, persons, shown=gui or (self.has_camera and robot is not None))
+        if gui:
+            self._bodies.fill(np.full(3, -np.inf), np.full(3, np.inf))
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
         self._held: dict[str, HeldObject] = {}
@@ -320,6 +327,10 @@ class KinematicScene:
         self._here()
         rest, support = self._falling.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
+
+    def stands(self, name: str) -> bool:
+        """Check whether a body surely stands on a box, within 3 cm, without asking for more; False may be wrong."""
+        return self._falling.stands(name)
 
     def standing_on(self, name: str) -> tuple[str, ...]:
         """List the movable bodies that stand on a body, directly or not, and that nothing holds."""

@@ -71,11 +71,13 @@ def _candidate_pairs(contacts: Contacts, query: Query, names: Sequence[str], row
     motions = displacements(robot, names, rows, links)
     center, spans, half = (np.concatenate(both) for both in zip(robot.spans(), bodies.spans(carried), strict=True))
     boxes = _Boxes(moved(motions, center), product(motions[..., :3, :3], spans), half + MARGIN)
-    every, (center, spans, half) = range(len(bodies.pieces)), bodies.spans(range(len(bodies.pieces)))
+    lower, upper = _corners(boxes)
+    every = bodies.within(lower.min(axis=(0, 1)) - MARGIN, upper.max(axis=(0, 1)) + MARGIN).tolist()
+    center, spans, half = bodies.spans(every)
     around = _Boxes(center[None], spans[None], half)
     parts, others = robot.solid_names + carried_names, [bodies.pieces[index].body for index in every]
     pairs_of_rows: list[dict[tuple[str, str], None]] = [{} for _ in rows]
-    for row, one, other in _near(boxes, around, _with_bodies(contacts, query, carried)):
+    for row, one, other in _near(boxes, around, _with_bodies(contacts, query, carried, every)):
         pairs_of_rows[row][parts[one], others[other]] = None
     for row, one, other in _near(boxes, boxes, _with_each_other(contacts, query, names, carried)):
         pairs_of_rows[row][parts[one], parts[other]] = None
@@ -121,19 +123,18 @@ def _corners(boxes: _Boxes) -> tuple[Array, Array]:
     return boxes.center - reach, boxes.center + reach
 
 
-def _with_bodies(contacts: Contacts, query: Query, carried: Sequence[int]) -> NDArray[np.bool_]:
-    """Select which pieces of other bodies may meet links and carried pieces (n, m)."""
-    robot, pieces = contacts.robot, contacts.bodies.pieces
-    is_carried, yields = np.zeros(len(pieces), bool), np.array([piece.yields for piece in pieces], bool)
-    is_carried[list(carried)] = True
-    may = np.zeros((len(robot.solid) + len(carried), len(pieces)), bool)
+def _with_bodies(contacts: Contacts, query: Query, carried: Sequence[int], every: Sequence[int]) -> NDArray[np.bool_]:
+    """Select which pieces of other bodies, among m, may meet links and carried pieces (n, m)."""
+    robot, bodies = contacts.robot, contacts.bodies
+    is_carried, yields = np.isin(every, carried), np.array([bodies.pieces[k].yields for k in every], bool)
+    may = np.zeros((len(robot.solid) + len(carried), len(every)), bool)
     may[sorted(_moving(contacts, query))] = True
     for row, k in zip(may[len(robot.solid) :], carried, strict=True):
         row[:] = bool(_carriers(contacts, k) & _moving(contacts, query))
     may[sorted(contacts.hands)] &= ~yields
     may[len(robot.solid) :] &= ~yields
-    may[sorted(robot.grounded)] &= contacts.bodies.upper[:, 2] >= GROUND
-    return np.asarray(may & ~is_carried & np.isfinite(contacts.bodies.lower[:, 0]))  # without those that were removed
+    may[sorted(robot.grounded)] &= bodies.upper[every, 2] >= GROUND
+    return np.asarray(may & ~is_carried)
 
 
 def _with_each_other(

@@ -122,8 +122,7 @@ class PlanningWorld(KinematicScene):
         self._show(start)
         links = self._moved(name for step in steps for name in step)
         lower, upper = self.robot.boxes_along(sorted(links), steps)
-        near = self._bodies.near(lower, upper).any(axis=0)
-        return frozenset(self._bodies.pieces[index].body for index in np.flatnonzero(near).tolist())
+        return frozenset(self._bodies.pieces[index].body for index in self._bodies.near(lower, upper)[1])
 
     def silhouette(self, without: Collection[str] = ()) -> tuple[Band, ...]:
         """Compute the space swept when the robot turns on the spot, with what it holds, in its present posture.

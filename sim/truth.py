@@ -85,6 +85,9 @@ class Truth(Protocol):
     def height_above_support(self, name: str) -> float:
         """Distance that a body would fall if released [m]."""
 
+    def stands(self, name: str) -> bool:
+        """Whether a body surely stands on a box, within 3 cm: quick, and not always told."""
+
 
 def held_by(world: Truth, name: str) -> str | None:
     """Name the holder of a body: "robot" as long as the robot holds it, else the person who has taken it, else None."""

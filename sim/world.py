@@ -172,6 +172,8 @@ class PyBulletWorld(KinematicScene):
     Motions are played back kinematically (:class:`Playback`): a step into something is undone.
     """
 
+    has_camera = True
+
     def __init__(
         self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30, seed: int = 0
     ) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
-from importlib.metadata import version as installed_version
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -20,37 +19,8 @@ from executive.cli.usage import explain, guessed_value
 from executive.commands import arguments as shared
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.base_arguments import Arguments
-from executive.commands.command_lines import with_parameters
+from executive.commands.command_lines import Commands, command_of, with_parameters
 from executive.commands.resources import check_memory
-
-app = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Compile OWL action recipes to robot plans and run them in a simulated world.",
-    epilog="Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted.",
-)
-
-robot_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Inspect robots, make robot files.")
-app.add_typer(robot_app, name="robot")
-
-
-@app.callback(invoke_without_command=True)
-def planlang(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-) -> None:
-    """Compile OWL action recipes to robot plans and run them in a simulated world."""
-    if version:
-        typer.echo(f"planlang {installed_version('planlang')}")
-        raise typer.Exit
-
-
-@robot_app.callback()
-def robots_command() -> None:
-    """Inspect robots, make robot files."""
-
 
 _RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
 """Commands that build the simulated world."""
@@ -71,7 +41,7 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
     return with_parameters(name, arguments, called)
 
 
-for name, arguments, example in (
+_COMMANDS: tuple[tuple[str, type[Arguments], str], ...] = (
     ("new", authoring.NewArguments, "project my_task"),
     ("compile", shared.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
     ("check", shared.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
@@ -107,12 +77,67 @@ for name, arguments, example in (
     ("watch", server.WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
     ("robot inspect", local.InspectArguments, "amigo --picture reach.png"),
     ("robot make", local.MakeArguments, "my_arm.urdf -o my_arm.toml"),
-):
-    # without a short help, click cuts the first sentence off after 45 characters
-    summary = (arguments.__doc__ or "").partition(".")[0] + "."
-    group = robot_app if name.startswith("robot") else app
-    add = group.command(name.split()[-1], short_help=summary, epilog=f"Example: planlang {name} {example}")
-    add(_command(name, arguments))
+)
+"""Name, arguments and example of each command."""
+
+
+_EXIT_CODES = "Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted."
+
+
+def app_of(commands: Iterable[tuple[str, type[Arguments], str]]) -> typer.Typer:
+    """Make the command line of some commands."""
+    made = typer.Typer(
+        cls=Commands,
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        help="Compile OWL action recipes to robot plans and run them in a simulated world.",
+        epilog=_EXIT_CODES,
+    )
+    made.callback(invoke_without_command=True)(planlang)
+    about_robots = "Inspect robots, make robot files."
+    robot_app = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None, help=about_robots)
+    robot_app.callback()(robots_command)
+    made.add_typer(robot_app, name="robot")
+    for name, arguments, example in commands:
+        # without a short help, click cuts the first sentence off after 45 characters
+        summary = (arguments.__doc__ or "").partition(".")[0] + "."
+        group = robot_app if name.startswith("robot") else made
+        kind, epilog = command_of(arguments), f"Example: planlang {name} {example}"
+        add = group.command(name.split()[-1], cls=kind, short_help=summary, epilog=epilog)
+        add(_command(name, arguments))
+    return made
+
+
+def __getattr__(name: str) -> typer.Typer:
+    """Make ``app``, the command line of all commands, when it is first used."""
+    if name != "app":
+        raise AttributeError(name)
+    globals()["app"] = made = app_of(_COMMANDS)
+    return made
+
+
+def _app_for(words: Sequence[str]) -> typer.Typer:
+    """Make the command line that some words need: of the command that they name, else of all."""
+    named = [one for one in _COMMANDS if one[0] == (words[0] if words else "")]
+    return app_of(named or _COMMANDS)
+
+
+def planlang(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
+    """Compile OWL action recipes to robot plans and run them in a simulated world."""
+    if version:
+        from importlib.metadata import version as installed_version  # slow to import
+
+        typer.echo(f"planlang {installed_version('planlang')}")
+        raise typer.Exit
+
+
+def robots_command() -> None:
+    """Inspect robots, make robot files."""
 
 
 # Some versions of typer vendor click: find the class of usage errors among the bases of one that typer exports.
@@ -122,7 +147,7 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 def main() -> NoReturn:
     """Run the command and end the process. With ``--json``, wrong usage is printed as a JSON object, too."""
     try:
-        code = app(prog_name="planlang", standalone_mode=False)
+        code = _app_for(sys.argv[1:])(prog_name="planlang", standalone_mode=False)
     except _UsageError as problem:
         if "--json" in sys.argv:
             name, message, advice = explain(problem)

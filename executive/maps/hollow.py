@@ -55,11 +55,12 @@ def hollowed(
         if joint.kind is JointKind.HINGED and joint.holder is not None and not joint.is_knob:
             doors.setdefault(joint.holder, []).append(by_name[joint.leaf])
     movable = [body for body in bodies if body.movable]
+    places = np.array([body.pose.position for body in movable]).reshape(-1, 3)
     contents: list[_Contents] = []
     for body in bodies:
         if body.movable or body.shape is not BodyShape.BOX:
             continue
-        things, cavity = _content(body, movable) if movable else [], stated(body)
+        things, cavity = _content(body, movable, places), stated(body)
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if cavity else [part for part in compartments(body) if part.name not in slides]
         rooms = _rooms(body, cavity, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
@@ -148,9 +149,9 @@ def face_of(leaf: Body, furniture: Body) -> tuple[int, float]:
     return axis, 1.0 if local[axis] >= 0 else -1.0
 
 
-def _content(body: Body, movable: Sequence[Body]) -> list[Body]:
-    """List the movable bodies whose centre is inside a piece of furniture."""
-    is_inside = inside(body.pose, body.size, np.array([other.pose.position for other in movable]))
+def _content(body: Body, movable: Sequence[Body], places: Array) -> list[Body]:
+    """List the movable bodies whose centre, of ``places`` (n, 3), is inside a piece of furniture."""
+    is_inside = inside(body.pose, body.size, places)
     return [movable[index] for index in np.flatnonzero(is_inside).tolist()]
 
 

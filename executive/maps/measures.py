@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 
@@ -21,8 +22,7 @@ from planlang.units import IncompatibleUnits, conversion, stated_number, unit, u
 
 def stated(ontology: Ontology, subject: str, prop: str) -> Triple | None:
     """Find the last statement of a property of a subject, which replaces earlier ones; None if there is none."""
-    triples = tuple(ontology.triples(subject, expand(prop)))
-    return triples[-1] if triples else None
+    return ontology.last(subject, prop)
 
 
 FARTHEST = 1e7
@@ -302,6 +302,12 @@ def _from_quaternion(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> A
     return Pose((px, py, pz), quaternion).matrix()
 
 
+@lru_cache(maxsize=1024)
+def _orthonormal(entries: bytes) -> Array:
+    """Compute the nearest orthonormal matrix (3, 3) of one given by its bytes: most things of a map are not turned."""
+    return orthonormal(np.frombuffer(entries).reshape(3, 3))
+
+
 def rigid(rotation: Array, name: str, span: Span | None, notes: list[Diagnostic]) -> Array:
     """Repair a matrix (3, 3) to a rotation, with a diagnostic for each repair.
 
@@ -315,7 +321,7 @@ def rigid(rotation: Array, name: str, span: Span | None, notes: list[Diagnostic]
         return np.eye(3)
     if np.abs(product(rotation.T, rotation) - np.eye(3)).max() > TOLERANCE:
         notes.append(note("M001", f"the matrix {name} is not orthonormal; the nearest rotation is used", span))
-    nearest = orthonormal(rotation)
+    nearest = _orthonormal(rotation.tobytes()).copy()
     if volume < 0:
         notes.append(note("M001", f"the matrix {name} is a reflection; its y axis is reversed", span))
         nearest[:, 1] *= -1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -276,13 +277,17 @@ def _opened(
         containers = (part for part in parts if part is not None and semantic_map.is_a(part, *CONTAINERS))
         return [by_iri[part.iri] for part in containers if part.iri in by_iri]
 
+    @cache
+    def all_compartments() -> frozenset[str]:
+        return frozenset(part.name for body in bodies for part in compartments(body))
+
     def report(body: Body, content: Sequence[Body], openings: Sequence[str]) -> None:
         thing, names = semantic_map.find(body.iri), ", ".join(one.name for one in content)
         span = None if thing is None else thing.span
         if openings:
             message = f"{names} inside {body.name}, which is hollow at {', '.join(openings)}"
             notes.append(note("M013", message, span))
-        elif not any(body in compartments(other) for other in bodies):
+        elif body.name not in all_compartments():
             message = f"{names} inside {body.name}, which is modelled as a solid box: out of reach"
             help = f"place it on {body.name}, or state a door, a compartment or an openSide of {body.name}"
             notes.append(warning("M014", message, span, help))
@@ -296,6 +301,8 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnost
     turns = np.array([body.pose.rotation.T for body in boxes]).reshape(-1, 3, 3)
     centres = np.array([body.pose.position for body in boxes]).reshape(-1, 3)
     half, standing = np.array([body.size for body in boxes]).reshape(-1, 3) / 2, Standing(scene)
+    all_corners = np.array([corners(body.pose, body.size) for body in boxes]).reshape(-1, 8, 3)
+    outer = all_corners.min(axis=1), all_corners.max(axis=1)
     for body in scene.bodies:
         thing = semantic_map.find(body.iri)
         if not body.movable or thing is None or body.pose == STOWED:
@@ -303,24 +310,23 @@ def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnost
         is_inside = (np.abs(rotated(turns, body.pose.position - centres)) < half).all(axis=1)
         around = [boxes[index] for index in np.flatnonzero(is_inside).tolist() if boxes[index] is not body]
         if not around and standing.support(body.name) is None:
-            notes.append(_unsupported(body, scene, thing.span))
+            notes.append(_unsupported(body, boxes, outer, thing.span))
         for shelf in around:
             stated = semantic_map.find(shelf.iri)
             notes += _over_board(body, shelf, () if stated is None else stated.boards, thing.span)
 
 
-def _unsupported(body: Body, scene: Scene, span: Span | None) -> Diagnostic:
-    """Write the warning about an object that stands on nothing, with the height at which it would stand."""
+def _unsupported(body: Body, boxes: Sequence[Body], around: tuple[Array, Array], span: Span | None) -> Diagnostic:
+    """Write the warning about an object that stands on nothing, with the height at which it would stand.
+
+    ``boxes`` are all bodies of that shape, ``around`` the lower and upper corners (n, 3) of what is around them.
+    """
     heights = corners(body.pose, body.size)[:, 2]
     low, high, z = float(heights.min()), float(heights.max()), body.pose.position[2]
-    others = {one.name: corners(one.pose, one.size) for one in scene.bodies if one.shape is BodyShape.BOX}
-    x, y, _ = body.pose.position
-    below = {
-        name: float(box[:, 2].max())
-        for name, box in others.items()
-        if name != body.name and (box.min(axis=0)[:2] <= (x, y)).all() and (box.max(axis=0)[:2] >= (x, y)).all()
-    }
-    name = max((one for one in below if below[one] < high), key=below.__getitem__, default="the floor")
+    middle, (lower, upper) = np.array(body.pose.position), around
+    is_below = ((lower <= middle) & (upper >= middle))[:, :2].all(axis=1) & (upper[:, 2] < high)
+    below = {boxes[k].name: float(upper[k, 2]) for k in np.flatnonzero(is_below).tolist() if boxes[k] is not body}
+    name = max(below, key=below.__getitem__, default="the floor")
     top = below.get(name, 0.0)
     where = f"{low - top:.3f} m over {name}" if low >= top else f"{top - low:.3f} m inside {name}"
     message = f"{body.name} stands on nothing: its lowest point is {where}"
@@ -408,8 +414,10 @@ def _free(points: Array, rooms: Sequence[Array], bodies: Sequence[Array], cleara
     free = np.ones(len(points), bool)
     if rooms:
         free &= np.any([_signed_distance(room, points) <= -clearance for room in rooms], axis=0)
+    low, high = points.min(axis=0) - clearance, points.max(axis=0) + clearance
     for body in bodies:
-        free &= _signed_distance(body, points) >= clearance
+        if (body.max(axis=0) >= low).all() and (body.min(axis=0) <= high).all():
+            free &= _signed_distance(body, points) >= clearance
     return free
 
 

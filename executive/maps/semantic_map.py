@@ -62,11 +62,14 @@ class SemanticMap:
     _known: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _holders: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _carriers: frozenset[str] = field(init=False, repr=False, compare=False)
+    _kinds: dict[tuple[tuple[str, ...], tuple[str, ...]], bool] = field(init=False, repr=False, compare=False)
+    """Whether classes are below others: of thousands of things, few have different ones."""
 
     def __post_init__(self) -> None:
         backwards = self.objects[::-1]  # so that the first of several objects wins
         known = {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
         object.__setattr__(self, "_known", known)
+        object.__setattr__(self, "_kinds", {})
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})
         hinges = (iri for thing in self.objects if thing.pose and thing.size for iri in thing.hinged_to)
         object.__setattr__(self, "_carriers", frozenset(hinges))
@@ -82,7 +85,10 @@ class SemanticMap:
 
     def is_a(self, thing: MapObject, *classes: str) -> bool:
         """Check whether an object is of one of these classes."""
-        return self.ontology.any_is_a(thing.types, classes)
+        key = thing.types, classes
+        if key not in self._kinds:
+            self._kinds[key] = self.ontology.any_is_a(*key)
+        return self._kinds[key]
 
     def has_leaves(self, thing: MapObject) -> bool:
         """Check whether an object has parts with a body of their own, or something hangs on it."""

@@ -135,10 +135,16 @@ def _surface(piece: Piece, colour: Rgba = GREY, pose: Pose = HERE) -> Shape:
 
 
 def _mesh(solid: Solid, colour: Rgba, pose: Pose) -> Shape:
+    size, mesh = _mesh_of(solid)
+    return Shape(SolidKind.MESH, size, pose, colour, mesh)
+
+
+@lru_cache(maxsize=512)
+def _mesh_of(solid: Solid) -> tuple[Size, Mesh]:
+    """Convert a solid, which things of a class share."""
     low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
     x, y, z = (2 * np.maximum(-low, high)).tolist()
-    mesh = Mesh(solid.vertices.astype(np.float32), solid.faces.astype(np.int32))
-    return Shape(SolidKind.MESH, (x, y, z), pose, colour, mesh)
+    return (x, y, z), Mesh(solid.vertices.astype(np.float32), solid.faces.astype(np.int32))
 
 
 def _part(part: Part, colour: Rgba) -> Shape:

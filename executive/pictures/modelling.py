@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.pictures.drawn import Shape
+from executive.pictures.drawn import Mesh, Shape
 from executive.pictures.solids import Solid, ball, box, lathe, shaded, vertex_normals
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
-from planlang.geometry.shapes import SolidKind
+from planlang.geometry.shapes import Size, SolidKind
 from planlang.records import dataclass
 
 LONGEST = 1.0
@@ -67,22 +67,23 @@ def model_of(shapes: Iterable[Shape], first: int = 0) -> Model:
     """Triangulate shapes in the frame of their body or link; owners are numbered from ``first``."""
     models = []
     for number, shape in enumerate(shapes, first):
-        if shape.mesh is None:
-            solid = _primitive(shape.kind, shape.size)
-        else:
-            solid = Solid(shape.mesh.vertices.astype(float), shape.mesh.triangles.astype(np.int64))
-        solid = _subdivided(solid)
+        solid, normals = _triangulated(shape.mesh or (shape.kind, shape.size))
         count = len(solid.faces)
         colours = np.tile(_toned_down(shape.colour), (count, 1))
-        model = Model(
-            solid.vertices,
-            vertex_normals(solid.vertices, solid.faces),
-            solid.faces,
-            colours,
-            np.full(count, number, np.int64),
-        )
+        model = Model(solid.vertices, normals, solid.faces, colours, np.full(count, number, np.int64))
         models.append(model.at(shape.pose))
     return joined(models)
+
+
+@lru_cache(maxsize=512)
+def _triangulated(shape: Mesh | tuple[str, Size]) -> tuple[Solid, Array]:
+    """Triangulate a mesh, or a primitive of a kind and size, with the normals of its vertices (n, 3)."""
+    if isinstance(shape, Mesh):
+        solid = Solid(shape.vertices.astype(float), shape.triangles.astype(np.int64))
+    else:
+        solid = _primitive(*shape)
+    solid = _subdivided(solid)
+    return solid, vertex_normals(solid.vertices, solid.faces)
 
 
 def _toned_down(colour: tuple[int, int, int, int]) -> NDArray[np.uint8]:
@@ -92,8 +93,7 @@ def _toned_down(colour: tuple[int, int, int, int]) -> NDArray[np.uint8]:
     return np.array([*(rgb + (rgb.mean() * 0.6 + 90 - rgb) * glare), colour[3]], np.uint8)
 
 
-@lru_cache(maxsize=256)
-def _primitive(kind: str, size: tuple[float, float, float]) -> Solid:
+def _primitive(kind: str, size: Size) -> Solid:
     x, y, z = size
     if kind == SolidKind.CYLINDER:
         return shaded([lathe([(1, -0.5), (1, 0.5)]).moved((x / 2, y / 2, z), (0, 0, 0))])

@@ -208,10 +208,7 @@ class Shadow:
         eye = middle + sun * 3 * radius
         view = View(tuple(eye.tolist()), tuple(middle.tolist()), 2 * radius)
         self.frame = Frame(view, (SHADOW, SHADOW))
-        first = 0
-        for model in models:
-            self.frame.draw(model, first)
-            first += len(model.triangles)
+        self.frame.draw(joined(models))
         self._near = self.frame.nearness
 
     def reaches(self, view: View, local: Sequence[Floats], cosines: Floats) -> Floats:

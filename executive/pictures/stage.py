@@ -51,6 +51,9 @@ class Stage:
         self._walls: dict[Path, list[_Wall]] = {}
         self._names: tuple[str, ...] | None = None
         self._drawn: tuple[Drawn, ...] = ()
+        self._paths: dict[str, list[Path]] = {}
+        """By the body's name."""
+        self._drops: tuple[object, dict[str, Array]] | None = None
         self._owners = 0
 
     def poses(self) -> dict[Path, Pose]:
@@ -67,6 +70,8 @@ class Stage:
         return poses
 
     def _add(self, drawn: Drawn) -> None:
+        if drawn.path[0] == "bodies":
+            self._paths.setdefault(drawn.path[1], []).append(drawn.path)
         plain = [shape for shape in drawn.shapes if shape.outward is None]
         self.models[drawn.path] = model_of(plain, self._owners)
         walls = [shape for shape in drawn.shapes if shape.outward is not None]
@@ -118,7 +123,7 @@ class Stage:
 
     def of(self, name: str, poses: Mapping[Path, Pose]) -> list[Path]:
         """Paths of a body and its limbs."""
-        return [path for path in poses if path[:2] == ("bodies", name)]
+        return [path for path in self._paths.get(name, ()) if path in poses]
 
     def below(self, name: str) -> str | None:
         """Body on which a body stands or above which it hangs; None for the floor, and for held or fixed bodies."""
@@ -129,14 +134,19 @@ class Stage:
 
     def drops(self) -> dict[str, Array]:
         """Ends (2, 3) of the plumb lines of bodies that hang in the air now, in the map, by the body's name."""
-        poses, lines = self.poses(), dict[str, Array]()
-        for name in filter(self._is_loose, self.world.names()):
+        state = self.world.poses(), dict(self.world.attached())
+        if self._drops is None or self._drops[0] != state:
+            self._drops = state, dict(self._hanging())
+        return self._drops[1]
+
+    def _hanging(self) -> Iterator[tuple[str, Array]]:
+        poses = self.poses()
+        for name in (one for one in self.world.names() if self._is_loose(one) and not self.world.stands(one)):
             height, paths = self.world.height_above_support(name), self.of(name, poses)
             if paths and HANGING < height < math.inf:
                 low, high = self.bounds(poses, paths)
                 x, y, _ = (low + high) / 2
-                lines[name] = np.array([(x, y, low[2] - height), (x, y, low[2])])
-        return lines
+                yield name, np.array([(x, y, low[2] - height), (x, y, low[2])])
 
     def plumb_lines(self) -> Iterator[Model]:
         """Yield a plumb line with a mark at its lower end for each body that hangs in the air now."""

@@ -194,12 +194,17 @@ def _meant(
     return meant
 
 
+NAMED = 20
+"""Most things that a note names: in a large map, nobody reads on."""
+
+
 def _choices(meant: Mapping[Object, str], lexicon: Lexicon, platform: Platform) -> Iterator[Diagnostic]:
     """Yield a note for each thing chosen among several."""
     for what, name in meant.items():
         others = [other for other in platform.belief.of_class(what) if other != name]
         if what.iri is None and others:
-            help = f"to choose another, name it: {', '.join(others)}"
+            more = f", or one of {len(others) - NAMED} more" if len(others) > NAMED else ""
+            help = f"to choose another, name it: {', '.join(others[:NAMED])}{more}"
             thing = write_thing(what, lexicon)
             yield note("P009", f"{thing} is {name}, the nearest of {len(others) + 1}", help=help)
 

@@ -139,6 +139,22 @@ class Pose:
         norm = length if row[3] >= 0 else -length
         return Pose((float(px), float(py), float(pz)), (row[0] / norm, row[1] / norm, row[2] / norm, row[3] / norm))
 
+    @staticmethod
+    def from_matrices(matrices: Array) -> list[Pose]:
+        """Convert matrices (n, 4, 4) to poses, bit-identical to those of :meth:`from_matrix`."""
+        if not len(matrices):
+            return []
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (matrices[:, k, :3].T for k in range(3))
+        a, b, c = zy - yz, xz - zx, yx - xy
+        d, e, f = xy + yx, xz + zx, yz + zy
+        p, q, r, s = xx - yy - zz + 1.0, yy - xx - zz + 1.0, zz - (xx + yy) + 1.0, xx + yy + zz + 1.0
+        rows = np.array([(p, d, e, a), (d, q, f, b), (e, f, r, c), (a, b, c, s)])
+        row = rows[np.argmax([p, q, r, s], axis=0), :, np.arange(len(matrices))].T
+        length = np.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2] + row[3] * row[3])
+        turns = (row / np.where(row[3] >= 0, length, -length)).T.tolist()
+        places = matrices[:, :3, 3].tolist()
+        return [Pose((x, y, z), (i, j, k, w)) for (x, y, z), (i, j, k, w) in zip(places, turns, strict=True)]
+
     def matrix(self) -> Array:
         """Convert to a homogeneous matrix (4, 4)."""
         x, y, z, w = self.orientation

@@ -11,6 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
 from functools import cache, lru_cache
@@ -100,7 +101,11 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
         return read_map_file(Path(file), base, OCCUPANCY_GRID)
     module, name = _READERS[syntax]
     read = getattr(import_module(f"planlang.ontology.{module}"), name)
-    parsed: Parsed = read(Path(file)) if syntax is Syntax.URDF else read(text, file, base=base, label=label)
+    if syntax is Syntax.URDF:
+        parsed: Parsed = read(Path(file))
+        return parsed
+    parsed = read(text, file, base=base, label=label)
+    parsed.is_alone = True
     return parsed
 
 
@@ -127,6 +132,8 @@ VOCABULARY = (
 
 _CACHE = Cache("ontology", most=100)
 """Triples of bundled files, keyed by the digests of the file and of the reader's source."""
+_OWN = Cache("documents", most=100)
+"""The same of the user's files, apart from those so that many of them do not displace the vocabulary."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,21 +165,23 @@ def base_of(path: Path) -> str:
     return f"file:///{quote(os.fsencode(path.name), safe=_IN_IRIS)}"
 
 
-def _read(path: Path, content: bytes) -> Reading:
+def _read(path: Path, content: bytes, *, is_file: bool = True) -> Reading:
+    """Read a document; what was read of a file before is taken from a cache, if there was nothing to report."""
     file = str(path)
     digest = hashlib.sha256(content).hexdigest()
     base, label = base_of(path), f"{digest[:8]}-"
-    key = f"{digest} {_reader_digest()}" if _is_bundled(path) else None
-    packed = _CACHE.load(key) if key is not None else None
+    cache, key = _CACHE if _is_bundled(path) else _OWN, f"{digest} {base} {_reader_digest()}"
+    packed = cache.load(key) if is_file else None
     if packed is not None:
-        triples = Triples.unpacked(packed, file)
-        return Reading(Document(path, _own_iri(triples), digest), triples, ())
+        with suppress(ValueError):
+            triples = Triples.unpacked(packed, file)
+            return Reading(Document(path, _own_iri(triples), digest), triples, ())
     parsed = read_syntax(content, file, base=base, label=label)
     triples = parsed.triples
     repairs = (*use_canonical_names(triples), *repair(triples), *without_annotations(triples))
     diagnostics = (*parsed.diagnostics, *repairs, *malformed(triples))
-    if key is not None and not diagnostics:
-        _CACHE.keep(key, triples.packed())
+    if is_file and parsed.is_alone and not diagnostics and not parsed.unread:
+        cache.keep(key, triples.packed())
     for other in parsed.others:
         digest = hashlib.sha256(digest.encode() + other).hexdigest()
     return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics, tuple(parsed.unread))
@@ -210,7 +219,10 @@ def read_all(
     it is or may be a world, also unread.
     """
     main_content = read_bytes(path) if content is None else content
-    readings = [_read(path, main_content), *(_version(named, *_stamp(named)) for named in also)]
+    readings = [
+        _read(path, main_content, is_file=content is None),
+        *(_version(named, *_stamp(named)) for named in also),
+    ]
     main = readings[0]
     loaded = {named.resolve() for named in (path, *also)}
     digests = {reading.document.sha256 for reading in readings}

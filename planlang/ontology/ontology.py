@@ -119,6 +119,12 @@ class Ontology:
         """Yield the triples with this subject, predicate and object (None: any), in document order."""
         return map(self.store.triple, self._rows(s, p, o))
 
+    def last(self, s: str | BNode, p: str) -> Triple | None:
+        """Find the last triple with this subject and property; None if there is none."""
+        predicate, predicates = self._number(p), self.store.predicates
+        rows = () if predicate is None else [row for row in self._about(s) if predicates[row] == predicate]
+        return self.store.triple(rows[-1]) if rows else None
+
     def _rows(self, s: str | BNode | None, p: str | None, o: Term | None) -> Iterator[int]:
         store, numbers = self.store, []
         for term in (s, p, o):

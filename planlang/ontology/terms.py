@@ -155,6 +155,7 @@ _FRAME = re.compile(
 )
 
 
+@lru_cache(maxsize=10_000)
 def expand(name: str) -> str:
     """Expand a bare name of the bundled vocabulary or a prefixed name to its IRI; an IRI is unchanged.
 

@@ -14,7 +14,9 @@ from bisect import bisect_right
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import overload
+from itertools import chain
+from types import NoneType
+from typing import Any, overload
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology.terms import OWL, BNode, Literal, Term, Triple
@@ -35,6 +37,8 @@ class Parsed:
     """Contents of other files that the triples depend on."""
     unread: list[Diagnostic] = field(default_factory=list)
     """Errors about things with a shape that the triples lack; they count where the file is read as a map."""
+    is_alone: bool = False
+    """True if the triples depend on nothing but the text, its base IRI and its label."""
 
 
 def check_room(triples: Triples, line: int, column: int) -> None:
@@ -242,16 +246,26 @@ class Triples(Sequence[Triple]):
 
     @classmethod
     def unpacked(cls, packed: bytes, file: str) -> Triples:
-        """Restore triples from :meth:`packed`, with positions in ``file``."""
-        label, terms, *columns = json.loads(packed)
-        store = cls(file, label)
-        store.terms = [
-            term if term is None or isinstance(term, str) else BNode(*term) if len(term) == 1 else Literal(*term)
-            for term in terms
-        ]
-        store.numbers = {term: number for number, term in enumerate(store.terms) if term is not None}
-        for column, numbers in zip((*store._terms_of_rows(), store.lines, store.columns), columns, strict=True):
-            column.extend(numbers)
+        """Restore triples from :meth:`packed`, with positions in ``file``. Raises ValueError for anything else."""
+        try:
+            label, terms, *columns = json.loads(packed)
+            store = cls(file, label)
+            composed = [term for term in terms if type(term) is list]
+            if not {*map(type, terms)} <= {str, list, NoneType} or not _are_terms(composed):
+                raise ValueError("no packed triples: their terms")
+            store.terms = [
+                (Literal(*term) if len(term) == 3 else BNode(*term)) if type(term) is list else term for term in terms
+            ]
+            store.numbers = {term: number for number, term in enumerate(store.terms) if term is not None}
+            for column, numbers in zip((*store._terms_of_rows(), store.lines, store.columns), columns, strict=True):
+                column.extend(numbers)
+        except (TypeError, OverflowError, RecursionError) as problem:
+            raise ValueError(f"no packed triples: {problem}") from None
+        count, rows = len(store.terms), {len(column) for column in columns}
+        if not isinstance(label, str) or len(rows) != 1 or len(store.subjects) > MOST_TRIPLES:
+            raise ValueError("no packed triples: their label or columns")
+        if any(column and not 0 <= min(column) <= max(column) < count for column in store._terms_of_rows()):
+            raise ValueError("no packed triples: a term that is not there")
         return store
 
     # several files
@@ -362,6 +376,12 @@ def _chain(row: int, following: array[int]) -> list[int]:
         rows.append(row)
         row = following[row]
     return rows
+
+
+def _are_terms(composed: list[list[Any]]) -> bool:
+    """Check whether lists are results of :func:`_packed_term`; in C, as every command reads 20,000 of them."""
+    is_long = {*map(len, composed)} <= {1, 3}
+    return is_long and {type(one[0]) for one in composed} <= {str} and {*map(type, chain(*composed))} <= {str, NoneType}
 
 
 def _packed_term(term: Term | None) -> str | list[str | None] | None:

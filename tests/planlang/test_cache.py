@@ -6,6 +6,7 @@ import os
 import socket
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from planlang.cache import Cache
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
 from planlang.files import bundled, from_printable, printable, read_file
+from planlang.ontology import documents, load
+from planlang.ontology.documents import read_syntax
 from planlang.ontology.manchester import read_manchester
-from planlang.ontology.triples import Triples
+from planlang.ontology.triples import Parsed, Triples
 from planlang.outputs import header
 
 CACHE = Cache("kind", most=3, largest=10_000)
@@ -163,8 +166,76 @@ def test_the_oldest_entries_beyond_so_many_are_forgotten(folder: Path) -> None:
     assert [CACHE.load(str(number)) is not None for number in range(6)] == [False] * 3 + [True] * 3
 
 
+def test_the_oldest_entries_beyond_so_many_bytes_are_forgotten(folder: Path) -> None:
+    small = Cache("kind", most=100, total=4 * len(CONTENT))
+    for number in range(6):
+        small.keep(str(number), CONTENT)
+        for entry in folder.iterdir():
+            os.utime(entry, (entry.stat().st_mtime - 10,) * 2)
+    assert [small.load(str(number)) is not None for number in range(6)] == [False] * 3 + [True] * 3
+
+
 def test_what_is_too_large_is_not_kept() -> None:
     assert not CACHE.keep("key", bytes(10_001))
+
+
+ROOM = """Prefix: : <http://example.org/room#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/room>
+
+Individual: table1
+    Types: knowrob:Table-PieceOfFurniture
+    Facts: knowrob:translation "1.6 0 0.37", knowrob:boundingBoxSize "0.7 1.2 0.74"
+"""
+
+
+def test_a_file_of_the_user_is_parsed_once_and_again_when_it_has_changed(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room, parsed = tmp_path / "room.omn", []
+
+    def counted(content: bytes, file: str, **options: Any) -> Parsed:
+        parsed.append(Path(file).name)
+        return read_syntax(content, file, **options)
+
+    monkeypatch.setattr(documents, "read_syntax", counted)
+    room.write_text(ROOM)
+    first, second = load(room, builtin=False), load(room, builtin=False)
+    assert parsed == ["room.omn"]
+    assert list(first.triples()) == list(second.triples())
+    room.write_text(ROOM.replace("1.6", "1.7"))
+    third = load(room, builtin=False)
+    assert parsed == ["room.omn"] * 2
+    assert list(third.triples()) != list(first.triples())
+
+
+def test_an_upload_is_not_kept(folder: Path) -> None:
+    load(Path("room.omn"), builtin=False, content=ROOM.encode())
+    assert not (folder.parent / "documents").exists()
+
+
+HOSTILE = {
+    "no JSON": b"{",
+    "too deep": b"[" * 100_000,
+    "no list": b"3",
+    "no columns": b'["b",["x"]]',
+    "columns of different lengths": b'["b",["x"],[0],[0],[0],[1],[]]',
+    "a term that is not there": b'["b",["x"],[0],[0],[1],[1],[1]]',
+    "a term before the first": b'["b",["x"],[0],[0],[-1],[1],[1]]',
+    "a term of numbers": b'["b",["x",[1,2,3]],[0],[0],[1],[1],[1]]',
+    "a term without a text": b'["b",["x",[]],[0],[0],[1],[1],[1]]',
+    "a term of four texts": b'["b",["x",["a","b","c","d"]],[0],[0],[1],[1],[1]]',
+    "a number for a term": b'["b",[7],[0],[0],[0],[1],[1]]',
+    "a number that is too large": b'["b",["x"],[0],[0],[0],[99999999999],[1]]',
+    "a number that is not whole": b'["b",["x"],[0.5],[0],[0],[1],[1]]',
+    "no label": b'[5,["x"],[0],[0],[0],[1],[1]]',
+}
+
+
+@pytest.mark.parametrize("content", HOSTILE.values(), ids=HOSTILE)
+def test_an_entry_with_a_right_digest_and_a_wrong_content_is_not_used(content: bytes) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011  json has messages of its own
+        Triples.unpacked(content, "room.omn")
 
 
 def test_every_bundled_ontology_comes_back_from_its_bytes_as_it_was_read() -> None:

@@ -367,6 +367,7 @@ def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(q
     urdf = bundled("ontologies") / "robots" / "amigo.urdf"
     world = PlanningWorld(DIRTY_ROOM, RobotBody(urdf, CameraModel("openni_rgb_optical_frame")))
     try:
+        QUESTIONS[question](world)  # makes in the client what it comes near
         before = world.state(), physics(world.robot.client)
         whole = False
         for calls in (*range(1, 80), *range(80, 4000, 17)):
@@ -379,6 +380,48 @@ def test_an_interrupted_question_leaves_the_world_and_its_physics_as_they_were(q
         assert whole
     finally:
         world.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_question_interrupted_while_bodies_are_made_is_answered_rightly_afterwards() -> None:
+    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
+    body = RobotBody(urdf, CameraModel("openni_rgb_optical_frame"))
+    answers = set()
+    for calls in (10_000, *range(1, 90, 4)):
+        world = PlanningWorld(DIRTY_ROOM, body)
+        try:
+            with contextlib.suppress(KeyboardInterrupt), Interrupter(calls):
+                world.sight("cup", ELSEWHERE)
+            share, lines = world.sight("cup", ELSEWHERE)
+            support = world.support("cup")
+            pieces = physics(world.robot.client)
+            answers.add((share, tuple(sorted(lines.items())), support, len(pieces)))
+        finally:
+            world.close()
+    assert len(answers) == 1
+
+
+def test_of_a_large_map_only_what_something_comes_near_is_made_in_the_physics_client() -> None:
+    boxes = tuple(
+        Body(f"box{k}", Pose((3.0 + 0.5 * (k % 40), 0.5 * (k // 40), 0.2)), (0.3, 0.3, 0.4)) for k in range(2_000)
+    )
+    urdf = bundled("ontologies") / "robots" / "amigo.urdf"
+    with closing(PlanningWorld(Scene(boxes), RobotBody(urdf, CameraModel("openni_rgb_optical_frame")))) as world:
+        assert {contact.body for contact in world.contacts(Configuration((3.2, 0.1, 0.0), {}))} >= {"box0"}
+        assert world.support("box1") == "floor"
+        assert not world.clear_lines(np.array([[2.0, 0.0, 0.2]]), np.array([[3.2, 0.0, 0.2]]))[0]
+        assert len(physics(world.robot.client)) < 50
+
+
+def test_a_body_that_was_moved_hidden_or_removed_before_it_was_made_is_where_it_belongs() -> None:
+    cups = tuple(Body(f"cup{k}", Pose((1.0, 0.5 * k, 0.5)), (0.1, 0.1, 0.1), movable=True) for k in range(3))
+    with closing(PlanningWorld(Scene(cups))) as world:
+        world.set_pose("cup0", Pose((1.0, 0.0, 0.9)))
+        world.remove("cup1")
+        lines = np.array([[0.0, y, z] for y, z in ((0.0, 0.5), (0.0, 0.9), (0.5, 0.5), (1.0, 0.5))])
+        assert world.clear_lines(lines, lines + np.array((2.0, 0.0, 0.0))).tolist() == [True, False, True, False]
+        world.restore("cup1")
+        assert world.clear_lines(lines, lines + np.array((2.0, 0.0, 0.0))).tolist() == [True, False, False, False]
 
 
 def test_a_tray_rests_on_its_table_not_on_the_hollow_cup_that_stands_on_it() -> None:
