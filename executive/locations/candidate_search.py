@@ -221,13 +221,13 @@ class CandidateSearch:
             rows = rows[undecided[rows]]
             undecided[rows] = self._have_way(rows)
             rows = rows[undecided[rows]]
+            if not self._wants_blind():  # nothing that is hidden is of use
+                undecided[rows] = ~self._are_hidden(rows)
+                rows = rows[undecided[rows]]
             undecided[rows], joints = self._solved(rows)
             self._remember(rows)
             rows = rows[undecided[rows]]
-            missed = np.zeros(len(rows), bool)
-            if self._misses is not None and len(rows):
-                missed = self._misses(self._bases[rows])
-                self._spec.log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
+            missed = self._are_hidden(rows) if self._wants_blind() else np.zeros(len(rows), bool)
             for row, unseen in zip(rows.tolist(), missed.tolist(), strict=True):
                 number, candidate = self._key(row)
                 arm, candidates, _ = self._hands[number]
@@ -236,6 +236,14 @@ class CandidateSearch:
         if self._spec.budget.fine:
             for row, solution, unseen in postponed:
                 yield row, solution, False, unseen
+
+    def _are_hidden(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Check from which candidates the robot surely does not see what has to be visible; count them."""
+        if self._misses is None or not len(rows):
+            return np.zeros(len(rows), bool)
+        missed = self._misses(self._bases[rows])
+        self._spec.log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
+        return missed
 
     def _roomy_blocks(self) -> Iterator[NDArray[np.intp]]:
         """Yield candidates with room for base and arms, block by block, tested in growing batches."""

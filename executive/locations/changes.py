@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
+from executive.belief.believed_bodies import BelievedBodies, Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_poses import floor_near
 from executive.locations.reachability import CELL
@@ -40,15 +40,34 @@ IsFeasible = Callable[[Rejections], bool]
 """Check whether the scene, as changed, has a base pose; counts why others are rejected."""
 
 
+def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
+    """Collect bodies with all that they stand on or in, directly or not: without these they would hang in the air."""
+    found, left = set[str](), list(names)
+    while left:
+        name = left.pop()
+        found.add(name)
+        support = bodies.support(name)
+        left += [support] if support is not None and support not in found else []
+    return found
+
+
 class Changes:
     """Changes of the map, one at a time, each tested by the search itself."""
 
     def __init__(
-        self, body: str, scene: PlanningScene, log: Rejections, is_feasible: IsFeasible, along: Collection[str] = ()
+        self,
+        body: str,
+        scene: PlanningScene,
+        log: Rejections,
+        is_feasible: IsFeasible,
+        *,
+        parts: Collection[str] = (),
+        needed: Collection[str] = (),
     ) -> None:
-        """Prepare; ``along`` are bodies that move with ``body``, as the button of a device."""
-        self.body, self.scene, self.log, self._is_feasible = body, scene, log, is_feasible
-        self._along = {*along} - {body}
+        """Prepare; ``parts`` move with ``body``, as the button of a device; ``needed`` bodies are not removed."""
+        self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
+        self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
+        self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
         self.meanwhile = Rejections()
         """Why base poses are rejected with these changes."""
         self._tried: list[str] = []
@@ -69,7 +88,7 @@ class Changes:
         """
         bodies = self.scene.bodies
         support = bodies.support(self.body)
-        if support is None or not (bodies.is_movable(self.body) or self._along) or bodies.is_room(support):
+        if support is None or not self._is_movable or bodies.is_room(support):
             return ""
         for side, steps in self._ways_to_edges(support):
             if not steps or (towards is not None and float(towards @ side) < TOWARDS):
@@ -138,15 +157,17 @@ class Changes:
 
     def _without(self) -> str:
         bodies = self.scene.bodies
-        fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
+        fixed = {*with_supports({self.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
         joints = self.scene.belief.joints.values()
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
         fixed |= {*(joint.holder for joint in joints), *self.scene.belief.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
         for name in blocking[:MOST_TRIED]:
-            if self._helps({name: None}):
-                open_leaf = f"{name} is in the way as it is open: " if name in self.scene.belief.joints else ""
-                return f"{open_leaf}without {name} this would work"
+            leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
+            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())} - fixed
+            if self._helps(dict.fromkeys(sorted(gone))):
+                open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
+                return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
             self._tried.append(f"removing {name} alone")
         return ""
 

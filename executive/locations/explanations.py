@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import AROUND, floor_near
-from executive.locations.changes import MOST_TRIED, Changes, IsFeasible
+from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
@@ -53,13 +53,17 @@ def explain_bases(
     scene: PlanningScene,
     inverse: InverseMaps,
     question: Question,
+    needed: Collection[str],
     is_feasible: IsFeasible | None,
 ) -> None:
-    """Add to the log's figures what was measured about the decisive reason, and what would help."""
+    """Add to the log's figures what was measured about the decisive reason, and what would help.
+
+    The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
+    """
     log = question.log
     if not wanted or not log.counts:
         return
-    explanation = _Explanation(wanted[0], arms, scene, inverse, question)
+    explanation = _Explanation(wanted[0], arms, scene, inverse, question, needed)
     reason = explanation.deciding()
     if reason in log.figures:
         return
@@ -71,7 +75,7 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     sentences = [measured]
-    changes = None if is_feasible is None else Changes(wanted[0].body, scene, log, is_feasible)
+    changes = None if is_feasible is None else Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
     elif excluded := explanation.excluded():
@@ -139,8 +143,9 @@ class _Explanation:
         scene: PlanningScene,
         inverse: InverseMaps,
         question: Question,
+        needed: Collection[str] = (),
     ) -> None:
-        self.reach, self.arms, self.scene, self.inverse = reach, arms, scene, inverse
+        self.reach, self.arms, self.scene, self.inverse, self._needed = reach, arms, scene, inverse, needed
         self.log, self.known = question.log, question.known
 
     def deciding(self) -> str:
@@ -360,10 +365,14 @@ class _Explanation:
         return f"without {min(better)[1]} it would get to {min(better)[0]:.2f} m" if better else ""
 
     def _without(self) -> Iterator[tuple[str, float]]:
-        bodies = self.scene.bodies
-        fixed = {self.reach.body, bodies.support(self.reach.body), *filter(bodies.is_room, bodies.names())}
+        fixed = self._fixed()
         for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
             yield body, self._gap(self.scene.collisions.floor_without(body))
+
+    def _fixed(self) -> set[str]:
+        """Collect the bodies that nobody can leave out: rooms, what the hand goes to, and what the task needs."""
+        bodies = self.scene.bodies
+        return {*with_supports({self.reach.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
@@ -377,7 +386,7 @@ class _Explanation:
         """Name the body that blocks the path to where the base would have to stand."""
         block = self.scene.bodies.block(self.reach.body)
         near = self.inverse_reach()
-        body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near)
+        body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near, self._fixed())
         sentence = f"the base cannot drive to where it could reach {self.reach.body}"
         return f"{sentence}; without {body} it could" if body is not None else sentence
 

@@ -175,8 +175,8 @@ def grasping(
 
     They grip the middle, or higher if the ``palm``, given by corners in the tip's frame, would touch the body; where
     that is above its top, nearer to the hand instead: long boxes are gripped at their end. If the body does not fit as
-    far as that between the open fingers, whose ``gaps`` are those of :attr:`Openings.widest_gaps`, hands from above grip
-    it with their tips.
+    far as that between the open fingers, whose ``gaps`` are those of :attr:`Openings.widest_gaps`, hands from above
+    grip it with their tips.
     """
     grasps, yaws, rolls, weights, spans = [], [], [], [], []
     level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE

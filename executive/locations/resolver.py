@@ -25,6 +25,7 @@ from executive.locations.demands import (
     Reach,
     ReachKind,
     base_demand,
+    bodies_meant,
     goals_of,
     hand_demand,
     thing_demand,
@@ -121,7 +122,8 @@ class Resolver:
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
         is_feasible = None if found else partial(self._is_feasible, location)
-        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible)
+        meant = bodies_meant(location, actions_around(), scene)
+        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, meant, is_feasible)
         raise question.log.failure(location, after=len(found))
 
     def _question(self, location: Location) -> Question:
