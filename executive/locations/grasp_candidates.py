@@ -208,11 +208,12 @@ def grasping(
     if not count or not palm:
         return candidates
     moves, grips = _clear_of(block, candidates, approaches, np.array(palm))
-    spans = candidates.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
+    before = np.array(spans)
+    around = before - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
     if gaps:
-        farther, deep = _by_the_tips(block, candidates.spans, moves, approaches, gaps)
-        moves, spans[:, 1] = moves + farther, np.minimum(spans[:, 1], deep)
-    return replace(candidates, points=candidates.points + moves, spans=spans).chosen(np.flatnonzero(grips))
+        farther, deep = _by_the_tips(block, before, moves, approaches, gaps)
+        moves, around[:, 1] = moves + farther, np.minimum(around[:, 1], deep)
+    return replace(candidates, points=candidates.points + moves, spans=around).chosen(np.flatnonzero(grips))
 
 
 def grasp_series(approaches: Array, lift: float = LIFT) -> Array:
