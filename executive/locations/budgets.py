@@ -42,5 +42,7 @@ BUDGETS = (
     SearchBudget(Stage.ALL, least=0.05, rows=400, each=128, most=12_000, block=128, exact=150),
     SearchBudget(Stage.CLOSEST, least=0.0, rows=2_000, each=ALL, most=40_000, block=128, exact=500, then=BETWEEN),
 )
-EASY = 3
-"""Number of budgets with which to test whether a change of the map would help."""
+MOST_CHECKS = 150
+"""Base poses that may fail when validated exactly, in all searches for a location, until one is found."""
+EASY, EASY_CHECKS = 3, 40
+"""Number of budgets with which to test whether a change of the map would help, and exact checks for all changes."""

@@ -120,7 +120,7 @@ class CandidateSearch:
         """
         spec, log = self._spec, self._spec.log
         for row, solution, missed in self._open():
-            if self._validated >= spec.budget.exact:
+            if self._validated >= spec.budget.exact or spec.known.allowance.checks <= 0:
                 log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
                 spec.known.untried = True
                 return
@@ -162,7 +162,7 @@ class CandidateSearch:
         spec, findings = self._spec, self._spec.known
         if spec.blind is None or findings.blind is not None:
             return
-        if self._tried_blind >= spec.budget.exact:
+        if self._tried_blind >= spec.budget.exact or findings.allowance.checks <= 0:
             findings.untried = True
             return
         self._tried_blind += 1
@@ -174,6 +174,7 @@ class CandidateSearch:
 
     def _note_failure(self, row: int, solution: HandSolution, answer: str | None) -> None:
         """Record an exact failure, and whether it applies to other bases as well."""
+        self._spec.known.allowance.checks -= 1
         number, candidate = self._key(row)
         if isinstance(answer, str):
             self._remember(np.array([row]))

@@ -19,6 +19,10 @@ from planlang.geometry import Array, Pose
 
 MOST_TRIED = 4
 """Number of bodies whose removal is tested."""
+MOST_EDGES = 2
+"""Number of edges to which a thing is moved: the nearest, and where the base gets closest."""
+MOST_SEARCHES = 5
+"""Number of changes that are tested in all, each by a search."""
 STEP = 0.05
 """Step by which a thing is moved towards an edge [m]."""
 TABLE = 0.75
@@ -71,15 +75,16 @@ class Changes:
         self.meanwhile = Rejections()
         """Why base poses are rejected with these changes."""
         self._tried: list[str] = []
-        """Changes that do not help."""
+        """Changes with which the search found nothing."""
+        self._left = MOST_SEARCHES
 
     def helping(self) -> str:
         """Describe a change that helps: the thing nearer to an edge, without a body, or at another height."""
         return self.nearer() or self._without() or self._at_another_height()
 
     def in_vain(self) -> str:
-        """Describe the tested changes that do not help."""
-        return f"{' or '.join(self._tried)} would not help" if self._tried else ""
+        """Describe the changes with which a search was made in vain: a shorter one than that which failed."""
+        return f"a short search found nothing with {' or '.join(self._tried)} either" if self._tried else ""
 
     def nearer(self, towards: Array | None = None) -> str:
         """Describe how far, and where to, the thing has to be moved on its support; "" if that does not help.
@@ -90,11 +95,15 @@ class Changes:
         support = bodies.support(self.body)
         if support is None or not self._is_movable or bodies.is_room(support):
             return ""
-        for side, steps in self._ways_to_edges(support):
-            if not steps or (towards is not None and float(towards @ side) < TOWARDS):
-                continue
-            if not self._helps_at(self._moved(side, steps[-1])):
-                self._tried = [f"moving it to an edge of {support}"]
+        ways = [
+            (side, steps)
+            for side, steps in self._ways_to_edges(support)
+            if steps and (towards is None or float(towards @ side) >= TOWARDS)
+        ]
+        for side, steps in ways if len(ways) <= MOST_EDGES else (*ways[: MOST_EDGES - 1], ways[-1]):
+            farthest = self._moved(side, steps[-1])
+            x, y, _ = farthest.position
+            if not self._helps_at(farthest, f"{self.body} at x = {x:.2f}, y = {y:.2f}"):
                 continue
             # the last step helps: bisect for the first that does
             first = bisect_left(steps, True, key=lambda step: self._helps_at(self._moved(side, step)))
@@ -165,10 +174,9 @@ class Changes:
         for name in blocking[:MOST_TRIED]:
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
             gone = {name, *riders, *(leaf.bodies if leaf is not None else ())} - fixed
-            if self._helps(dict.fromkeys(sorted(gone))):
+            if self._helps(dict.fromkeys(sorted(gone)), f"{name} removed"):
                 open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
                 return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
-            self._tried.append(f"removing {name} alone")
         return ""
 
     def _at_another_height(self) -> str:
@@ -191,12 +199,12 @@ class Changes:
                 x, y, z = self._moved(side, step).position
                 if not self._is_free(above, side, step):
                     continue
-                if self._helps_at(replace(bodies.pose(self.body), position=(x, y, z + rise))):
-                    place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
-                    height = f"{above.low:.2f} m above the floor instead of {thing.low:.2f} m"
-                    return f"{height}{place}, {self.body} could be reached"
-                way = f"{'raising' if rises > 0 else 'lowering'} {self.body}"
-                self._tried += [] if way in self._tried else [way]
+                place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
+                height = f"{above.low:.2f} m above the floor"
+                if self._helps_at(
+                    replace(bodies.pose(self.body), position=(x, y, z + rise)), f"{self.body} {height}{place}"
+                ):
+                    return f"{height} instead of {thing.low:.2f} m{place}, {self.body} could be reached"
         return ""
 
     def _with_furniture(self, parts: Sequence[str]) -> str:
@@ -206,19 +214,21 @@ class Changes:
         rises = [math.copysign(STEP * step, most) for step in range(1, int(abs(most) / STEP) + 1)]
         rises = [rise for rise in rises if self._fits(block, rise, parts)]
 
+        word = "higher" if most > 0 else "lower"
+
         def helps(rise: float) -> bool:
-            return self._helps({one: Pose((0.0, 0.0, rise)) @ bodies.pose(one) for one in parts})
+            poses = {one: Pose((0.0, 0.0, rise)) @ bodies.pose(one) for one in parts}
+            return self._helps(poses, f"{name} {abs(rise):.2f} m {word}")
 
         # the largest rise may be too large: bisect for the smallest below one that helps
         last = next(
             (k for k in sorted({len(rises) - 1, len(rises) // 2}, reverse=True) if rises and helps(rises[k])), None
         )
         if last is None:
-            self._tried += [f"{'raising' if most > 0 else 'lowering'} {name}"] if rises else []
             return ""
         rise = rises[bisect_left(rises[:last], True, key=helps)]
         what = "it" if name == self.body else self.body
-        return f"with {name} {abs(rise):.2f} m {'higher' if most > 0 else 'lower'}, {what} could be reached"
+        return f"with {name} {abs(rise):.2f} m {word}, {what} could be reached"
 
     def _fits(self, furniture: Block, rise: float, parts: Sequence[str]) -> bool:
         """Check whether furniture has room at another height: it overlaps neither the floor nor other bodies."""
@@ -239,17 +249,24 @@ class Changes:
     def turned(self) -> str:
         """Describe a half turn of the thing, if that helps."""
         x, y, _ = self.scene.bodies.pose(self.body).position
-        if self._helps_at(Pose((x, y, 0.0)) @ ROUND @ Pose((-x, -y, 0.0)) @ self.scene.bodies.pose(self.body)):
+        turned = Pose((x, y, 0.0)) @ ROUND @ Pose((-x, -y, 0.0)) @ self.scene.bodies.pose(self.body)
+        if self._helps_at(turned, f"{self.body} turned by 180 degrees"):
             return f"turned by 180 degrees, {self.body} could be reached"
-        self._tried.append("turning it by 180 degrees")
         return ""
 
-    def _helps_at(self, pose: Pose) -> bool:
+    def _helps_at(self, pose: Pose, said: str = "") -> bool:
         """Check whether it helps if the thing, with what moves along, is at a pose."""
         bodies = self.scene.bodies
         change = pose @ bodies.pose(self.body).inverse()
-        return self._helps({self.body: pose, **{one: change @ bodies.pose(one) for one in self._along}})
+        return self._helps({self.body: pose, **{one: change @ bodies.pose(one) for one in self._along}}, said)
 
-    def _helps(self, poses: Mapping[str, Pose | None]) -> bool:
+    def _helps(self, poses: Mapping[str, Pose | None], said: str = "") -> bool:
+        """Check whether a change helps; without searches left it counts as not tested, and nothing is ``said``."""
+        if not self._left:
+            return False
+        self._left -= 1
         with self.scene.supposing(poses):
-            return self._is_feasible(self.meanwhile)
+            if self._is_feasible(self.meanwhile):
+                return True
+        self._tried += [said] if said else []
+        return False
