@@ -216,8 +216,12 @@ class CandidateSearch:
 
         With each, whether it comes for the first time, and whether what has to be visible is surely hidden.
         """
-        undecided = self._undecided
+        undecided, known = self._undecided, self._spec.known
         for rows in self._roomy_blocks():
+            if known.allowance.solved <= 0:
+                self._spec.log.add(NOT_LOOKED_AT, int(undecided[rows[0] :].sum()))
+                undecided[rows[0] :], known.untried = False, True
+                break
             undecided[rows] = ~self._are_hopeless(rows)
             rows = rows[undecided[rows]]
             undecided[rows] = self._have_way(rows)
@@ -225,6 +229,7 @@ class CandidateSearch:
             if not self._wants_blind():  # nothing that is hidden is of use
                 undecided[rows] = ~self._are_hidden(rows)
                 rows = rows[undecided[rows]]
+            known.allowance.solved -= len(rows)
             undecided[rows], joints = self._solved(rows)
             self._remember(rows)
             rows = rows[undecided[rows]]

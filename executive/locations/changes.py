@@ -95,13 +95,14 @@ class Changes:
         support = bodies.support(self.body)
         if support is None or not self._is_movable or bodies.is_room(support):
             return ""
-        ways = [
-            (side, steps)
-            for side, steps in self._ways_to_edges(support)
-            if steps and (towards is None or float(towards @ side) >= TOWARDS)
-        ]
-        for side, steps in ways if len(ways) <= MOST_EDGES else (*ways[: MOST_EDGES - 1], ways[-1]):
-            farthest = self._moved(side, steps[-1])
+        ways: list[tuple[Array, list[float], Pose]] = []
+        for side, steps in self._ways_to_edges(support):
+            if not steps or (towards is not None and float(towards @ side) < TOWARDS):
+                continue
+            end = self._moved(side, steps[-1])
+            if all(math.dist(end.position, other.position) > STEP for _, _, other in ways):
+                ways.append((side, steps, end))
+        for side, steps, farthest in ways if len(ways) <= MOST_EDGES else (*ways[: MOST_EDGES - 1], ways[-1]):
             x, y, _ = farthest.position
             if not self._helps_at(farthest, f"{self.body} at x = {x:.2f}, y = {y:.2f}"):
                 continue

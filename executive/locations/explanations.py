@@ -53,8 +53,8 @@ def explain_bases(
     scene: PlanningScene,
     inverse: InverseMaps,
     question: Question,
-    needed: Collection[str],
     is_feasible: IsFeasible | None,
+    needed: Collection[str] = (),
 ) -> None:
     """Add to the log's figures what was measured about the decisive reason, and what would help.
 
@@ -153,11 +153,11 @@ class _Explanation:
 
         Hands that collide wherever the base is are counted first; the others decide.
         """
-        counts = self.log.ordered()
+        counts = {reason: number for reason, number in self.log.ordered().items() if reason != NOT_LOOKED_AT}
         bases = sum(counts.get(reason, 0) for reason in BASES)
         if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one: the present base pose
             return OUT_OF_REACH.text
-        return next(iter(counts))
+        return next(iter(counts), NOT_LOOKED_AT)
 
     def height(self) -> _Limit | None:
         """Find the limit by which the thing is least too high or too low; None if it is neither."""

@@ -18,7 +18,7 @@ from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.budgets import ALL, EASY, EASY_CHECKS, MOST_CHECKS
+from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -121,10 +121,10 @@ class Resolver:
         yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
-        findings = Findings(Allowance(EASY_CHECKS), walled=question.known.walled)
+        findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
         is_feasible = None if found else partial(self._is_feasible, location, findings)
         meant = bodies_meant(location, actions_around(), scene)
-        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, meant, is_feasible)
+        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
         raise question.log.failure(location, after=len(found))
 
     def _question(self, location: Location) -> Question:
@@ -165,7 +165,7 @@ class Resolver:
         here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
         views = {name: self._view(name) for name in (() if here else unsure)}
         for solution in search_bases(self._validator, demand, question, found):
-            question.known.allowance.checks = ALL  # only an answer that there is none has to come soon
+            question.known.allowance = Allowance(ALL, ALL)  # only an answer that there is none has to come soon
             still_unsure = self._unsure(wanted) if here or views else ()
             yield self._after({name: view for name, view in (here or views).items() if name in still_unsure}, solution)
         if len(found) == before and question.log.counts[NOT_VISIBLE]:
@@ -179,7 +179,7 @@ class Resolver:
         unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
         if blind is not None and None not in views:
-            question.known.allowance = Allowance(MOST_CHECKS)
+            question.known.allowance = Allowance()
             for solution in search_bases(validator, blind, question.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
