@@ -183,7 +183,6 @@ def test_a_hand_that_gets_nowhere_near_from_where_the_base_is_states_what_is_mis
 
 
 SHELF = Body("shelf", Pose((0.65, 0.0, 0.9)), (0.1, 2.4, 1.8), type="Cupboard")
-THE_SHELF = an_object("Cupboard", PLACE + "shelf")
 TURNED = (0.0, 0.0, 0.5**0.5, 0.5**0.5)
 AROUND = (
     Pose((0.65, 0.0, 0.9)),
@@ -194,24 +193,27 @@ AROUND = (
 """Shelves on all four sides of the table."""
 
 
+THE_BELL = an_object("Cupboard", PLACE + "bell")
+
+
 @pytest.mark.parametrize(
     "location",
     [
-        a_location(in_reach_of=THE_BOTTLE, not_=a_location(near=THE_SHELF)),
-        a_location(in_reach_of=THE_BOTTLE, near=THE_SHELF),
-        a_location(in_reach_of=THE_BOTTLE, visible_from=THE_SHELF),
-        a_location(in_reach_of=THE_BOTTLE, left_of=THE_SHELF),
-        a_location(in_reach_of=THE_BOTTLE, facing=THE_SHELF),
-        a_location(in_reach_of=(THE_BOTTLE, a_location(above=THE_SHELF))),
+        a_location(in_reach_of=THE_BOTTLE, not_=a_location(near=THE_BELL)),
+        a_location(in_reach_of=THE_BOTTLE, near=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, visible_from=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, left_of=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, behind=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, facing=THE_BELL),
+        a_location(in_reach_of=(THE_BOTTLE, a_location(above=THE_BELL))),
     ],
     ids=str,
 )
 def test_what_a_location_names_is_not_supposed_away(make_stage: MakeStage, location: Location) -> None:
-    stage = make_stage(TABLE, replace(BOTTLE, pose=Pose((1.4, 0.0, 0.9))), SHELF)
     with pytest.raises(LocationUnresolvable) as caught:
-        next(stage.resolver.bases(location))
-    assert "shelf" in caught.value.blocking
-    assert "without shelf" not in caught.value.figures
+        next(make_stage(STAND, BOTTLE, BELL).resolver.bases(location))
+    assert "bell" in caught.value.blocking
+    assert "without bell" not in caught.value.figures
 
 
 def test_what_the_plan_around_acts_on_is_not_supposed_away(make_stage: MakeStage) -> None:
@@ -220,9 +222,7 @@ def test_what_the_plan_around_acts_on_is_not_supposed_away(make_stage: MakeStage
     async def search() -> None:
         figures.append(said(stage))
 
-    stage.run(
-        partial(perform, action("Cleaning", object_acted_on=an_object("Cupboard", PLACE + "bell")), otherwise=search)
-    )
+    stage.run(partial(perform, action("Cleaning", object_acted_on=THE_BELL), otherwise=search))
     assert "bell" in figures[0]
     assert "without bell" not in figures[0]
 
