@@ -44,7 +44,7 @@ BUDGETS = (
 )
 MOST_CHECKS = 120
 """Base poses that may fail when validated exactly, in all searches for a location, until one is found."""
-MOST_SOLVED = 3_000
-"""Base poses for which inverse kinematics is solved meanwhile: where there is one, it is among the first 2,000."""
-EASY, EASY_CHECKS, EASY_SOLVED = 3, 40, 2_000
+MOST_SOLVED = 2_000
+"""Base poses for which inverse kinematics is solved meanwhile: where there is one, it is among the first 1,700."""
+EASY, EASY_CHECKS, EASY_SOLVED = 3, 40, 1_000
 """Number of budgets with which to test whether a change of the map would help, and these numbers for all changes."""

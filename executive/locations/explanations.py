@@ -75,7 +75,11 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     sentences = [measured]
-    changes = None if is_feasible is None else Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
+    # what closes the way is named already, and nothing that is done to the thing opens it
+    is_closed = reason == NO_WAY and explanation.closing is not None
+    changes = None
+    if is_feasible is not None and not is_closed:
+        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
     elif excluded := explanation.excluded():
@@ -384,11 +388,15 @@ class _Explanation:
 
     def no_way(self) -> str:
         """Name the body that blocks the path to where the base would have to stand."""
-        block = self.scene.bodies.block(self.reach.body)
-        near = self.inverse_reach()
-        body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near, self._fixed())
         sentence = f"the base cannot drive to where it could reach {self.reach.body}"
-        return f"{sentence}; without {body} it could" if body is not None else sentence
+        return f"{sentence}; without {self.closing} it could" if self.closing is not None else sentence
+
+    @cached_property
+    def closing(self) -> str | None:
+        """Body without which the base could drive to where arms reach the thing; None if there is none."""
+        block = self.scene.bodies.block(self.reach.body)
+        place = np.array([block.x, block.y])
+        return self.scene.collisions.closes_way(place, self.inverse_reach(), self._fixed())
 
     def inverse_reach(self) -> float:
         """Greatest distance from the centre of the base that any of the arms reaches [m]."""
