@@ -193,10 +193,10 @@ class SceneCollisions:
         shapes = outlines(self._world.outlines())
         return Floor(self.obstacles(), self.silhouette(), shapes, self._world.scene.bounds)
 
-    def closes_way(self, place: Array, within: float) -> str | None:
+    def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> str | None:
         """Find the body without which the base could reach most additional floor ``within`` [m] of a position (2,).
 
-        None if no body makes a difference. Only the bodies nearest to the straight line are tried.
+        None if no body makes a difference. Only the bodies nearest to the straight line are tried, none of ``fixed``.
         """
         reachable = self.drivable()
         if reachable.beyond:
@@ -206,7 +206,8 @@ class SceneCollisions:
         line = np.linspace(base[:2], place, 20)
         distances = np.linalg.norm(boxes.centres[:, None, :2] - line, axis=2).min(axis=1)
         distances -= boxes.half_extents[:, :2].max(axis=1)
-        nearest = dict.fromkeys(names[row] for row in np.argsort(distances, kind="stable").tolist())
+        order = (names[row] for row in np.argsort(distances, kind="stable").tolist())
+        nearest = dict.fromkeys(name for name in order if name not in fixed)
         gains = {
             name: _flood(base, self.floor_without(name)).near(place, within) - cells
             for name in list(nearest)[:MOST_REMOVED]

@@ -120,7 +120,7 @@ class CandidateSearch:
         """
         spec, log = self._spec, self._spec.log
         for row, solution, missed in self._open():
-            if self._validated >= spec.budget.exact:
+            if self._validated >= spec.budget.exact or spec.known.allowance.checks <= 0:
                 log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
                 spec.known.untried = True
                 return
@@ -162,7 +162,7 @@ class CandidateSearch:
         spec, findings = self._spec, self._spec.known
         if spec.blind is None or findings.blind is not None:
             return
-        if self._tried_blind >= spec.budget.exact:
+        if self._tried_blind >= spec.budget.exact or findings.allowance.checks <= 0:
             findings.untried = True
             return
         self._tried_blind += 1
@@ -174,6 +174,7 @@ class CandidateSearch:
 
     def _note_failure(self, row: int, solution: HandSolution, answer: str | None) -> None:
         """Record an exact failure, and whether it applies to other bases as well."""
+        self._spec.known.allowance.checks -= 1
         number, candidate = self._key(row)
         if isinstance(answer, str):
             self._remember(np.array([row]))
@@ -215,19 +216,24 @@ class CandidateSearch:
 
         With each, whether it comes for the first time, and whether what has to be visible is surely hidden.
         """
-        undecided = self._undecided
+        undecided, known = self._undecided, self._spec.known
         for rows in self._roomy_blocks():
+            if known.allowance.solved <= 0:
+                self._spec.log.add(NOT_LOOKED_AT, int(undecided[rows[0] :].sum()))
+                undecided[rows[0] :], known.untried = False, True
+                break
             undecided[rows] = ~self._are_hopeless(rows)
             rows = rows[undecided[rows]]
             undecided[rows] = self._have_way(rows)
             rows = rows[undecided[rows]]
+            if not self._wants_blind():  # nothing that is hidden is of use
+                undecided[rows] = ~self._are_hidden(rows)
+                rows = rows[undecided[rows]]
+            known.allowance.solved -= len(rows)
             undecided[rows], joints = self._solved(rows)
             self._remember(rows)
             rows = rows[undecided[rows]]
-            missed = np.zeros(len(rows), bool)
-            if self._misses is not None and len(rows):
-                missed = self._misses(self._bases[rows])
-                self._spec.log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
+            missed = self._are_hidden(rows) if self._wants_blind() else np.zeros(len(rows), bool)
             for row, unseen in zip(rows.tolist(), missed.tolist(), strict=True):
                 number, candidate = self._key(row)
                 arm, candidates, _ = self._hands[number]
@@ -236,6 +242,14 @@ class CandidateSearch:
         if self._spec.budget.fine:
             for row, solution, unseen in postponed:
                 yield row, solution, False, unseen
+
+    def _are_hidden(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Check from which candidates the robot surely does not see what has to be visible; count them."""
+        if self._misses is None or not len(rows):
+            return np.zeros(len(rows), bool)
+        missed = self._misses(self._bases[rows])
+        self._spec.log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
+        return missed
 
     def _roomy_blocks(self) -> Iterator[NDArray[np.intp]]:
         """Yield candidates with room for base and arms, block by block, tested in growing batches."""

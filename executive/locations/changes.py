@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
+from executive.belief.believed_bodies import BelievedBodies, Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_poses import floor_near
 from executive.locations.reachability import CELL
@@ -19,6 +19,10 @@ from planlang.geometry import Array, Pose
 
 MOST_TRIED = 4
 """Number of bodies whose removal is tested."""
+MOST_EDGES = 2
+"""Number of edges to which a thing is moved: the nearest, and where the base gets closest."""
+MOST_SEARCHES = 4
+"""Number of changes that are tested in all, each by a search."""
 STEP = 0.05
 """Step by which a thing is moved towards an edge [m]."""
 TABLE = 0.75
@@ -40,27 +44,47 @@ IsFeasible = Callable[[Rejections], bool]
 """Check whether the scene, as changed, has a base pose; counts why others are rejected."""
 
 
+def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
+    """Collect bodies with all that they stand on or in, directly or not: without these they would hang in the air."""
+    found, left = set[str](), list(names)
+    while left:
+        name = left.pop()
+        found.add(name)
+        support = bodies.support(name)
+        left += [support] if support is not None and support not in found else []
+    return found
+
+
 class Changes:
     """Changes of the map, one at a time, each tested by the search itself."""
 
     def __init__(
-        self, body: str, scene: PlanningScene, log: Rejections, is_feasible: IsFeasible, along: Collection[str] = ()
+        self,
+        body: str,
+        scene: PlanningScene,
+        log: Rejections,
+        is_feasible: IsFeasible,
+        *,
+        parts: Collection[str] = (),
+        needed: Collection[str] = (),
     ) -> None:
-        """Prepare; ``along`` are bodies that move with ``body``, as the button of a device."""
-        self.body, self.scene, self.log, self._is_feasible = body, scene, log, is_feasible
-        self._along = {*along} - {body}
+        """Prepare; ``parts`` move with ``body``, as the button of a device; ``needed`` bodies are not removed."""
+        self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
+        self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
+        self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
         self.meanwhile = Rejections()
         """Why base poses are rejected with these changes."""
         self._tried: list[str] = []
-        """Changes that do not help."""
+        """Changes with which the search found nothing."""
+        self._left = MOST_SEARCHES
 
     def helping(self) -> str:
         """Describe a change that helps: the thing nearer to an edge, without a body, or at another height."""
         return self.nearer() or self._without() or self._at_another_height()
 
     def in_vain(self) -> str:
-        """Describe the tested changes that do not help."""
-        return f"{' or '.join(self._tried)} would not help" if self._tried else ""
+        """Describe the changes with which a search was made in vain: a shorter one than that which failed."""
+        return f"a short search found nothing with {' or '.join(self._tried)} either" if self._tried else ""
 
     def nearer(self, towards: Array | None = None) -> str:
         """Describe how far, and where to, the thing has to be moved on its support; "" if that does not help.
@@ -69,13 +93,18 @@ class Changes:
         """
         bodies = self.scene.bodies
         support = bodies.support(self.body)
-        if support is None or not (bodies.is_movable(self.body) or self._along) or bodies.is_room(support):
+        if support is None or not self._is_movable or bodies.is_room(support):
             return ""
+        ways: list[tuple[Array, list[float], Pose]] = []
         for side, steps in self._ways_to_edges(support):
             if not steps or (towards is not None and float(towards @ side) < TOWARDS):
                 continue
-            if not self._helps_at(self._moved(side, steps[-1])):
-                self._tried = [f"moving it to an edge of {support}"]
+            end = self._moved(side, steps[-1])
+            if all(math.dist(end.position, other.position) > STEP for _, _, other in ways):
+                ways.append((side, steps, end))
+        for side, steps, farthest in ways if len(ways) <= MOST_EDGES else (*ways[: MOST_EDGES - 1], ways[-1]):
+            x, y, _ = farthest.position
+            if not self._helps_at(farthest, f"{self.body} at x = {x:.2f}, y = {y:.2f}"):
                 continue
             # the last step helps: bisect for the first that does
             first = bisect_left(steps, True, key=lambda step: self._helps_at(self._moved(side, step)))
@@ -138,16 +167,17 @@ class Changes:
 
     def _without(self) -> str:
         bodies = self.scene.bodies
-        fixed = {self.body, bodies.support(self.body), *filter(bodies.is_room, bodies.names())}
+        fixed = {*with_supports({self.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
         joints = self.scene.belief.joints.values()
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
-        fixed |= {*(joint.holder for joint in joints), *self.scene.belief.carried()}
+        fixed |= {*(joint.holder for joint in joints if joint.holder is not None), *self.scene.belief.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
         for name in blocking[:MOST_TRIED]:
-            if self._helps({name: None}):
-                open_leaf = f"{name} is in the way as it is open: " if name in self.scene.belief.joints else ""
-                return f"{open_leaf}without {name} this would work"
-            self._tried.append(f"removing {name} alone")
+            leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
+            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())} - fixed
+            if self._helps(dict.fromkeys(sorted(gone)), f"{name} removed"):
+                open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
+                return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
         return ""
 
     def _at_another_height(self) -> str:
@@ -170,12 +200,12 @@ class Changes:
                 x, y, z = self._moved(side, step).position
                 if not self._is_free(above, side, step):
                     continue
-                if self._helps_at(replace(bodies.pose(self.body), position=(x, y, z + rise))):
-                    place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
-                    height = f"{above.low:.2f} m above the floor instead of {thing.low:.2f} m"
-                    return f"{height}{place}, {self.body} could be reached"
-                way = f"{'raising' if rises > 0 else 'lowering'} {self.body}"
-                self._tried += [] if way in self._tried else [way]
+                place = f" and at x = {x:.2f}, y = {y:.2f}" if step else ""
+                height = f"{above.low:.2f} m above the floor"
+                if self._helps_at(
+                    replace(bodies.pose(self.body), position=(x, y, z + rise)), f"{self.body} {height}{place}"
+                ):
+                    return f"{height} instead of {thing.low:.2f} m{place}, {self.body} could be reached"
         return ""
 
     def _with_furniture(self, parts: Sequence[str]) -> str:
@@ -185,19 +215,21 @@ class Changes:
         rises = [math.copysign(STEP * step, most) for step in range(1, int(abs(most) / STEP) + 1)]
         rises = [rise for rise in rises if self._fits(block, rise, parts)]
 
+        word = "higher" if most > 0 else "lower"
+
         def helps(rise: float) -> bool:
-            return self._helps({one: Pose((0.0, 0.0, rise)) @ bodies.pose(one) for one in parts})
+            poses = {one: Pose((0.0, 0.0, rise)) @ bodies.pose(one) for one in parts}
+            return self._helps(poses, f"{name} {abs(rise):.2f} m {word}")
 
         # the largest rise may be too large: bisect for the smallest below one that helps
         last = next(
             (k for k in sorted({len(rises) - 1, len(rises) // 2}, reverse=True) if rises and helps(rises[k])), None
         )
         if last is None:
-            self._tried += [f"{'raising' if most > 0 else 'lowering'} {name}"] if rises else []
             return ""
         rise = rises[bisect_left(rises[:last], True, key=helps)]
         what = "it" if name == self.body else self.body
-        return f"with {name} {abs(rise):.2f} m {'higher' if most > 0 else 'lower'}, {what} could be reached"
+        return f"with {name} {abs(rise):.2f} m {word}, {what} could be reached"
 
     def _fits(self, furniture: Block, rise: float, parts: Sequence[str]) -> bool:
         """Check whether furniture has room at another height: it overlaps neither the floor nor other bodies."""
@@ -218,17 +250,24 @@ class Changes:
     def turned(self) -> str:
         """Describe a half turn of the thing, if that helps."""
         x, y, _ = self.scene.bodies.pose(self.body).position
-        if self._helps_at(Pose((x, y, 0.0)) @ ROUND @ Pose((-x, -y, 0.0)) @ self.scene.bodies.pose(self.body)):
+        turned = Pose((x, y, 0.0)) @ ROUND @ Pose((-x, -y, 0.0)) @ self.scene.bodies.pose(self.body)
+        if self._helps_at(turned, f"{self.body} turned by 180 degrees"):
             return f"turned by 180 degrees, {self.body} could be reached"
-        self._tried.append("turning it by 180 degrees")
         return ""
 
-    def _helps_at(self, pose: Pose) -> bool:
+    def _helps_at(self, pose: Pose, said: str = "") -> bool:
         """Check whether it helps if the thing, with what moves along, is at a pose."""
         bodies = self.scene.bodies
         change = pose @ bodies.pose(self.body).inverse()
-        return self._helps({self.body: pose, **{one: change @ bodies.pose(one) for one in self._along}})
+        return self._helps({self.body: pose, **{one: change @ bodies.pose(one) for one in self._along}}, said)
 
-    def _helps(self, poses: Mapping[str, Pose | None]) -> bool:
+    def _helps(self, poses: Mapping[str, Pose | None], said: str = "") -> bool:
+        """Check whether a change helps; without searches left it counts as not tested, and nothing is ``said``."""
+        if not self._left:
+            return False
+        self._left -= 1
         with self.scene.supposing(poses):
-            return self._is_feasible(self.meanwhile)
+            if self._is_feasible(self.meanwhile):
+                return True
+        self._tried += [said] if said else []
+        return False

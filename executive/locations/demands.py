@@ -6,7 +6,7 @@ hand. Meaningless relations and contradictory conjunctions are rejected.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene, RobotArms
 from executive.locations.areas import Area, Clear, Facing, area_of
 from executive.locations.consistency import LocationMeaningless, bounds, check_consistent, contradictory, meaningless
-from planlang.designators import Action, Location, Object, Person, Relation, a_location, resting_on
+from planlang.designators import Action, Location, Object, Person, Relation, Situation, a_location, resting_on
 from planlang.failures import ObjectUnresolvable
 from planlang.records import dataclass
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
@@ -319,6 +319,28 @@ def goals_of(body: str, actions: Iterable[Action], scene: PlanningScene) -> list
     goals = ((_goal(action), action.get("object_acted_on")) for action in actions)
     matching = (goal for goal, what in goals if goal and isinstance(what, Object) and scene.bodies.known(what) == body)
     return list(dict.fromkeys(matching))
+
+
+def bodies_meant(location: Location, actions: Iterable[Action], scene: PlanningScene) -> frozenset[str]:
+    """Collect the bodies that a location or enclosing actions refer to: without them neither means anything."""
+    fillers = [filler for one in actions for _, filler in one.properties]
+    bodies = scene.bodies
+    with scene.belief.supposing({}):  # so that nothing is bound for good
+        return frozenset(name for what in _things([location, *fillers]) if (name := bodies.known(what)) is not None)
+
+
+def _things(fillers: Iterable[object]) -> Iterator[Object]:
+    """Yield the objects in fillers of properties, including those of locations and situations."""
+    for filler in fillers:
+        match filler:
+            case Object():
+                yield filler
+            case Location():
+                yield from filler.things()
+            case Situation():
+                yield from _things(part for _, part in filler.properties)
+            case tuple():
+                yield from _things(filler)
 
 
 def use_at(goal: Location, body: str, scene: PlanningScene, viewer: Viewer) -> Reach | None:

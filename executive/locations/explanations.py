@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import AROUND, floor_near
-from executive.locations.changes import MOST_TRIED, Changes, IsFeasible
+from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
@@ -54,12 +54,16 @@ def explain_bases(
     inverse: InverseMaps,
     question: Question,
     is_feasible: IsFeasible | None,
+    needed: Collection[str] = (),
 ) -> None:
-    """Add to the log's figures what was measured about the decisive reason, and what would help."""
+    """Add to the log's figures what was measured about the decisive reason, and what would help.
+
+    The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
+    """
     log = question.log
     if not wanted or not log.counts:
         return
-    explanation = _Explanation(wanted[0], arms, scene, inverse, question)
+    explanation = _Explanation(wanted[0], arms, scene, inverse, question, needed)
     reason = explanation.deciding()
     if reason in log.figures:
         return
@@ -71,7 +75,11 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     sentences = [measured]
-    changes = None if is_feasible is None else Changes(wanted[0].body, scene, log, is_feasible)
+    # what closes the way is named already, and nothing that is done to the thing opens it
+    is_closed = reason == NO_WAY and explanation.closing is not None
+    changes = None
+    if is_feasible is not None and not is_closed:
+        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
     if changes is not None and (helping := changes.helping()):
         sentences.append(helping)
     elif excluded := explanation.excluded():
@@ -139,8 +147,9 @@ class _Explanation:
         scene: PlanningScene,
         inverse: InverseMaps,
         question: Question,
+        needed: Collection[str] = (),
     ) -> None:
-        self.reach, self.arms, self.scene, self.inverse = reach, arms, scene, inverse
+        self.reach, self.arms, self.scene, self.inverse, self._needed = reach, arms, scene, inverse, needed
         self.log, self.known = question.log, question.known
 
     def deciding(self) -> str:
@@ -148,11 +157,11 @@ class _Explanation:
 
         Hands that collide wherever the base is are counted first; the others decide.
         """
-        counts = self.log.ordered()
+        counts = {reason: number for reason, number in self.log.ordered().items() if reason != NOT_LOOKED_AT}
         bases = sum(counts.get(reason, 0) for reason in BASES)
         if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one: the present base pose
             return OUT_OF_REACH.text
-        return next(iter(counts))
+        return next(iter(counts), NOT_LOOKED_AT)
 
     def height(self) -> _Limit | None:
         """Find the limit by which the thing is least too high or too low; None if it is neither."""
@@ -360,10 +369,14 @@ class _Explanation:
         return f"without {min(better)[1]} it would get to {min(better)[0]:.2f} m" if better else ""
 
     def _without(self) -> Iterator[tuple[str, float]]:
-        bodies = self.scene.bodies
-        fixed = {self.reach.body, bodies.support(self.reach.body), *filter(bodies.is_room, bodies.names())}
+        fixed = self._fixed()
         for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
             yield body, self._gap(self.scene.collisions.floor_without(body))
+
+    def _fixed(self) -> set[str]:
+        """Collect the bodies that nobody can leave out: rooms, what the hand goes to, and what the task needs."""
+        bodies = self.scene.bodies
+        return {*with_supports({self.reach.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
@@ -375,11 +388,15 @@ class _Explanation:
 
     def no_way(self) -> str:
         """Name the body that blocks the path to where the base would have to stand."""
-        block = self.scene.bodies.block(self.reach.body)
-        near = self.inverse_reach()
-        body = self.scene.collisions.closes_way(np.array([block.x, block.y]), near)
         sentence = f"the base cannot drive to where it could reach {self.reach.body}"
-        return f"{sentence}; without {body} it could" if body is not None else sentence
+        return f"{sentence}; without {self.closing} it could" if self.closing is not None else sentence
+
+    @cached_property
+    def closing(self) -> str | None:
+        """Body without which the base could drive to where arms reach the thing; None if there is none."""
+        block = self.scene.bodies.block(self.reach.body)
+        place = np.array([block.x, block.y])
+        return self.scene.collisions.closes_way(place, self.inverse_reach(), self._fixed())
 
     def inverse_reach(self) -> float:
         """Greatest distance from the centre of the base that any of the arms reaches [m]."""

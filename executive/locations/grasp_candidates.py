@@ -19,7 +19,7 @@ from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame
-from executive.robots.openings import TIGHT, Fingers, Openings
+from executive.robots.openings import TIGHT, Fingers, Openings, depths
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from planlang.records import dataclass
@@ -169,11 +169,14 @@ def grasping(
     classes: tuple[GraspClass, ...],
     headings: int,
     palm: tuple[tuple[float, ...], ...] = (),
+    gaps: tuple[float, ...] = (),
 ) -> GraspCandidates:
     """Generate pre-grasp, grasp, lift and retreat; the fingers close horizontally across the body.
 
     They grip the middle, or higher if the ``palm``, given by corners in the tip's frame, would touch the body; where
-    that is above its top, nearer to the hand instead: long boxes are gripped at their end.
+    that is above its top, nearer to the hand instead: long boxes are gripped at their end. If the body does not fit as
+    far as that between the open fingers, whose ``gaps`` are those of :attr:`Openings.widest_gaps`, hands from above
+    grip it with their tips.
     """
     grasps, yaws, rolls, weights, spans = [], [], [], [], []
     level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE
@@ -205,8 +208,12 @@ def grasping(
     if not count or not palm:
         return candidates
     moves, grips = _clear_of(block, candidates, approaches, np.array(palm))
-    spans = candidates.spans - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
-    return replace(candidates, points=candidates.points + moves, spans=spans).chosen(np.flatnonzero(grips))
+    before = np.array(spans)
+    around = before - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
+    if gaps:
+        farther, deep = _by_the_tips(block, before, moves, approaches, gaps)
+        moves, around[:, 1] = moves + farther, np.minimum(around[:, 1], deep)
+    return replace(candidates, points=candidates.points + moves, spans=around).chosen(np.flatnonzero(grips))
 
 
 def grasp_series(approaches: Array, lift: float = LIFT) -> Array:
@@ -254,6 +261,21 @@ def _clear_of(
     level = np.abs(directions[:, 2]) < 1e-6
     grips = ~over | level & (drawn <= lengths - GRIPPED) & (not block.round)
     return np.where(over[:, None], drawn[:, None] * back, raised[:, None] * UP), grips
+
+
+def _by_the_tips(
+    block: Block, spans: Array, moves: Array, directions: Array, gaps: tuple[float, ...]
+) -> tuple[Array, Array]:
+    """Compute how much higher (n, 3) than ``moves`` hands from above grip, so that no open finger penetrates a block.
+
+    Returns these offsets (n, 3) [m], zero where nothing has to or can be done, and the extent of the block behind the
+    new grip points (n,) [m], infinite for unmoved ones.
+    """
+    deep, steep = depths(spans[:, 0], gaps), -directions[:, 2]
+    excess = np.maximum(spans[:, 1] + np.einsum("nk,nk->n", moves, directions) - deep, 0.0)
+    rise = np.where(steep > 1e-6, excess / np.maximum(steep, 1e-6), 0.0)
+    helps = (rise > 0.0) & (moves[:, 2] + rise <= (block.high - block.low) / 2 - GRIPPED)
+    return np.where(helps, rise, 0.0)[:, None] * UP, np.where(helps, deep, np.inf)
 
 
 def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Array) -> GraspCandidates:

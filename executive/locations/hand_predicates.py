@@ -388,7 +388,8 @@ def _around(
     classes = (GraspClass(reach.grasp),) if reach.grasp is not None else CLASSES if stage else natural
     headings = HEADINGS * 2**stage
     middle = () if is_flat(block) else tuple(one for one in classes if not (is_low(block) and one in FROM_ABOVE))
-    tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm)]
+    gaps = arm.openings.widest_gaps
+    tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm, gaps)]
     above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     for one in _gripped_from_above(block, arm) if above else ():
         below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)

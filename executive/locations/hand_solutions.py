@@ -200,15 +200,14 @@ class HandSolution:
     plan: HandPoses
     joints: Array
 
-    def is_among(self, candidates: GraspCandidates) -> bool:
-        """Check whether its poses are those of one of some candidates."""
-        return any(map(self._is_one_of, candidates.variants(self.arm.openings)))
-
-    def _is_one_of(self, candidates: GraspCandidates) -> bool:
-        poses = candidates.poses(np.arange(len(candidates)))
-        if poses.shape[1:] != self.plan.poses.shape or candidates.fingers != self.plan.fingers:
-            return False
-        return bool((np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6).any())
+    def among(self, candidates: GraspCandidates) -> NDArray[np.bool_]:
+        """Check which candidates (n,) have its poses, themselves or in a variant for tight places."""
+        equal = np.zeros(len(candidates), bool)
+        for variant in candidates.variants(self.arm.openings):
+            poses = variant.poses(np.arange(len(variant)))
+            if poses.shape[1:] == self.plan.poses.shape:
+                equal |= np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6
+        return equal
 
 
 @dataclass(frozen=True, slots=True)

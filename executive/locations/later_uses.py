@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import Latest
-from executive.locations.base_candidates import InverseMaps
+from executive.locations.base_candidates import InverseMaps, blocks
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Spots, Stage, candidates_of, delivering, spots_of
@@ -27,6 +27,10 @@ UNSERVED = "no grip for what follows"
 """Reason to reject grasps that rule out what the thing is taken for."""
 ALIKE = 3
 """Decimals to which grips are compared [m, 1]."""
+
+
+AT_ONCE = 64
+"""Number of hand poses that are tested for collisions at once, the most natural ones first."""
 
 
 class Grip(NamedTuple):
@@ -52,11 +56,11 @@ class LaterUses:
         tables = candidates_of(reach, arm, self._scene, log, stage)
         if not reach.then:
             return tables
-        kept = [table.chosen(self._serving(table, reach, arm)) for table in tables]
+        kept = [table.chosen(self.serving(table, reach, arm)) for table in tables]
         log.add(UNSERVED, sum(map(len, tables)) - sum(map(len, kept)))
         return [table for table in kept if len(table)]
 
-    def _serving(self, table: GraspCandidates, reach: Reach, arm: ArmModel) -> NDArray[np.bool_]:
+    def serving(self, table: GraspCandidates, reach: Reach, arm: ArmModel) -> NDArray[np.bool_]:
         """Check which grasps of a table suit all later uses, (n,)."""
         scene, known = self._scene, self._known.of(self._scene.revision(), dict)
         body, thing = scene.world.scene.body(reach.body), scene.bodies.pose(reach.body).matrix()
@@ -88,12 +92,16 @@ class LaterUses:
         table = table.chosen(np.array([reached[level] for level in levels], bool))
         if not len(table):
             return False
-        tips = table.poses(np.arange(len(table)))[:, : table.key + 1]
         # a door that is closed now will have been opened
         door = self._scene.bodies.door_of(use.body) if use.inside else None
-        hits = self._scene.collisions.arm_check(arm, held.name, ()).hand_hit(tips.reshape(-1, 4, 4))
-        free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
-        return bool(free.all(axis=1).any())
+        check = self._scene.collisions.arm_check(arm, held.name, ())
+        for part in blocks(len(table), AT_ONCE):  # one free hand is enough
+            tips = table.poses(np.arange(part.start, part.stop))[:, : table.key + 1]
+            hits = check.hand_hit(tips.reshape(-1, 4, 4))
+            free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
+            if free.all(axis=1).any():
+                return True
+        return False
 
     def _spots_of(self, use: Reach, name: str) -> Spots | None:
         """Find where a use may put a thing down, once for all grips; None if it is offered."""

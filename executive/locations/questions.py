@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import field, replace
 
 from executive.locations.base_candidates import Inversion
+from executive.locations.budgets import MOST_CHECKS, MOST_SOLVED
 from executive.locations.grasp_candidates import Hand
 from executive.locations.rejections import Reason, Rejections
 from planlang.geometry import Array
@@ -25,9 +26,21 @@ class FreeHands:
 
 
 @dataclass(slots=True, eq=False)
+class Allowance:
+    """Budget shared by several searches: numbers, unlike time, repeat exactly."""
+
+    checks: int = MOST_CHECKS
+    """Number of base poses that may still fail exact validation."""
+    solved: int = MOST_SOLVED
+    """Number of base poses for which inverse kinematics may still be solved, to the end of a block."""
+
+
+@dataclass(slots=True, eq=False)
 class Findings:
     """Findings of the searches for one location that later ones reuse, whatever has to be visible."""
 
+    allowance: Allowance = field(default_factory=Allowance)
+    """Shared by all searches for the location."""
     walled: bool = False
     """True if a place was rejected because the base cannot drive there; others are then tested for that first."""
     blind: Solution | None = None

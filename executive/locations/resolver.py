@@ -18,13 +18,14 @@ from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.budgets import EASY
+from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
     Reach,
     ReachKind,
     base_demand,
+    bodies_meant,
     goals_of,
     hand_demand,
     thing_demand,
@@ -35,7 +36,7 @@ from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
-from executive.locations.questions import Question
+from executive.locations.questions import Allowance, Findings, Question
 from executive.locations.rejections import NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
 from executive.locations.validation import BaseValidator
@@ -120,8 +121,10 @@ class Resolver:
         yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
-        is_feasible = None if found else partial(self._is_feasible, location)
-        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible)
+        findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
+        is_feasible = None if found else partial(self._is_feasible, location, findings)
+        meant = bodies_meant(location, actions_around(), scene)
+        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
         raise question.log.failure(location, after=len(found))
 
     def _question(self, location: Location) -> Question:
@@ -131,11 +134,14 @@ class Resolver:
             watcher(location, log)
         return Question(log)
 
-    def _is_feasible(self, location: Location, log: Rejections) -> bool:
-        """Check quickly whether a location has a base pose in the scene as currently supposed."""
+    def _is_feasible(self, location: Location, common: Findings, log: Rejections) -> bool:
+        """Check quickly whether a location has a base pose in the scene as currently supposed.
+
+        ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
+        """
         validator = BaseValidator(self.scene, self.maps)  # a fresh one: self._validator remembers the unchanged scene
         demand = base_demand(location, self.scene, self._viewer(location))
-        tried = Question()
+        tried = Question(known=Findings(common.allowance, walled=common.walled))
         with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
             is_found = next(found, None) is not None
         log.include(tried.log)
@@ -159,6 +165,7 @@ class Resolver:
         here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
         views = {name: self._view(name) for name in (() if here else unsure)}
         for solution in search_bases(self._validator, demand, question, found):
+            question.known.allowance = Allowance(ALL, ALL)  # only an answer that there is none has to come soon
             still_unsure = self._unsure(wanted) if here or views else ()
             yield self._after({name: view for name, view in (here or views).items() if name in still_unsure}, solution)
         if len(found) == before and question.log.counts[NOT_VISIBLE]:
@@ -172,6 +179,7 @@ class Resolver:
         unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
         if blind is not None and None not in views:
+            question.known.allowance = Allowance()
             for solution in search_bases(validator, blind, question.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 

@@ -14,7 +14,7 @@ from executive.locations.areas import Area, Clear, Facing
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import BasePoses
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
-from executive.locations.hand_predicates import Stage
+from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
@@ -66,7 +66,8 @@ class BaseValidator:
 
     def __init__(self, scene: PlanningScene, inverse: InverseMaps) -> None:
         self.scene, self.inverse = scene, inverse
-        self.candidates = LaterUses(scene, inverse).candidates
+        self._uses = LaterUses(scene, inverse)
+        self.candidates = self._uses.candidates
         self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
@@ -316,8 +317,10 @@ class BaseValidator:
 
     def still_reaches(self, known: HandSolution, reach: Reach, base: BasePose) -> bool:
         """Check exactly whether a solution is still valid for a reach from a base pose."""
-        tables = self.candidates(reach, known.arm, Rejections(), Stage.CLOSEST)
-        return any(map(known.is_among, tables)) and Trial(known, base, self.scene).stopped() is None
+        tables = candidates_of(reach, known.arm, self.scene, Rejections(), Stage.CLOSEST)
+        same = (table.chosen(known.among(table)) for table in tables)
+        is_usable = any(self._uses.serving(table, reach, known.arm).any() for table in same)
+        return is_usable and Trial(known, base, self.scene).stopped() is None
 
     def band(self, reach: Reach, arms: Sequence[ArmModel]) -> tuple[tuple[float, float], float, float]:
         """Bound the base poses for a reach: centre, and least and greatest distance from it [m]."""

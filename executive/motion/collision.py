@@ -142,7 +142,9 @@ class QuickCheck:
         moves = self._obstacles.frames[self._obstacle[pairs]] != MAP
         standing = pairs[~moves]
         which, pieces = _members(self._obstacles.first, self._obstacle[standing])
-        return _Pairs(standing[which], pieces, pairs[moves])
+        several = standing[which], pairs[moves]
+        movers, numbers = np.unique(self._mover[np.concatenate(several)], return_inverse=True)
+        return _Pairs(*several, pieces, movers, *np.split(numbers.ravel(), [len(which)]))
 
     def _first(self, width: Array, frames: Array, pairs: _Pairs) -> list[str | None]:
         """Find the obstacle of the first pair that is hit in each of frames (f, 3, 4, n), or None."""
@@ -319,10 +321,12 @@ class QuickCheck:
 
     def _near_by_balls(self, width: Array, frames: Array, rows: Array, pairs: _Pairs) -> tuple[Index, Index, Index]:
         """Find pairs, pieces of their obstacles and rows where the mover's ball is near, in order."""
-        middles = _placed(self._balls, self._movers.frames, frames)
-        standing = self._near_standing(width, middles, pairs)
-        moving = self._near_moving(width, middles, frames, rows, pairs)
-        pair, piece, row, middle = (np.concatenate(several) for several in zip(standing, moving, strict=True))
+        middles = _placed(self._balls[pairs.movers], self._movers.frames[pairs.movers], frames)
+        pair, piece, row, middle = self._near_standing(width, middles, pairs)
+        if len(pairs.moving):
+            moving = self._near_moving(width, middles, frames, rows, pairs)
+            both = zip((pair, piece, row, middle), moving, strict=True)
+            pair, piece, row, middle = (np.concatenate(several) for several in both)
         solids = self._obstacles.solids
         local = np.einsum("kij,ki->jk", solids.axes[piece], middle - solids.centres[piece])
         gap = _gaps(local, self._balls[self._mover[pair], 3], solids, piece)
@@ -368,8 +372,8 @@ class QuickCheck:
 
     def _near_standing(self, width: Array, middles: Array, pairs: _Pairs) -> tuple[Index, Index, Index, Array]:
         """Find near pairs, static pieces and rows by ball and box, with the centres of the balls."""
-        mover = self._mover[pairs.standing]
-        far = np.maximum(self._balls[mover, 3] + width[pairs.standing], 0.0)[:, None]
+        mover = pairs.movers_of_standing
+        far = np.maximum(self._balls[pairs.movers[mover], 3] + width[pairs.standing], 0.0)[:, None]
         low, high = (corners[pairs.pieces] for corners in self._boxes)
         # the extent of each mover over all rows: most pieces are far from it
         below, above = middles.min(axis=2)[mover], middles.max(axis=2)[mover]
@@ -384,8 +388,8 @@ class QuickCheck:
         self, width: Array, middles: Array, frames: Array, rows: Array, pairs: _Pairs
     ) -> tuple[Index, Index, Index, Array]:
         """Find the same for pairs on the robot, by balls, with centres in the frames of obstacles."""
-        mover, obstacle, obstacles = self._mover[pairs.moving], self._obstacle[pairs.moving], self._obstacles
-        far = self._balls[mover, 3] + width[pairs.moving]
+        mover, obstacle, obstacles = pairs.movers_of_moving, self._obstacle[pairs.moving], self._obstacles
+        far = self._balls[pairs.movers[mover], 3] + width[pairs.moving]
         others = _placed(self._obstacle_balls, obstacles.frames, frames)
         reach = np.maximum(far + self._obstacle_balls[obstacle, 3], 0.0)[:, None]
         number, row = _nearer(middles[mover] - others[obstacle], reach)
@@ -406,9 +410,15 @@ class _Pairs:
 
     standing: Index
     """Pairs (s,), one entry per piece."""
+    moving: Index
+    """Pairs (m,)."""
     pieces: Index
     """(s,)."""
-    moving: Index
+    movers: Index
+    """All their movers (k,)."""
+    movers_of_standing: Index
+    """Indices into ``movers`` (s,)."""
+    movers_of_moving: Index
 
 
 NEAREST = 0.01

@@ -24,6 +24,8 @@ ROOM = 0.02
 """Usual clearance between fingers and object, both sides together [m]."""
 TIGHT = 0.008
 """Least such clearance, used where wider fingers do not fit between the object's neighbours [m]."""
+SPARE = 0.002
+"""Clearance, both sides together, below which open fingers may penetrate an object [m]."""
 STEPS = 21
 """Number of measured openings, from closed to opened."""
 SECTIONS = np.linspace(-0.1, 0.1, 21)
@@ -60,6 +62,11 @@ class Openings:
     def gap(self) -> float:
         """Gap at the grip point between the fully opened fingers [m]; infinite without any."""
         return float(self.gaps[-1, len(SECTIONS) // 2]) if self.fingers else math.inf
+
+    @property
+    def widest_gaps(self) -> tuple[float, ...]:
+        """Gaps of the fully opened fingers at each section [m], rounded so that equal hands have equal ones."""
+        return tuple(self.gaps[-1].round(4).tolist()) if self.fingers else ()
 
     def around(self, spans: Array, room: float = ROOM) -> NDArray[np.intp]:
         """Find the indices (m,) of the narrowest openings for objects; the widest one if none is wide enough.
@@ -109,6 +116,18 @@ class Openings:
         closed, opened = (np.array([value for _, value in self.fingers[end]]) for end in (0, -1))
         now = np.array([joints[name] for name in self.joints])
         return float(np.clip(((now - closed) / (opened - closed)).max(), 0.0, 1.0))
+
+
+def depths(widths: Array, gaps: tuple[float, ...]) -> Array:
+    """Compute how far behind the grip point objects of widths (m,) may extend between open fingers (m,) [m].
+
+    ``gaps`` are those of :attr:`Openings.widest_gaps`. Infinite for what is too wide even at the grip point: exact
+    queries decide about that.
+    """
+    middle = len(SECTIONS) // 2
+    fits = np.array(gaps)[middle::-1] >= widths[:, None] + SPARE
+    deep = np.where(fits.all(axis=1), np.inf, -SECTIONS[middle::-1][np.maximum(fits.argmin(axis=1) - 1, 0)])
+    return np.asarray(np.where(fits[:, 0], deep, np.inf))
 
 
 def openings_of(arm: Arm, world: PlanningWorld) -> Openings:

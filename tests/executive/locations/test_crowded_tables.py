@@ -15,6 +15,7 @@ from sim import PlanningWorld
 from tests.support.locations.crowded_tables import ASKED, crowded_table
 from tests.support.locations.dense_sampler import refutation
 from tests.support.locations.oracle import Oracle
+from tests.support.locations.rooms import asked, room_of
 from tests.support.locations.stage import Stage, robot_of
 
 
@@ -92,3 +93,13 @@ def test_the_dense_sampler_finds_places_where_there_are_some() -> None:
     oracle = Oracle(crowded_table(9001), robot_of("amigo"))
     assert refutation(oracle, "bottle", side=True) is not None
     oracle.close()
+
+
+def test_a_no_takes_a_number_of_checks_and_targets_that_does_not_grow_with_the_room(work: Work) -> None:
+    assert first_of(9008) is None
+    assert work.targets < 8_000
+    before = work.checks
+    stage = Stage(room_of("hard", 30011), robot_of("amigo"))
+    assert not stage.ask(asked(stage.room)).solved
+    stage.close()
+    assert work.checks - before < 3_000

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from planlang.designators import a_location, an_object
+from planlang import perform
+from planlang.designators import Location, a_location, action, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from sim import Body
@@ -45,12 +47,14 @@ def test_a_thing_far_back_on_a_table_is_reached_as_much_nearer_to_its_edge_as_th
         next(make_stage(TABLE, less).resolver.bases(TO_GRASP))
 
 
+BELL = Body("bell", Pose((1.5, 0.0, 0.96)), (0.3, 0.3, 0.3), type="Cupboard", movable=True)
+STAND = Body("stand", Pose((1.5, 0.0, 0.4)), (0.3, 0.3, 0.8), type="KitchenTable")
+
+
 def test_a_body_around_a_thing_is_named_if_without_it_the_thing_is_reached(make_stage: MakeStage) -> None:
-    bell = Body("bell", Pose((1.5, 0.0, 0.96)), (0.3, 0.3, 0.3), type="Cupboard", movable=True)
-    stand = Body("stand", Pose((1.5, 0.0, 0.4)), (0.3, 0.3, 0.8), type="KitchenTable")
-    why = said(make_stage(stand, BOTTLE, bell))
+    why = said(make_stage(STAND, BOTTLE, BELL))
     assert why.endswith("without bell this would work")
-    assert next(make_stage(stand, BOTTLE).resolver.bases(TO_GRASP)) is not None
+    assert next(make_stage(STAND, BOTTLE).resolver.bases(TO_GRASP)) is not None
 
 
 @pytest.mark.long
@@ -176,3 +180,55 @@ def test_a_hand_that_gets_nowhere_near_from_where_the_base_is_states_what_is_mis
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.hands(a_location(in_center_of=THE_BOTTLE), arm, seed))
     assert re.match(why, caught.value.figures), caught.value.figures
+
+
+SHELF = Body("shelf", Pose((0.65, 0.0, 0.9)), (0.1, 2.4, 1.8), type="Cupboard")
+TURNED = (0.0, 0.0, 0.5**0.5, 0.5**0.5)
+AROUND = (
+    Pose((0.65, 0.0, 0.9)),
+    Pose((3.35, 0.0, 0.9)),
+    Pose((2.0, 1.35, 0.9), TURNED),
+    Pose((2.0, -1.35, 0.9), TURNED),
+)
+"""Shelves on all four sides of the table."""
+
+
+THE_BELL = an_object("Cupboard", PLACE + "bell")
+
+
+@pytest.mark.parametrize(
+    "location",
+    [
+        a_location(in_reach_of=THE_BOTTLE, not_=a_location(near=THE_BELL)),
+        a_location(in_reach_of=THE_BOTTLE, near=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, visible_from=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, left_of=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, behind=THE_BELL),
+        a_location(in_reach_of=THE_BOTTLE, facing=THE_BELL),
+        a_location(in_reach_of=(THE_BOTTLE, a_location(above=THE_BELL))),
+    ],
+    ids=str,
+)
+def test_what_a_location_names_is_not_supposed_away(make_stage: MakeStage, location: Location) -> None:
+    with pytest.raises(LocationUnresolvable) as caught:
+        next(make_stage(STAND, BOTTLE, BELL).resolver.bases(location))
+    assert "bell" in caught.value.blocking
+    assert "without bell" not in caught.value.figures
+
+
+def test_what_the_plan_around_acts_on_is_not_supposed_away(make_stage: MakeStage) -> None:
+    stage, figures = make_stage(STAND, BOTTLE, BELL), list[str]()
+
+    async def search() -> None:
+        figures.append(said(stage))
+
+    stage.run(partial(perform, action("Cleaning", object_acted_on=THE_BELL), otherwise=search))
+    assert "bell" in figures[0]
+    assert "without bell" not in figures[0]
+
+
+def test_a_sentence_about_changes_in_vain_states_what_was_searched(make_stage: MakeStage) -> None:
+    why = said(make_stage(TABLE, FAR_BACK, *(replace(SHELF, name=f"shelf{k}", pose=at) for k, at in enumerate(AROUND))))
+    told = re.search(r"a short search found nothing with bottle at x = (-?\d\.\d+), y = (-?\d\.\d+)", why)
+    assert told is not None, why
+    assert "would not help" not in why

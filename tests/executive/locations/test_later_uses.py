@@ -13,6 +13,7 @@ from executive.locations.grasp_candidates import CLASSES
 from executive.locations.placement import Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
+from executive.motion import QuickCheck
 from executive.robots.arms import Held
 from planlang import perform
 from planlang.designators import Action, Object, a_location, a_person, action
@@ -105,3 +106,19 @@ def test_a_level_hand_offers_what_it_took_from_above_unless_that_has_to_stay_upr
     assert all(zone.contains(point) for point in level.points + held.offsets(level.rotations))
     upright = offering("visitor", zone, arm.frame, replace(held, largest_tilt=0.26), fine=True)
     assert set(upright.grasps) == {CLASSES.index(GraspClass.TOP)}
+
+
+def test_one_free_hand_is_enough_to_know_that_a_grip_suits_what_follows(
+    make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    poses, hit = [0], QuickCheck.hand_hit
+
+    def counted(self, tips):  # type: ignore[no-untyped-def]
+        poses[0] += len(tips)
+        return hit(self, tips)
+
+    monkeypatch.setattr(QuickCheck, "hand_hit", counted)
+    stage = make_stage(TABLE, CUP, SHELF, BOARD)
+    cup, shelf = known(stage, "cup"), known(stage, "shelf")
+    assert grips(stage, cup, action("TransportingAnObject", object_acted_on=cup, to_location=shelf)) == {"side"}
+    assert poses[0] < 14_000
