@@ -195,7 +195,7 @@ class _Explanation:
         away, farthest = math.hypot(x - base[0], y - base[1]), max(self.limits, key=lambda one: one.reach, default=None)
         if self.reach.kind is not ReachKind.GRASP or farthest is None or away <= farthest.reach:
             return ""
-        said = f"{self.reach.body} is {away:.2f} m away from the middle of the base"
+        said = f"{self.reach.body} is {away:.2f} m away from the centre of the robot"
         return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _aim(self) -> str:
@@ -248,9 +248,13 @@ class _Explanation:
         farthest = max(self.limits, key=lambda one: one.reach, default=None)
         if farthest is None or gap <= farthest.reach:
             return ""
-        nearest = f"{gap:.2f} m" if math.isfinite(gap) else f"more than {AROUND:g} m"
-        sentence = f"the middle of the base gets no nearer than {nearest} to that of {self.reach.body}"
-        return f"{sentence}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+        return f"{self._nearest(gap)}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+
+    def _nearest(self, gap: float) -> str:
+        """State how near the centre of the base gets to that of the thing [m], inf if it has no room near it."""
+        if not math.isfinite(gap):
+            return f"the robot has no room to stand within {AROUND:g} m of {self.reach.body}"
+        return f"the robot cannot get its centre closer than {gap:.2f} m to the centre of {self.reach.body}"
 
     def _reach_of(self, arm: ArmModel) -> float:
         return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
@@ -279,12 +283,14 @@ class _Explanation:
         if not self.log.blocking:
             return ""
         body, number = next(iter(self.log.ordered_blocking().items()))
-        part = f"{body} itself is" if body == self.reach.body else f"{body} is"
+        obstacle = f"{body} itself" if body == self.reach.body else body
         if body not in self.scene.bodies.names():
-            part = "the robot's own parts are"
+            obstacle = "itself"
         elif self.scene.bodies.is_room(body):
-            part = f"a wall of {body} is"
-        sentence = f"{part} in the way of {number} of {sum(self.log.counts.values())} ways to reach {self.reach.body}"
+            obstacle = f"a wall of {body}"
+        total = sum(self.log.counts.values())
+        share = f"all {total}" if number == total else f"{number} of {total}"
+        sentence = f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
         if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
             return f"{sentence}; {beyond}"
         gap = self._beside(body)
@@ -298,7 +304,7 @@ class _Explanation:
             return ""
         itself = f"{body} itself" if body == self.reach.body else body
         if body not in self.scene.bodies.names():
-            return f"the robot's own {body} is in the way in {number} of the {collisions} places in collision"
+            return f"the robot would touch its own {body} in {number} of the {collisions} places in collision"
         link = self._link_touching(body)
         who = f"the hand ({link})" if link else "the hand or the arm"
         return f"{who} would touch {itself} in {number} of the {collisions} places in collision"
@@ -355,10 +361,7 @@ class _Explanation:
         """Describe how near the base gets."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        now = self._gap(self.scene.collisions.floor())
-        if not math.isfinite(now):
-            return f"the base has no room to stand within {AROUND:g} m of {self.reach.body}"
-        return f"the middle of the base gets no nearer than {now:.2f} m to that of {self.reach.body}"
+        return self._nearest(self._gap(self.scene.collisions.floor()))
 
     def nearer(self) -> str:
         """Name the body without which the base would get nearer, and how near; "" if there is none."""

@@ -166,7 +166,7 @@ def test_a_grasp_that_no_pose_of_the_hand_has_is_named_with_those_that_some_have
     [
         (
             Pose((2.5, 0.0, 0.9)),
-            r"bottle is 2\.50 m away from the middle of the base; the left arm reaches 0\.\d\d m at",
+            r"bottle is 2\.50 m away from the centre of the robot; the left arm reaches 0\.\d\d m at",
         ),
         (Pose((0.6, 0.2, 2.0)), r"bottle is at \d\.\d\d m, \d\.\d\d m too high; the left arm grasps from"),
     ],

@@ -103,7 +103,7 @@ def test_between_a_thing_in_a_drawer_and_its_furniture_no_more_room_is_asked_for
         scene, resolver = stage.platform.scene, stage.platform.resolver
         log = Rejections(counts=Counter({COLLISION: 9}), blocking=Counter({"case": 9}))
         explain_bases([Reach(ReachKind.PLACE, "leaf", inside=True)], (), scene, resolver.maps, Question(log), None)
-    assert log.figures == {COLLISION: "case is in the way of 9 of 9 ways to reach leaf"}
+    assert log.figures == {COLLISION: "in all 9 ways to reach leaf the robot would hit case"}
 
 
 def test_what_the_hand_touches_most_often_comes_before_how_near_the_base_gets(make_stage: MakeStage) -> None:
@@ -114,7 +114,7 @@ def test_what_the_hand_touches_most_often_comes_before_how_near_the_base_gets(ma
     explain_bases([Reach(ReachKind.GRASP, "bottle")], arms, stage.platform.scene, maps, Question(log), None)
     said = log.figures[NO_ROOM]
     assert re.match(
-        r"the hand \(\w+\) would touch screen in 7 of the 9 places in collision; the middle of the base", said
+        r"the hand \(\w+\) would touch screen in 7 of the 9 places in collision; the robot cannot get its centre", said
     )
 
 
@@ -137,7 +137,7 @@ def test_the_body_without_which_the_base_would_get_nearer_is_named(refused: Refu
         for k in range(12)
     ]
     said = str(refused(TO_GRASP, CABINET, BOTTLE, *posts))
-    assert re.search(r"gets no nearer than \d\.\d\d m to that of bottle; without post\d+ it would get to \d", said)
+    assert re.search(r"closer than \d\.\d\d m to the centre of bottle; without post\d+ it would get to \d", said)
 
 
 def test_posts_around_a_cabinet_leave_no_room_and_are_named(refused: Refused) -> None:
