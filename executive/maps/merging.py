@@ -257,7 +257,7 @@ def _compare_classes(sources: Sequence[MapSource], ontology: Ontology, notes: li
     for source in sources:
         for thing in source.map.objects:
             other, where = first_seen.setdefault(thing.iri, (thing, source.name))
-            if not are_related(thing, other, ontology):
+            if thing.types and other.types and not are_related(thing, other, ontology):
                 classes = [local_name(one.types[0]) for one in (other, thing)]
                 message = f"{thing.name} is a {classes[0]} in {where} and a {classes[1]} in {source.name}: it is both"
                 notes.append(warning("M022", message, thing.span))
