@@ -13,7 +13,7 @@ from executive.belief.believed_bodies import BelievedBodies, Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.base_poses import floor_near
 from executive.locations.reachability import CELL
-from executive.locations.rejections import Rejections
+from executive.locations.rejections import NOT_LOOKED_AT, Rejections
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
 
@@ -266,8 +266,10 @@ class Changes:
         if not self._left:
             return False
         self._left -= 1
+        skipped = self.meanwhile.counts[NOT_LOOKED_AT]
         with self.scene.supposing(poses):
             if self._is_feasible(self.meanwhile):
                 return True
-        self._tried += [said] if said else []
+        is_complete = self.meanwhile.counts[NOT_LOOKED_AT] == skipped
+        self._tried += [said] if said and is_complete else []
         return False

@@ -34,6 +34,15 @@ class Allowance:
     solved: int = MOST_SOLVED
     """Number of base poses for which inverse kinematics may still be solved, to the end of a block."""
 
+    @property
+    def is_spent(self) -> bool:
+        """Whether nothing more can be validated."""
+        return self.checks <= 0 or self.solved <= 0
+
+    def grant(self, checks: int, solved: int) -> None:
+        """Raise what is left to at least these numbers."""
+        self.checks, self.solved = max(self.checks, checks), max(self.solved, solved)
+
 
 @dataclass(slots=True, eq=False)
 class Findings:

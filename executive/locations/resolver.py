@@ -18,7 +18,7 @@ from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED
+from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED, MOST_CHECKS, MOST_SOLVED
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -37,7 +37,7 @@ from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
 from executive.locations.questions import Allowance, Findings, Question
-from executive.locations.rejections import NOT_VISIBLE, Rejections
+from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
@@ -139,6 +139,9 @@ class Resolver:
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
         """
+        if common.allowance.is_spent:
+            log.add(NOT_LOOKED_AT)
+            return False
         validator = BaseValidator(self.scene, self.maps)  # a fresh one: self._validator remembers the unchanged scene
         demand = base_demand(location, self.scene, self._viewer(location))
         tried = Question(known=Findings(common.allowance, walled=common.walled))
@@ -179,7 +182,7 @@ class Resolver:
         unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
         views = [self._view(name) for name in unseen]
         if blind is not None and None not in views:
-            question.known.allowance = Allowance()
+            question.known.allowance.grant(MOST_CHECKS // 4, MOST_SOLVED // 4)
             for solution in search_bases(validator, blind, question.uncounted(), found):
                 yield self._after(dict(zip(unseen, views, strict=True)), solution)
 
