@@ -360,7 +360,7 @@ class _Source:
         own = self._text(node)
         below = next((keyword.value for keyword in keywords if keyword.arg == "below"), None)
         above = [self._text(one) for one in (below.elts if isinstance(below, ast.Tuple | ast.List) else (below,))]
-        known = [one for one in above if one is not None]
+        known = [one for one in above if one]  # an empty one is refused when the plan runs
         return action_class(own, below=known) if own and known else own
 
     def _text(self, node: ast.expr | None) -> str | None:

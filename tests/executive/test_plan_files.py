@@ -488,3 +488,13 @@ def test_a_plan_may_raise_errors_of_the_language(tmp_path: Path) -> None:
     with path.open("a") as file:
         file.writelines(f"    raise {name}('nothing to do')\n" for name in errors.split(", "))
     assert import_plan(path).__name__ == "planlang_run_refuse"
+
+
+def test_an_empty_superclass_is_refused_by_the_plan_and_not_by_its_reader(tmp_path: Path) -> None:
+    path = tmp_path / "empty.py"
+    path.write_text(
+        "from planlang import action, perform, plan\n@plan\nasync def go() -> None:\n"
+        '    await perform(action("http://example.org/kitchen.owl#Stir", below=""))\n',
+        encoding="utf-8",
+    )
+    assert needs_of(module := import_plan(path), main_plan(module, None)) is not None

@@ -222,3 +222,11 @@ def test_the_command_writes_a_map_and_its_conflicts_and_is_deterministic(tmp_pat
     assert "1 conflict" in result.stdout
     assert "M022 roomNumber of room1 is '3001' in hospital_room.omn" in result.stderr
     assert CliRunner().invoke(app, ["merge", "hospital_room"]).exit_code == 2
+
+
+def test_a_thing_without_a_class_contradicts_none(merged: Callable[..., tuple[SemanticMap, Merged]]) -> None:
+    placed = 'Individual: thing1\n    Facts: knowrob:translation "1 2 0.3", knowrob:boundingBoxSize "0.1 0.1 0.1"'
+    typed = placed.replace("    Facts", "    Types: knowrob:Cup\n    Facts")
+    semantic_map, result = merged([placed], [typed])
+    assert [one.name for one in semantic_map.objects] == ["thing1"]
+    assert [one.code for one in result.diagnostics if one.code == "M022"] == []
