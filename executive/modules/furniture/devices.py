@@ -109,7 +109,7 @@ class Devices(HandWork):
     async def _push(self, button: Control) -> None:
         """Push a button with one hand after another, until a finger touches it. Raises HandleNotReachable."""
         tries, tried = Tries(), 0
-        for arm in self.free_hands():
+        for arm in self.hands_for(button.body, button.body):
             await self.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)
