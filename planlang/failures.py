@@ -396,9 +396,9 @@ class HandsFull(LocationUnresolvable):
     held: Mapping[str, Object] = field(default_factory=dict, kw_only=True)
 
     def because(self) -> str:
-        """``no hand is free to grasp glass1: arm holds bottle1``."""
+        """``no hand is free for glass1: arm holds bottle1``."""
         full = ", ".join(f"{hand} holds {thing}" for hand, thing in self.held.items())
-        return f"no hand is free to grasp {self.what}: {full}"
+        return f"no hand is free for {self.what}: {full}"
 
 
 class ObjectUnresolvable(DesignatorFailure):

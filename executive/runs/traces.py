@@ -19,6 +19,7 @@ from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
 from planlang.outputs import named
 from planlang.records import dataclass
+from planlang.report.tree import decision_text
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
 from planlang.runs.codec import load
 from planlang.runs.recorded_run import SPANS
@@ -65,7 +66,7 @@ def line_of(record: Mapping[str, Any]) -> str | None:
         case {"event": "started", "kind": "plan", "name": name}:
             return str(name)
         case {"event": "recovery", "decision": decision} if decision != "none":
-            return f"recovery: {decision}"
+            return f"recovery: {decision_text(decision)}"
         case {"event": "answer", "asked": asked, "lost": lost} if str(asked).startswith(OUTSIDE):
             return f"cannot be resumed from here on: a result from outside cannot be stored as JSON: {lost}"
         case {"event": "resumed"}:

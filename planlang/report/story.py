@@ -32,6 +32,14 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
 _Placed = tuple[float, list[Any]]
 """Position of a record in the trace, and the sentence about it."""
 
+_DECIDED = {
+    "retry": "The step that failed is tried again",
+    "used up": "The step is not tried again: it has failed as often as its recovery allows",
+    "failed": "The recovery fails as well",
+    "return": "The plan goes on without the step that failed",
+}
+"""Sentences about the decisions of recoveries."""
+
 _LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
 
 
@@ -89,7 +97,7 @@ def _event(one: Happened) -> tuple[str, str] | None:
         case "attempt", {"attempt": int(number)} if number > 1:
             return f"The plan tries again: attempt {number}", "recovery"
         case "recovery", {"decision": str(decision)} if decision not in ("none", "propagate"):
-            return f"A recovery decides: {shown(decision)}", "recovery"
+            return _DECIDED.get(decision, f"A recovery decides: {shown(decision)}"), "recovery"
         case "solution", {"base": list(base), "attempt": int(number)}:
             ordinal = "a" if number == 1 else "another"
             return (

@@ -15,7 +15,7 @@ PLUMBING = frozenset({"branch", "budget", "with_failure_handling", "using", "at_
 """Kinds of constructs that are rarely of interest: hidden unless all nodes are shown, or a failure arose in them."""
 MOST_TEXT = 400
 """Maximum length of a text about a node; the middle of a longer one is left out."""
-_KEYS = re.compile(r"(?<![^ ])([a-z_]+)=")
+_KEYS = re.compile(r"(?<![^ ])([a-z_]+)=(True\b)?")
 _FOLDERS = re.compile(r"(?<![\w:/.<])(?:[A-Za-z]:)?(?:[/\\][^\s/\\:'\"<>|]+)+[/\\](?=[^\s/\\:'\"<>|])")
 
 
@@ -144,7 +144,16 @@ def _parameters(name: str, action: str) -> str:
     cls, opened, inside = action.partition("(")
     if cls != name.partition("#")[0] or not opened or not inside.endswith(")"):
         return action
-    return _KEYS.sub(lambda found: found[1].replace("_", " ") + " ", inside.removesuffix(")"))
+    return properties_text(inside.removesuffix(")"))
+
+
+def properties_text(properties: str, short: Mapping[str, str] | None = None) -> str:
+    """Spell out the names of properties (``to_location=bed1``), or put what they are ``short`` for.
+
+    One that is simply true is told by its name alone.
+    """
+    names = short or {}
+    return _KEYS.sub(lambda key: names.get(key[1], key[1].replace("_", " ") + ("" if key[2] else " ")), properties)
 
 
 def event_text(one: Happened) -> str | None:
@@ -157,7 +166,7 @@ def event_text(one: Happened) -> str | None:
         case "recovery", {"decision": "propagate"}:
             return shown(f"the recovery gives up{because}")
         case "recovery", {"decision": str(decision)}:
-            return shown(f"recovery: {decision}{because}") if decision != "none" else None
+            return shown(f"recovery: {decision_text(decision)}{because}") if decision != "none" else None
         case "solution", {"base": list(base), "attempt": int(number), **more}:
             return shown(f"base pose {number}: {pose_text(base)}{_arm(more.get('detail'))}")
         case "pose failed" | "no more poses", _:
@@ -168,6 +177,11 @@ def event_text(one: Happened) -> str | None:
             return None
     inside = ", ".join(f"{key} {value}" for key, value in one.details.items() if key != "failure")
     return shown(f"{one.event}: {inside}{because}" if inside else f"{one.event}{because}")
+
+
+def decision_text(decision: str) -> str:
+    """Name a decision of a recovery that an event has."""
+    return "no attempts left" if decision == "used up" else decision
 
 
 def pose_text(base: list[Any]) -> str:

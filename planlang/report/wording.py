@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from planlang.records import dataclass
-from planlang.report.tree import class_of, pose_text, shown
+from planlang.report.tree import class_of, pose_text, properties_text, shown
 from planlang.runs.run_tree import TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
-_KEY = re.compile(r"(?<![^ ])([a-z_]+)=")
 _SHORT = {"object_acted_on": "", "to_location": "to ", "device_used": "with "}
 LONGEST = 160
 """Maximum length of the description of an action."""
@@ -36,7 +35,7 @@ class Wording:
         what = self.labels.get(cls)
         if what is None and (what := self.vocabulary.get(cls)) is not None and not pose and action.endswith(")"):
             inside = action.partition("(")[2].removesuffix(")")
-            about = _KEY.sub(lambda key: _SHORT.get(key[1], f"{key[1].replace('_', ' ')} "), inside)
+            about = properties_text(inside, _SHORT)
         return shown(what or words(node.name), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
 
 

@@ -392,6 +392,7 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
         ),
         ({"event": "ended", "kind": "perform", "status": "succeeded"}, None),
         ({"event": "recovery", "decision": "retry"}, "recovery: retry"),
+        ({"event": "recovery", "decision": "used up"}, "recovery: no attempts left"),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
         ({"event": "belief", "change": "leads", "name": "drawer1"}, "  belief: drawer1 held by its handle"),
         ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.4}, "  belief: drawer1 open"),

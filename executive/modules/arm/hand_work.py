@@ -10,8 +10,11 @@ from executive.motion import MotionError
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.failures import (
+    HandleNotReachable,
+    HandsFull,
     LookingGoalUnreachable,
     ManipulationGoalInCollision,
+    ManipulationGoalNotReached,
     ManipulationPoseUnreachable,
     NavigationFailure,
 )
@@ -34,6 +37,26 @@ class HandWork(PlatformModule):
         """List the empty arms that have a gripper."""
         arms = self.platform.arms.free(self.platform.scene.arms.all)
         return [arm for arm in arms if self.platform.hands.gripper(arm) is not None]
+
+    def hands_for(
+        self,
+        part: str,
+        what: str,
+        failure: type[HandleNotReachable | ManipulationGoalNotReached] = HandleNotReachable,
+    ) -> list[ArmModel]:
+        """List the empty hands, one of which is to work on a ``part`` of ``what``. Raises ``failure`` without any."""
+        free, scene = self.free_hands(), self.platform.scene
+        if free:
+            return free
+        holding = {arm.name: held.name for arm in scene.arms.all if (held := scene.arms.held(arm.name)) is not None}
+        if not holding:
+            raise failure(f"no arm of the robot has a hand for {part}", what=what)
+        full = HandsFull(
+            designator=f"a hand at {part}",
+            what=part,
+            held={arm: scene.bodies.designator(name) for arm, name in holding.items()},
+        )
+        raise failure(full.because(), what=what) from full
 
     async def look(self, what: str) -> None:
         """Look at a body, if the neck can, and update the belief."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,8 +9,8 @@ import numpy as np
 from executive.belief.planning_scene import PlanningScene
 from executive.locations import Rejections
 from executive.locations.changes import Changes
-from executive.locations.explanations import called
 from executive.modules.platform import Platform
+from executive.modules.tools.motion_failures import too_far
 from executive.robots.arms import ArmModel
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
@@ -36,13 +35,8 @@ def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> s
     pose = platform.scene.bodies.pose(button.body) @ Pose(button.point)
     poses, there = platform.base_poses(), np.array([pose.position[:2]])
     away = {arm.name: poses.distances([there], [arm])[0] for arm in arms}
-    if not arms or any(away[arm.name] < arm.reach for arm in arms):
-        return ""
-    if math.inf in away.values():
-        return "the base has no room to stand near it"
-    arm = min(arms, key=lambda one: away[one.name] - one.reach)
-    near = f"the shoulder of {called(arm.name)} gets no nearer than {away[arm.name]:.2f} m to it"
-    return f"{near}, and the arm reaches {arm.reach:.2f} m"
+    arm = min(arms, key=lambda one: away[one.name] - one.reach, default=None)
+    return "" if arm is None else too_far(arm, button.body, away[arm.name])
 
 
 def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:

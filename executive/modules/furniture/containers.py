@@ -133,11 +133,10 @@ class LeafWork(HandWork):
 
         ``sufficient``: value that the leaf should reach at least. Without ``leads``, only feel where its handle is.
         """
-        arms = self.free_hands()
-        if joint.handle is None or not arms:
+        if joint.handle is None:
             no_handle = f"{joint.leaf} has no handle; state one in the map as a part of it (properPhysicalParts)"
-            reason = "no hand is free" if joint.handle else f"{no_handle} of the class Handle"
-            raise HandleNotReachable(f"{HandleNotReachable.text}: {reason}", what=joint.leaf)
+            raise HandleNotReachable(f"{HandleNotReachable.text}: {no_handle} of the class Handle", what=joint.leaf)
+        arms = self.hands_for(joint.handle, joint.leaf)
         await self.tuck(self.platform.arms.untucked())
         tries, tried = Tries(*ELSEWHERE), 0
         paths = leaf_paths.LeafPaths(self.platform, joint)

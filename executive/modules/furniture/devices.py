@@ -86,7 +86,8 @@ class Devices(HandWork):
         device = control.device
         if not await is_witnessed(self, device):
             is_blind = self.platform.robot.camera is None
-            reason = "the robot has no camera to see it" if is_blind else "it was not seen from any base pose tried"
+            unseen = "the robot has no camera to see it, and a push would toggle it: this takes a robot with a camera"
+            reason = unseen if is_blind else "it was not seen from any base pose tried"
             raise StateUnknown(f"it is not known whether {device} is on: {reason}", what=device)
         return self.platform.scene.world.changes.matter.is_on(device)
 
@@ -109,7 +110,7 @@ class Devices(HandWork):
     async def _push(self, button: Control) -> None:
         """Push a button with one hand after another, until a finger touches it. Raises HandleNotReachable."""
         tries, tried = Tries(), 0
-        for arm in self.free_hands():
+        for arm in self.hands_for(button.body, button.body):
             await self.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)

@@ -81,10 +81,7 @@ class LeafStrokes(StrokeWork):
     async def _once(self) -> None:
         """Push with the first hand that can. Raises HandleNotReachable if none can."""
         tries = Tries()
-        arms = self._work.free_hands()
-        if not arms:
-            raise HandleNotReachable(f"{HandleNotReachable.text}: no hand is free", what=self._joint.leaf)
-        for arm in arms:
+        for arm in self._work.hands_for(self._joint.leaf, self._joint.leaf):
             await self._work.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
             self.platform.arms.choices.choose(arm.name)

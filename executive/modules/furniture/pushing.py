@@ -248,8 +248,8 @@ class Pushing(StrokeWork):
 
     async def _push(self, action: Action, name: str, goal: Array, lead: float) -> float:
         """Push an object once with the first hand that can; return the distance of the tip from it at the end [m]."""
-        work, arms = HandWork(self.platform), HandWork(self.platform).free_hands()
-        tries = Tries()
+        work, tries = HandWork(self.platform), Tries()
+        arms = work.hands_for(name, name, ManipulationGoalNotReached)
         for arm in self.platform.arms.in_order(arms):
             await work.tuck(self.platform.arms.untucked())
             await self.platform.hands.move(arm, closed=True)
@@ -257,7 +257,7 @@ class Pushing(StrokeWork):
                 return await self._pushed(action, name, goal, lead, arm)
             await work.tuck(self.platform.arms.untucked())
             await work.look(name)
-        raise tries.problem or ManipulationGoalNotReached("no hand is free", what=name)
+        raise tries.problem or ManipulationGoalNotReached(what=name)
 
     async def _pushed(self, action: Action, name: str, goal: Array, lead: float, arm: ArmModel) -> float:
         """Push an object once with one hand, update the belief, and look; returns as :meth:`_push` does."""

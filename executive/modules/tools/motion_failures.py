@@ -10,6 +10,17 @@ from executive.locations.changes import Changes
 from executive.locations.explanations import called
 from executive.modules.platform import Platform
 from executive.modules.tools.motion_grounding import GroundedMotion
+from executive.robots.arms import ArmModel
+
+
+def too_far(arm: ArmModel, name: str, distance: float) -> str:
+    """Describe how near the shoulder of an arm gets to a thing, ``distance`` [m]; "" if that is within its reach."""
+    if not math.isfinite(distance):
+        return f"the base has no room to stand near {name}"
+    if distance < arm.reach:
+        return ""
+    where = f"the robot cannot get the shoulder of {called(arm.name)} closer than {distance:.2f} m to {name}"
+    return f"{where}, and the arm reaches {arm.reach:.2f} m"
 
 
 def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[], bool]) -> str:
@@ -25,8 +36,6 @@ def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[], 
         return ""
     name, position = first
     distance = platform.base_poses().distances([position[None]], motion.arms)[0]
-    reason = f"the shoulder of {called(arm.name)} gets no nearer to {name} than {distance:.2f} m"
-    if not math.isfinite(distance):
-        reason = f"the base has no room to stand near {name}"
+    reason = too_far(arm, name, distance)
     changes = Changes(name, platform.scene, Rejections(), lambda _: does())
     return "; ".join(filter(None, (reason, changes.nearer() or changes.in_vain())))

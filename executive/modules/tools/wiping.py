@@ -11,8 +11,10 @@ from itertools import islice
 import numpy as np
 
 from executive.locations.base_poses import BEST
+from executive.locations.explanations import called
 from executive.modules.phases import Phase
 from executive.modules.tools.lanes import HAND, Room, Surface, lifted
+from executive.modules.tools.motion_failures import too_far
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
 from planlang.designators import Action
@@ -157,10 +159,8 @@ class Wiping(StrokeWork):
         reason = (
             f"{obstacle} is in the way"
             if obstacle is not None
-            else "the base has no room beside the rest"
-            if nearest == math.inf
-            else f"the shoulder of {arm.name} gets no nearer to the rest than {nearest:.2f} m, out of its reach "
-            f"with {self.tool(motion)} held flat"
+            else too_far(arm, "the rest", nearest)
+            or f"no posture of {called(arm.name)} was found that holds {self.tool(motion)} flat on the rest"
         )
         message = f"{share:.0%} of {name} was wiped instead of at least {ENOUGH:.0%}: {reason}"
         return ConstraintsUnsatisfied(message, arm=arm.name, what=name, blocked_by=obstacle)

@@ -217,7 +217,7 @@ def test_a_thing_is_taken_with_the_free_hand_while_what_is_held_is_offered_and_p
 def test_a_full_hand_that_is_asked_to_grasp_is_the_reason_for_the_failure(make_stage: MakeStage) -> None:
     stage = make_stage(*WARD, CUP)
     hold_bottle(stage, "right")
-    said = "no hand is free to grasp cup: right holds bottle"
+    said = "no hand is free for cup: right holds bottle"
     location = a_location(in_reach_of=THE_CUP, using=RIGHT)
     with pytest.raises(LocationUnresolvable, match=said):
         next(stage.resolver.bases(location))

@@ -152,7 +152,7 @@ def test_a_device_that_cannot_be_seen_from_the_start_is_looked_at_from_elsewhere
 
 def test_a_robot_without_a_camera_pushes_no_button_whose_device_it_cannot_see(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()), "panda")
-    with pytest.raises(StateUnknown, match="not known whether maker is on: the robot has no camera"):
+    with pytest.raises(StateUnknown, match=r"not known whether maker is on: .* takes a robot with a camera"):
         stage.do(ON, "maker")
     assert not stage.truth.changes.matter.is_on("maker")
 

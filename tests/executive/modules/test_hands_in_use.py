@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 
 import numpy as np
 import pytest
 
 from executive.modules.trays.pair_paths import PairPaths
 from executive.robots.arm_pair import ArmPair
-from planlang import perform
+from planlang import SimulationHost, perform, run
 from planlang.designators import Device, action, an_object
-from planlang.failures import ActionUnresolvable, HandleNotReachable
+from planlang.failures import ActionUnresolvable, HandleNotReachable, HandsFull, ManipulationGoalNotReached, PlanFailure
 from planlang.geometry import Pose
 from planlang.motion_constraints import a_constraint, a_feature
 from sim import Body
@@ -76,8 +77,40 @@ def test_a_leaf_is_neither_led_nor_pushed_while_no_hand_is_free(kind: str) -> No
         stage.belief.moved("leaf", value)
         hold_bottle(stage, "right", name="one")
         hold_bottle(stage, "left", name="two")
-        with pytest.raises(HandleNotReachable, match="no hand is free") as caught:
+        full = r"no hand is free for \w+: (right holds one, left holds two|left holds two, right holds one)"
+        with pytest.raises(HandleNotReachable, match=full) as caught:
             furnished.do(kind, "leaf")
         assert caught.value.what == "leaf"
+        assert [type(link) for link in caught.value.chain()][1:] == [HandsFull], "what a recovery needs to know"
         assert stage.truth.joint("leaf") == pytest.approx(value)
         assert set(stage.belief.held) == {"one", "two"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "what", "failure", "part"),
+    [
+        ("TurningOnPoweredDevice", "maker", HandleNotReachable, "button"),
+        ("PushingMotion", "cup", ManipulationGoalNotReached, "cup"),
+    ],
+)
+def test_what_the_hands_hold_is_named_where_none_is_free_to_push(
+    kind: str, what: str, failure: type[PlanFailure], part: str
+) -> None:
+    facing = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+    bottles = [thing(name, "DrinkingBottle", Pose((-2.0, y, 0.1)), BOTTLE.size) for name, y in (("one", 1), ("two", 2))]
+    things = (
+        thing("table", "KitchenTable", Pose((0.7, 0.0, 0.375)), (0.6, 1.6, 0.75)),
+        thing("maker", "PancakeMaker", Pose((0.6, 0.0, 0.8)) @ facing, (0.3, 0.3, 0.1), "button"),
+        thing("button", "PushButton", Pose((0.445, 0.0, 0.81)) @ facing, (0.01, 0.03, 0.03)),
+        thing("cup", "Cup", Pose((0.6, 0.5, 0.795)), (0.07, 0.07, 0.09)),
+    )
+    with ExitStack() as stack:
+        furnished = room(stack, (*things, *bottles))
+        stage = Stage(furnished.truth, furnished.platform, furnished.executive)
+        hold_bottle(stage, "right", name="one")
+        hold_bottle(stage, "left", name="two")
+        pushing = action(kind, object_acted_on=furnished.designator(what), distance_translated=0.1)
+        with pytest.raises(failure) as caught:
+            run(partial(perform, pushing), host=SimulationHost(stage.truth), executive=stage.executive)
+        assert str(caught.value).startswith(f"no hand is free for {part}: ")
+        assert {"right holds one", "left holds two"} == set(str(caught.value).partition(": ")[2].split(", "))

@@ -67,6 +67,26 @@ def test_a_leaf_that_is_not_as_the_map_says_is_seen_and_ends_as_asked_for(
     assert stage.platform.belief.joint("leaf") == pytest.approx(stage.truth.joint("leaf"), abs=0.01)
 
 
+def chest() -> tuple[MapObject, ...]:
+    """A box on a table, with a lid whose handle is at its front edge."""
+    table = thing("table", "KitchenTable", Pose((0.9, 0.0, 0.25)) @ BACK, (0.6, 1.2, 0.5))
+    case = thing("case", "Box-Container", Pose((0.8, 0.0, 0.6)) @ BACK, (0.3, 0.3, 0.2), "leaf")
+    lid = thing("leaf", "ContainerLid", Pose((0.8, 0.0, 0.71)) @ BACK, (0.3, 0.3, 0.02), "grip")
+    return table, case, lid, thing("grip", "Handle", Pose((0.68, 0.0, 0.74)) @ BACK, (0.012, 0.12, 0.02))
+
+
+@pytest.mark.parametrize(("kind", "believed", "true"), [(OPEN, 0.8, 0.0), (CLOSE, 0.0, 0.5), (CLOSE, 0.0, 0.0)])
+def test_a_lid_is_looked_at_like_a_door(stack: ExitStack, kind: str, believed: float, true: float) -> None:
+    stage = furnished(stack, chest(), "amigo", believed, true)
+    try:
+        stage.do(kind, "case")
+    except HandleNotReachable:
+        assert opening(stage) == pytest.approx(true, abs=0.05)
+    else:
+        assert opening(stage) >= 0.5 if kind == OPEN else opening(stage) <= 0.03
+    assert stage.platform.belief.joint("leaf") == pytest.approx(stage.truth.joint("leaf"), abs=0.01)
+
+
 @pytest.mark.parametrize("seed", [DOOR, DRAWER])
 @pytest.mark.parametrize("true", [0.9, 0.4, 0.05])
 def test_a_robot_without_a_camera_feels_the_handle_of_what_it_is_to_leave_closed(

@@ -196,6 +196,29 @@ def test_a_filler_of_another_kind_is_one_error_in_its_line(compiled: Any, filler
     assert [(one.code, one.message) for one in told] == [("R060", said)]
 
 
+@pytest.mark.parametrize("device", ["LeftArm", "Arm", "LeftHand", "RightHand"])
+@pytest.mark.parametrize("written_as", ["value", "some"])
+def test_an_arm_or_a_hand_is_a_device(compiled: Any, device: str, written_as: str) -> None:
+    uses = f"k:deviceUsed some k:{device}" if written_as == "some" else "k:deviceUsed value mine"
+    stated = f"k:FetchingAnObject, k:objectActedOn value cup1, {uses}"
+    fetch = f"{stated}\nIndividual: mine\n    Types: k:{device}" if written_as == "value" else stated
+    plan = compiled(Serve=steps("Fetch"), Fetch=fetch)
+    assert not found(plan, "R060")
+    assert "device_used=" in plan.source
+    assert device in plan.source
+
+
+@pytest.mark.parametrize("what", ["k:DrinkingBottle", "k:Robot", "k:Table-PieceOfFurniture"])
+def test_what_is_no_part_of_a_robot_is_no_device_and_the_advice_names_one(compiled: Any, what: str) -> None:
+    stated = "k:FetchingAnObject, k:objectActedOn value cup1, k:deviceUsed value mine"
+    with pytest.raises(BadInput) as caught:
+        compiled(Serve=steps("Fetch"), Fetch=f"{stated}\nIndividual: mine\n    Types: {what}")
+    (told,) = (one for one in caught.value.diagnostics if one.code == "R060")
+    assert told.message == "deviceUsed of `Fetch` is the object `mine`, but must be a device"
+    assert told.help is not None
+    assert "`deviceUsed some LeftHand` in `Fetch`" in told.help
+
+
 def test_a_recipe_may_declare_what_its_own_primitives_need(compiled: Any) -> None:
     stir = "k:PurposefulAction\nIndividual: stirring\n    Types: k:Primitive\n    Facts: k:performsAction Stir,"
     plan = compiled(Serve=steps("Stir"), Stir=f'{stir} k:processModule "stir", k:requires "recipient: person"')

@@ -12,6 +12,7 @@ from planlang.failures import (
     BehindClosedDoor,
     ContainerStuck,
     HandleNotReachable,
+    HandsFull,
     LocationUnresolvable,
     ObjectUnreachable,
     PlanFailure,
@@ -92,6 +93,22 @@ def test_a_search_that_finds_the_same_once_more_is_not_repeated(failures: list[P
 
     assert isinstance(run_plan(plan).failure, HandleNotReachable)
     assert len(tried) == attempts
+
+
+def test_one_hand_puts_down_what_it_holds_where_none_is_free_for_a_handle() -> None:
+    tried = []
+
+    async def opening() -> None:
+        tried.append(DOOR)
+        if len(tried) == 1:
+            raise HandleNotReachable(what="door1") from HandsFull(what="handle1", held={"left": CUP})
+
+    async def plan() -> None:
+        await with_failure_handling(opening, Recovery(HandleNotReachable, step_back_and_repeat(DOOR), retries=3))
+
+    run = run_plan(plan)
+    assert run.failure is None
+    assert (run.attempts("SettingAsideAnObject"), run.attempts("SteppingBack"), len(tried)) == (1, 0, 2)
 
 
 def test_the_failure_says_what_is_behind_which_door() -> None:
