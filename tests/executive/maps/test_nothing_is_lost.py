@@ -181,7 +181,7 @@ def test_raw_images_state_percentages_and_scaled_ones_their_unknown_cells_by_tra
 # Point clouds
 
 
-@pytest.mark.parametrize("points", ["2000 0 100\n2000 50 900\n", "1 0 0\n2 0 0\n", "1 0 8\n"])
+@pytest.mark.parametrize("points", ["2000 0 100\n2000 50 900\n", "1 0 0\n2 0 0\n", "1 0 8\n", "nan nan nan\n"])
 def test_a_cloud_that_shows_no_obstacle_is_not_passed_over_in_silence(points: str, tmp_path: Path) -> None:
     path = tmp_path / "cloud.xyz"
     path.write_text(points)
