@@ -59,6 +59,12 @@ def read_at_most(file: BinaryIO, most: int) -> bytes:
     return b"".join(parts)
 
 
+LFS_POINTER = b"version https://git-lfs.github.com/spec/"
+"""Beginning of what Git writes in place of a large file that was not fetched."""
+NOT_FETCHED = "it is a pointer of Git LFS, not the file itself"
+LFS_PULL = "fetch the file: git lfs pull"
+
+
 def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if_large: str | None = None) -> bytes:
     """Read a file named by the user. Raises BadInput with one error of the given code.
 
@@ -78,6 +84,8 @@ def read_file(path: Path, code: str = "C001", *, largest: int = LARGEST, code_if
     if len(content) > largest:
         limit = f"{largest // 1_000_000} MB" if largest >= 1_000_000 else f"{largest:,} bytes"
         raise BadInput([error(code_if_large or code, f"the file is larger than {limit}", span)])
+    if content.startswith(LFS_POINTER):
+        raise BadInput([error(code, NOT_FETCHED, span, LFS_PULL)])
     return content
 
 

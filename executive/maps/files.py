@@ -84,7 +84,10 @@ def _boxes(path: Path, frame: Pose, bodies: Sequence[Body], notes: list[Diagnost
         if frame.rotation[2, 2] < UPRIGHT and space.height is not None:
             message = "these obstacles are not in the world: the z axis of their frame is not vertical"
             raise BadInput([unread("M024", message, Span(str(path)))])
-        boxes, apart = space.within(frame).boxes(bodies)
+        space = space.within(frame)
+        if empty := space.why_empty():
+            notes.append(warning("M035", f"no obstacle is read from it: {empty}", Span(str(path))))
+        boxes, apart = space.boxes(bodies)
     except BadInput as bad:
         notes += bad.diagnostics
         return []

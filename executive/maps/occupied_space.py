@@ -75,6 +75,19 @@ class OccupiedSpace:
         boxes = [self._box(low, high, length) for low, high in covering.reshape(-1, 3, 2).transpose(0, 2, 1)]
         return boxes, across * length or length - self.cell
 
+    def why_empty(self) -> str:
+        """Say why none of the points can be in a robot's way; "" if some are, or are explained by the map."""
+        points = self.points[np.isfinite(self.points).all(axis=1)]
+        if not len(points):
+            return "no cell is occupied" if self.height is not None else "it has no finite points"
+        if len(self._downsampled()[0]):
+            return ""
+        lowest, highest = (float(z) + self.frame.position[2] for z in (points[:, 2].min(), points[:, 2].max()))
+        return (
+            f"its points are {lowest:.3g} to {highest:.3g} high, and obstacles {FLOOR} to {HIGHEST} m; "
+            "write coordinates in metres, with z upwards and 0 on the floor"
+        )
+
     def _box(self, low: NDArray[np.int64], high: NDArray[np.int64], length: float) -> Box:
         x, y, z = ((low + high) * length / 2).tolist()
         depth, width, height = ((high - low) * length).tolist()

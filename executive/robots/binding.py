@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.robots.limbs import Limbs, renamed, with_camera_neck
-from executive.robots.mechanism import Mechanism, Naming, mounted
+from executive.robots.mechanism import Mechanism, Naming, mounted, source_of
 from executive.robots.robot import (
     Arm,
     JointLimits,
@@ -203,7 +203,7 @@ def _assumed(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> 
 
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
     mechanism = Mechanism(urdf)
-    diagnostics = list(read_description(urdf).diagnostics)
+    diagnostics = list(read_description(source_of(urdf)).diagnostics)
     if numbers is None or numbers.path.parent != Bundled.ROBOT.folder or urdf != numbers.urdf:
         vet(urdf)
     if numbers is not None:
@@ -257,7 +257,7 @@ def _check_same(model: SelfModel, mechanism: Mechanism, diagnostics: list[Diagno
     """Report a URDF with none of the model's moving joints: it is that of another robot."""
     moving = [n for iri, n in model.joints.items() if not any("Fixed" in cls for cls in model.ontology.types(iri))]
     if moving and not any(name in mechanism.joints for name in moving):
-        message = f"{mechanism.path.name} has none of the {len(moving)} moving joints of {model.name}"
+        message = f"{mechanism.file_name} has none of the {len(moving)} moving joints of {model.name}"
         diagnostics.append(error("B012", message, model.span, "give --urdf FILE with the URDF of this robot"))
 
 
@@ -266,14 +266,14 @@ def _list_unknown(model: SelfModel, naming: Naming, diagnostics: list[Diagnostic
     if unknown:
         total = len(model.links) + len(model.joints)
         names = ", ".join(unknown[:8]) + (", ..." if len(unknown) > 8 else "")
-        message = f"{len(unknown)} of {total} links and joints of {model.name} are not in {naming.mechanism.path.name}"
+        message = f"{len(unknown)} of {total} links and joints of {model.name} are not in {naming.mechanism.file_name}"
         diagnostics.append(note("B007", f"{message} and not used: {names}", model.span))
 
 
 def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
     """Check a robot file against the URDF: unknown links and joints, passive joints, positions beyond limits."""
     problems: list[Diagnostic] = []
-    name = mechanism.path.name
+    name = mechanism.file_name
 
     def link(value: str, key: str) -> None:
         if value not in mechanism.links:

@@ -4,7 +4,8 @@ Every value has a reason. Written out, it is a file for the user to complete, wi
 text serves as robot file for a robot that is given by its URDF alone.
 
 The SRDF (https://wiki.ros.org/srdf) states end effectors, named postures, the type of the base, and pairs of links
-that may touch. It is untrusted, as the URDF is, and read with the same bounds; names unknown to the URDF are ignored.
+that may touch. It is untrusted, as the URDF is, and read with the same bounds; what of its
+end effectors and postures this robot does not have is reported.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import json
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from enum import Enum
 from pathlib import Path
@@ -29,7 +30,7 @@ from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from executive.robots.vetting import vet
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry.urdf import BadXml, Element, read_tree, read_urdf
-from planlang.geometry.urdf_schema import numbers
+from planlang.geometry.urdf_schema import expressions_in, numbers
 from planlang.records import dataclass
 from planlang.visible import visible
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
@@ -110,6 +111,8 @@ class Draft:
 
     urdf: Path
     tables: list[Table] = field(default_factory=list)
+    unused: Sequence[Diagnostic] = ()
+    """Warnings about what an SRDF states and this robot cannot do."""
 
     def table(self, *path: str) -> Table:
         """Append a new table to the file."""
@@ -123,8 +126,8 @@ class Draft:
         return visible("\n".join([" ".join(head.split()), "", *lines]) + "\n")
 
     def diagnostics(self) -> list[Diagnostic]:
-        """List assumed values as notes, and missing ones as warnings, by table."""
-        diagnostics: list[Diagnostic] = []
+        """List assumed values as notes, and missing ones as warnings, by table, after what of an SRDF is not used."""
+        diagnostics = list(self.unused)
         for table in self.tables:
             subject = table.header if table.path else "the robot"
             for status, severity, code in ((Status.ASSUMED, note, "B010"), (Status.MISSING, warning, "B016")):
@@ -168,11 +171,12 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
     mechanism = Mechanism(urdf)
     beside = urdf.with_suffix(".srdf")
     source = srdf if srdf is not None else beside if beside.is_file() else None
-    srdf_content = read_srdf(source, mechanism.joints, mechanism.links) if source is not None else None
+    srdf_content = read_srdf(source, mechanism) if source is not None else None
     vet(urdf)
     world = PlanningWorld(Scene(()), RobotBody(urdf, CameraModel(mechanism.root)))
+    unused = srdf_content.unused if srdf_content is not None else ()
     try:
-        return _Maker(Draft(urdf), mechanism, srdf_content, world).make(named or urdf.name)
+        return _Maker(Draft(urdf, unused=unused), mechanism, srdf_content, world).make(named or urdf.name)
     finally:
         world.close()
 
@@ -351,23 +355,12 @@ class _Maker:
 
     def _postures(self) -> None:
         """Add the named states of the SRDF; one with a name like "tuck" or "carry" is the carrying posture."""
-        states = {name: self._within(state) for name, state in self.srdf.states.items()} if self.srdf else {}
-        states = {name: state for name, state in states.items() if state}
+        states = self.srdf.states if self.srdf else {}
         carrying = next((name for name in states if _CARRYING.search(name)), None)
         if carrying is not None and CARRYING not in states:
             self._posture(CARRYING, states[carrying], f"the state {carrying} of the SRDF")
         for name, state in states.items():
             self._posture(name, state, "a state of the SRDF")
-
-    def _within(self, state: Mapping[str, float]) -> dict[str, float]:
-        """Keep the actuated joints of a state whose positions are within their limits."""
-        reachable = {}
-        for name, value in state.items():
-            joint = self.mechanism.joints[name]
-            is_possible = joint.kind == "continuous" or joint.lower <= value <= joint.upper
-            if self.mechanism.actuated(name) and is_possible:
-                reachable[name] = value
-        return reachable
 
     def _posture(self, name: str, state: Mapping[str, float], why: str) -> None:
         table = self.draft.table("postures", name)
@@ -400,43 +393,69 @@ class Srdf:
     """Type of the virtual joint between world and robot: "fixed", "planar" or "floating"."""
     touching: tuple[tuple[str, str], ...]
     """Pairs of links that may touch."""
+    unused: tuple[Diagnostic, ...] = ()
+    """Warnings about positions and hands that cannot be used."""
 
 
-def read_srdf(path: Path, joints: Iterable[str], links: Iterable[str]) -> Srdf:
-    """Read the SRDF of a URDF with these joints and links. Raises BadInput (B009)."""
+def read_srdf(path: Path, mechanism: Mechanism) -> Srdf:
+    """Read the SRDF of a URDF. Raises BadInput (B009)."""
     try:
         robot = read_tree(path)
+        if robot.tag != "robot":
+            raise BadXml(f"is not SRDF: its root element is <{robot.tag}>, not <robot>", robot.line)
+        if robot.find("link") is not None:
+            raise BadXml("is not SRDF, but a URDF: it has a <link>", robot.line)
+        for what, element in expressions_in(robot):
+            line = element.line if isinstance(element, Element) else 1
+            raise BadXml(f"{what} is not expanded: write the file out with xacro first", line)
     except BadXml as problem:
         raise BadInput([error("B009", problem.problem, Span(str(path), problem.line))]) from None
-    if robot.tag != "robot":
-        message = f"is not SRDF: its root element is <{robot.tag}>, not <robot>"
-        raise BadInput([error("B009", message, Span(str(path), robot.line))])
-    known_joints, known_links = frozenset(joints), frozenset(links)
     states: dict[str, dict[str, float]] = {}
-    for state in robot.iterfind("group_state"):
-        positions = states.setdefault(state.get("name", ""), {})
-        positions |= {name: value for name, value in _positions(state) if name in known_joints}
+    unused: list[Diagnostic] = []
+
+    def drop(element: ElementTree.Element, problem: str) -> None:
+        line = element.line if isinstance(element, Element) else 1
+        unused.append(warning("B011", f"{problem}; it is not used", Span(str(path), line)))
+
     base = robot.find("virtual_joint")
+    of_base = None if base is None else base.get("name")
+    for state in robot.iterfind("group_state"):
+        name = state.get("name", "")
+        for joint in state.iterfind("joint"):
+            moved = joint.get("name", "")
+            why_not, value = _position(joint, mechanism)
+            if why_not and moved != of_base:
+                drop(joint, f"<group_state> {name!r}: {why_not}")
+            elif name and mechanism.actuated(moved):  # the others follow or never move
+                states.setdefault(name, {})[moved] = value
+    end_effectors = []
+    for one in robot.iterfind("end_effector"):
+        hand = EndEffector(one.get("name", ""), one.get("parent_link", ""), one.get("parent_group", ""))
+        if hand.parent_link in mechanism.links:
+            end_effectors.append(hand)
+        else:
+            drop(one, f"<end_effector> {hand.name!r}: the URDF has no link {hand.parent_link!r}")
     return Srdf(
         path,
-        tuple(one for one in _end_effectors(robot) if one.parent_link in known_links),
-        {name: positions for name, positions in states.items() if name and positions},
+        tuple(end_effectors),
+        states,
         base.get("type") if base is not None else None,
-        tuple(pair for pair in _touching(robot) if known_links.issuperset(pair)),
+        tuple(pair for pair in _touching(robot) if set(pair) <= set(mechanism.links)),
+        tuple(unused),
     )
 
 
-def _end_effectors(robot: Element) -> Iterator[EndEffector]:
-    for one in robot.iterfind("end_effector"):
-        yield EndEffector(one.get("name", ""), one.get("parent_link", ""), one.get("parent_group", ""))
-
-
-def _positions(state: ElementTree.Element) -> Iterator[tuple[str, float]]:
-    """Yield joints with a single position; multi-axis joints are skipped."""
-    for joint in state.iterfind("joint"):
-        values = numbers(joint.get("value", ""))
-        if len(values) == 1:
-            yield joint.get("name", ""), values[0]
+def _position(stated: ElementTree.Element, mechanism: Mechanism) -> tuple[str, float]:
+    """Read the position of a joint in a state, with the reason why it cannot be taken, or ""."""
+    name, text = stated.get("name", ""), stated.get("value", "")
+    joint, values = mechanism.joints.get(name), numbers(text)
+    if joint is None:
+        return f"the URDF has no joint {name!r}", 0.0
+    if len(values) != 1:
+        return f"joint {name!r} needs a single number, not {text[:60]!r}", 0.0
+    if joint.kind in ("revolute", "prismatic") and not joint.lower <= values[0] <= joint.upper:
+        return f"joint {name!r} is at {values[0]:g}, outside its limits [{joint.lower:g}, {joint.upper:g}]", 0.0
+    return "", values[0]
 
 
 def _touching(robot: Element) -> Iterator[tuple[str, str]]:

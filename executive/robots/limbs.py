@@ -130,14 +130,14 @@ class Limbs:
     def _report_missing(self, composition: Composition, iri: str) -> None:
         message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which is not in"
         help = "give --urdf FILE with the URDF of the self-model"
-        self.diagnostics.append(error("B004", f"{message} {self.mechanism.path.name}", composition.span, help))
+        self.diagnostics.append(error("B004", f"{message} {self.mechanism.file_name}", composition.span, help))
 
     def _check_known(self, arm: Arm, model: SelfModel, composition: Composition) -> None:
         known = set(model.joints.values())
         unknown = [joint for joint in arm.joints if joint not in known]
         if unknown:
             message = (
-                f"{local_name(composition.iri)} has joints in {self.mechanism.path.name} that the self-model lacks"
+                f"{local_name(composition.iri)} has joints in {self.mechanism.file_name} that the self-model lacks"
             )
             help = "add the joints to the self-model, or give --urdf FILE with its URDF"
             self.diagnostics.append(error("B005", f"{message}: {', '.join(unknown)}", composition.span, help))

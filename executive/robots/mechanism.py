@@ -49,6 +49,8 @@ ToolPoint = tuple[str, tuple[float, float, float]]
 """A link, and a point in its frame [m]."""
 Range = tuple[float, float]
 """Lower and upper limit of a joint [rad, m]."""
+_copied: dict[Path, Path] = {}
+"""Copy that ``mounted`` wrote -> the user's URDF."""
 
 
 def packaged(name: str, file: str) -> Path:
@@ -85,7 +87,13 @@ def mounted(
     content = _text(urdf, mount, tools or {}, ranges or {}).encode()
     path = process_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
     path.write_bytes(content)
+    _copied[path] = source_of(urdf)
     return path
+
+
+def source_of(urdf: Path) -> Path:
+    """Return the user's file for a copy that :func:`mounted` wrote, else the path itself: messages name that."""
+    return _copied.get(urdf, urdf)
 
 
 def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], ranges: Mapping[str, Range]) -> str:
@@ -146,6 +154,8 @@ class Mechanism:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.file_name = source_of(path).name
+        """Name of the user's file, for messages."""
         urdf = read_urdf(path)
         self.root = urdf.root
         self.joints: dict[str, Joint] = {joint.name: joint for joint in urdf.joints}
@@ -244,7 +254,7 @@ class Naming:
         shorter = [local.removeprefix(prefix) for prefix in self._prefixes if local.startswith(prefix)]
         for candidate in (local, *shorter):
             if candidate in links:
-                message = f"{local} is matched by name to the link {candidate} of {self.mechanism.path.name}"
+                message = f"{local} is matched by name to the link {candidate} of {self.mechanism.file_name}"
                 self._note(iri, message, span)
                 return candidate
             if candidate in joints:

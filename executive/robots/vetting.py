@@ -13,6 +13,7 @@ from pathlib import Path
 
 from executive.processes.calls import Ending, Limits
 from executive.processes.workers import Source, Worker
+from executive.robots.mechanism import source_of
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Span, error
 from sim.description import read_description
@@ -38,7 +39,7 @@ def _source() -> Source:
 
 def vet(urdf: Path) -> None:
     """Check that PyBullet can load a URDF. Raises BadInput (B009)."""
-    description = read_description(urdf)
+    description, span = read_description(urdf), Span(str(source_of(urdf)))
     key = f"{build()}\n{description.text}"  # the text names meshes by their content
     if _CACHE.load(key) is not None:
         return
@@ -50,9 +51,9 @@ def vet(urdf: Path) -> None:
     finally:
         worker.close()
     if reply.ending is Ending.REFUSED:
-        raise BadInput([replace(one, span=Span(str(urdf))) for one in reply.answer])
+        raise BadInput([replace(one, span=span) for one in reply.answer])
     if reply.ending is not Ending.DONE:
         why = _WHY.get(reply.ending, str(reply.answer))
         advice = "simplify its meshes and shapes, or leave out links, until it loads"
-        raise BadInput([error("B009", f"this URDF cannot be used: {why}", Span(str(urdf)), advice)])
+        raise BadInput([error("B009", f"this URDF cannot be used: {why}", span, advice)])
     _CACHE.keep(key, b"")

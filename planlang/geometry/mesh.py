@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.files import encoding_of, open_regular, read_at_most
+from planlang.files import LFS_POINTER, NOT_FETCHED, encoding_of, open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, moved, product
 from planlang.geometry.urdf import BadXml, tree_of
 from planlang.records import dataclass
@@ -94,6 +94,8 @@ def mesh_content(path: Path) -> bytes:
         content = read_at_most(file, LARGEST + 1)
     if len(content) > LARGEST:
         raise BadMesh(f"it is larger than {LARGEST // 1_000_000} MB")
+    if content.startswith(LFS_POINTER):
+        raise BadMesh(f"{NOT_FETCHED}: git lfs pull")
     return content
 
 

@@ -149,6 +149,8 @@ class _Reader:
 
 KINDS = TYPES[:4]
 """Joint types of kinematic chains; "floating" and "planar" joints are read, but no chain may contain them."""
+DIRECTION = "1 0 0"
+"""Axis of a joint that states none."""
 _SHOWN = 4
 """Names shown in a message."""
 
@@ -207,11 +209,13 @@ class Urdf:
     """Errors in masses, materials and the name of the robot, which have no shape or pose."""
 
     def plain(self) -> Element:
-        """Copy what the format knows, without extensions; joints have the type and the limits that were read."""
+        """Copy what the format knows, without extensions; joints have the type, axis and limits that were read."""
         robot = _plain(self.tree)
         for element, joint in zip(robot.findall("joint"), self.joints, strict=True):
             element.set("type", joint.kind)
-            limit = element.find("limit")
+            axis, limit = element.find("axis"), element.find("limit")
+            if axis is not None:  # PyBullet has no default for an axis without direction
+                axis.attrib.setdefault("xyz", DIRECTION)
             if joint.kind in ("revolute", "prismatic") and _limits(limit) != (joint.lower, joint.upper):
                 limit = ElementTree.SubElement(element, "limit") if limit is None else limit
                 limit.attrib |= {"lower": repr(joint.lower), "upper": repr(joint.upper)}
@@ -297,7 +301,7 @@ def _joint(element: ElementTree.Element) -> Joint:
 
     kind = element.get("type", "")
     origin = rigid(rotation_of(*stated("origin", "rpy", "0 0 0")), np.array(stated("origin", "xyz", "0 0 0")))
-    axis = np.array(stated("axis", "xyz", "1 0 0"))
+    axis = np.array(stated("axis", "xyz", DIRECTION))
     lower, upper = _limits(element.find("limit"))
     if kind == "continuous" or _is_endless(element):
         kind, lower, upper = "continuous", -math.pi, math.pi

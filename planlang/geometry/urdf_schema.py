@@ -34,6 +34,8 @@ class Attribute:
     required: bool = False
     least: float = -math.inf
     most: float = math.inf
+    blank: bool = False
+    """True if the text may be empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ RULES = {
     "sphere": Rule({"radius": _EXTENT}),
     "plane": Rule({"normal": _VECTOR}),
     "mesh": Rule({"filename": _NAME, "scale": Attribute(3, False, -_HEAVIEST, _HEAVIEST)}),
-    "material": Rule({"name": _NAME}, ("color",)),
+    "material": Rule({"name": Attribute(required=True, blank=True)}, ("color",)),  # SolidWorks names none
     "color": Rule({"rgba": Attribute(4, False, -_HEAVIEST, _HEAVIEST)}),
     "joint": Rule(
         {"name": _NAME, "type": _NAME}, ("origin", "parent", "child", "axis", "limit", "mimic"), ("parent", "child")
@@ -100,7 +102,7 @@ def problems_in(element: ElementTree.Element, owner: str = "") -> Iterator[tuple
         owner = f"{tag} {name!r}" if name else f"a {tag}"
     for attribute, wanted in rule.attributes.items():
         text = element.get(attribute)
-        if text is None or (not wanted.count and not text.strip()):
+        if text is None or not (wanted.count or wanted.blank or text.strip()):
             if wanted.required:
                 yield f"{what} has no {attribute}", element
         elif wanted.count:

@@ -51,7 +51,7 @@ _URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
 _GRID_ENTRY = re.compile(r"""(?:^|[{,])[ \t]*["']?(?:image|resolution)["']?[ \t]*:[ \t\r\n]""", re.MULTILINE)
 """An entry of such a YAML file that may come after others, of whatever name."""
-_SENSED = re.compile(rb"#|VERS|ply[\r\n]|[-+0-9]")
+_SENSED = re.compile(rb"#|VERS|ply[\r\n]|[-+0-9]|[nN]a[nN][ \t]")
 """First bytes of octrees and point clouds; a quick test before the full patterns."""
 _COMMENTS = re.compile(r"(?:[^\S\r\n]*(?:#[^\r\n]*)?(?:\r\n?|\n))*(?:[^\S\r\n]*#[^\r\n]*\Z)?")
 """Blank lines and comments at the start of a file."""

@@ -15,7 +15,7 @@ from planlang.ontology.triples import Parsed, Triples
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
 OCCUPANCY_GRID, POINTS, OCTREE = (f"{ROBOEARTH}{name}" for name in ("OccupancyGridMap", "PointMap", "OctoMap"))
 _COMMENTS = rb"(?:#[^\n]{0,200}\n){0,10}"
-_NUMBER = rb"[-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?"
+_NUMBER = rb"[-+]?(?:[0-9.]+(?:[eE][-+]?[0-9]+)?|nan|NaN)"
 _BEGINNINGS = {
     OCTREE: re.compile(rb"# Octomap OcTree "),
     POINTS: re.compile(

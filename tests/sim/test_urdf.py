@@ -137,6 +137,7 @@ BROKEN_MESHES = {
     "no triangle": ("a.stl", "solid a\nendsolid a\n", "no triangle"),
     "infinite": ("a.stl", STL.format("inf"), "not finite"),
     "cut off": ("a.stl", "\0" * 80 + "\1\0\0\0" + "\0" * 10, "truncated"),
+    "never fetched": ("a.stl", "version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 9\n", "git lfs pull"),
     "another document": ("a.dae", "<html/>", "<html>"),
     "empty document": ("a.dae", "<COLLADA></COLLADA>", "no triangle"),
     "entities": ("a.dae", BOMB + COLLADA.format(points=SQUARE, corners="0 1 2 3 0 1 2"), "entity"),

@@ -181,6 +181,31 @@ def test_raw_images_state_percentages_and_scaled_ones_their_unknown_cells_by_tra
 # Point clouds
 
 
+@pytest.mark.parametrize("points", ["2000 0 100\n2000 50 900\n", "1 0 0\n2 0 0\n", "1 0 8\n", "nan nan nan\n"])
+def test_a_cloud_that_shows_no_obstacle_is_not_passed_over_in_silence(points: str, tmp_path: Path) -> None:
+    path = tmp_path / "cloud.xyz"
+    path.write_text(points)
+    checked = CliRunner().invoke(app, ["check", str(path)])
+    assert "warning M035 no obstacle is read from it" in checked.stderr
+
+
+def test_a_grid_without_occupied_cells_is_not_passed_over_in_silence(tmp_path: Path) -> None:
+    Image.new("L", (8, 8), 205).save(tmp_path / "grey.png")
+    path = tmp_path / "grey.yaml"
+    path.write_text("image: grey.png\n" + OFFICE)
+    assert "warning M035" in CliRunner().invoke(app, ["check", str(path)]).stderr
+
+
+@pytest.mark.parametrize("name", ["office.png", "cloud.pcd"])
+def test_a_pointer_of_git_lfs_is_named_with_the_way_to_the_file(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n")
+    (tmp_path / "office.yaml").write_text(f"image: {name}\n{OFFICE}")
+    checked = CliRunner().invoke(app, ["check", str(tmp_path / ("office.yaml" if name.endswith("png") else name))])
+    assert checked.exit_code == 2
+    assert "pointer of Git LFS" in checked.stderr
+    assert "git lfs pull" in checked.stderr
+
+
 def test_a_cloud_without_its_number_of_points_has_all_rows(tmp_path: Path) -> None:
     text = (FILES / "organized.pcd").read_text()
     (tmp_path / "with_points.pcd").write_text(text.replace("DATA", "POINTS 1200\nDATA"))

@@ -202,6 +202,18 @@ def test_an_invalid_tool_offset_is_reported_with_its_line(urdf: Path) -> None:
     assert [(d.code, d.span and d.span.line) for d in caught.value.diagnostics] == [("B001", 8), ("B001", 5)]
 
 
+def test_a_missing_mesh_is_reported_where_the_urdf_names_it_though_a_copy_is_loaded(urdf: Path) -> None:
+    mesh = '<link name="cover"><visual><geometry>\n<mesh filename="cover.glb"/></geometry></visual></link>'
+    fixed = '<joint name="c" type="fixed"><parent link="l6"/><child link="cover"/></joint>'
+    urdf.write_text(arm(more=f"{mesh}{fixed}"))
+    (urdf.parent / "arm.toml").write_text(draft_of(urdf).text())
+    robot = bind_robot(urdf.parent / "arm.toml")
+    assert robot.urdf != urdf
+    (found,) = [one for one in robot.diagnostics if one.code == "B013"]
+    assert found.span is not None
+    assert (Path(found.span.file).name, found.span.line) == ("arm.urdf", 2)
+
+
 # SRDF
 
 
@@ -225,6 +237,38 @@ def test_an_srdf_beside_the_urdf_states_base_arms_postures_and_allowed_contacts(
     assert list(found["arms"]) == ["manipulator"]
     assert found["allowed_contacts"] == [["l1", "l3"]]
     assert found["postures"] == {"carrying": {"j1": 1.5}, "tucked": {"j1": 1.5}}, "the others cannot be taken"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"nobody"', '"j3"', "joint 'j2' is at 99, outside its limits [-2, 2]"),
+        ('value="99"', 'value="nan"', "joint 'j2' needs a single number, not 'nan'"),
+        ('value="99"', 'value="0"', "the URDF has no joint 'nobody'"),
+        ('parent_link="l6"', 'parent_link="l60"', "the URDF has no link 'l60'"),
+    ],
+)
+def test_what_an_srdf_states_and_the_urdf_lacks_is_reported_with_its_line(
+    urdf: Path, old: str, new: str, message: str
+) -> None:
+    urdf.with_suffix(".srdf").write_text(SRDF.replace(old, new))
+    found = [one for one in draft_of(urdf).diagnostics() if one.code == "B011" and message in one.message]
+    assert [(one.severity.value, one.span and Path(one.span.file).name) for one in found] == [("warning", "arm.srdf")]
+
+
+def test_a_state_may_place_the_robot_and_fingers_that_follow(urdf: Path) -> None:
+    urdf.write_text(arm().replace('upper="0.04" effort="1" velocity="1"/>', 'upper="0.04"/><mimic joint="j1"/>'))
+    positions = '<joint name="world" value="0 0 0"/><joint name="left" value="0"/><joint name="j1" value="1"/>'
+    srdf = re.sub(r"(?s)(<group_state[^>]*>).*?</group", rf"\1{positions}</group", SRDF)
+    urdf.with_suffix(".srdf").write_text(srdf)
+    assert "B011" not in [one.code for one in draft_of(urdf).diagnostics()]
+
+
+@pytest.mark.parametrize("content", [arm(), '<robot name="arm"><xacro:arm prefix=""/></robot>'])
+def test_a_urdf_or_xacro_in_place_of_an_srdf_is_refused(urdf: Path, content: str) -> None:
+    urdf.with_suffix(".srdf").write_text(content)
+    with pytest.raises(BadInput, match=r"is not SRDF, but a URDF|<xacro:arm> is not expanded"):
+        draft_of(urdf)
 
 
 @pytest.mark.parametrize("content", ["", "<robot", "<sdf/>", '<!DOCTYPE r [<!ENTITY a "b">]><robot name="&a;"/>'])

@@ -20,6 +20,7 @@ from executive.robots import bind_draft, bind_robot, vetting
 from executive.robots.draft import draft_of
 from planlang.diagnostics import BadInput
 from planlang.geometry.urdf import read_urdf
+from planlang.protocols import Configuration
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import read_description
 
@@ -112,6 +113,7 @@ OPTIONAL = {
     "material": ('<material name="red"/>', ""),
     "description of a material": ('<material name="red"><color rgba="1 0 0 1"/></material>', ""),
     "colour": (' rgba="1 0 0 1"', ""),
+    "text of a material's name": ('<material name="red"/>', '<material name=""><color rgba="1 0 0 1"/></material>'),
     "origin": ('<origin xyz="0 0 0.2"/>', ""),
     "position": (' xyz="0 0 0.1" rpy="0 0 0"', ""),
     "axis": ('<axis xyz="0 0 1"/>', ""),
@@ -157,6 +159,15 @@ def test_what_the_format_leaves_optional_is_read_and_loaded(cart: Callable[[str,
     world = PlanningWorld(Scene(()), RobotBody(path, CameraModel("base")))
     assert set(world.robot.joints) == {"lift", "turn"}
     world.close()
+
+
+def test_an_axis_without_direction_is_that_of_a_joint_without_axis(cart: Callable[[str, str], Path]) -> None:
+    places = []
+    for axis in ("", "<axis/>"):
+        world = PlanningWorld(Scene(()), RobotBody(cart('<axis xyz="0 0 1"/>', axis), CameraModel("base")))
+        places.append(world.link_pose("mast", Configuration((0.0, 0.0, 0.0), {"lift": 0.3, "turn": 0.0})).position)
+        world.close()
+    assert places[0] == places[1] == pytest.approx((0.3, 0.0, 0.2))
 
 
 def test_a_joint_that_mimics_another_has_its_limits(cart: Callable[[str, str], Path]) -> None:
