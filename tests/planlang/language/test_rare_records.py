@@ -264,7 +264,7 @@ def test_a_header_without_rate_is_told() -> None:
 
     events = [dict(event) for event in run_plan(top, resumable=True).trace.events]
     del events[0]["rate"]
-    with pytest.raises(ValueError, match="rate and seed"):
+    with pytest.raises(ValueError, match="header has no rate"):
         replay(top, RecordedRun.of(events))
 
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from planlang import *
 from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
 from planlang.runs import RecordedRun
+from planlang.runs.recorded_run import DamagedTrace
 from planlang.testing import PlanRun, Script, replay, run_plan
 
 Branch = Callable[[], Awaitable[Any]]
@@ -400,13 +401,16 @@ def test_answers_that_were_tampered_with_are_told_with_their_line() -> None:
     run = run_plan(top, resumable=True)
     for event in ("world", "answer", "performed"):
         place = next(n for n, one in enumerate(run.trace.events) if one["event"] == event)
-        for key, value in (("value", {"$": "Popen"}), ("failure", {"type": "os.system"})):
-            events = list(run.trace.events)
-            events[place] = {**events[place], key: value}
-            found = replay(top, RecordedRun.of(events))
-            assert found.difference is not None, (event, key)
-            assert found.difference.line == place + 1
-            assert f"line {place + 1} is damaged" in str(found)
+        events = list(run.trace.events)
+        events[place] = {**run.trace.events[place], "value": {"$": "Popen"}}
+        found = replay(top, RecordedRun.of(events))
+        assert found.difference is not None, event
+        assert found.difference.line == place + 1
+        assert f"line {place + 1} is damaged" in str(found)
+        events[place] = {**run.trace.events[place], "failure": {"type": "os.system"}}
+        with pytest.raises(DamagedTrace, match="failure has to be an object") as damaged:
+            RecordedRun.of(events)
+        assert damaged.value.line == place + 1
     assert str(replay(top, run)) == f"equal to the end: {len(run.trace.events)} lines"
     part = replay(top, RecordedRun.of(run.trace.events[:9]))
     assert str(part) == "equal to the end: 9 lines, and the trace ends before the plan"
