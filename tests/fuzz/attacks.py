@@ -107,6 +107,7 @@ delete drink.ward --from http://127.0.0.1:1 --key-file author.key
 watch drink.ward --once --from http://127.0.0.1:1 --key-file author.key
 serve --store out.sqlite --port 0
 serve --store kb.sqlite --port 0 --access-log out.log
+backup kb.sqlite out.sqlite
 enable drink.omn --robot amigo --from http://127.0.0.1:1 --dry
 run drink.omn --watch-tree --robot amigo --environment room.omn
 run drink.omn --watch --robot amigo --environment room.omn
