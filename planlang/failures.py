@@ -324,17 +324,13 @@ class LocationUnresolvable(DesignatorFailure):
         if self.after:
             found = "only one place was" if self.after == 1 else f"only {self.after} places were"
             text = f"{found} found{wanted}, and {'it' if self.after == 1 else 'each'} failed"
-        parts = [self._rejected()] if self.counts else []
+        one = sum(self.counts.values()) == 1  # its reason needs no number
+        reasons = ", ".join(reason if one else f"{number} {reason}" for reason, number in self.counts.items() if number)
+        parts = [f"{sum(self.counts.values())} candidate{'' if one else 's'}: {reasons}"] if self.counts else []
         if self.blocking:
             parts.append(f"in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())}")
         text = f"{text}: {sentence}" if (sentence := self.because()) else text
         return f"{text} ({'; '.join(parts)})" if parts else text
-
-    def _rejected(self) -> str:
-        """``1 candidate: out of reach``, ``312 candidates: 200 out of reach, 112 in collision``."""
-        if (total := sum(self.counts.values())) == 1:
-            return f"1 candidate: {next(reason for reason, number in self.counts.items() if number)}"
-        return f"{total} candidates: {', '.join(f'{number} {reason}' for reason, number in self.counts.items())}"
 
     def because(self) -> str:
         """The reason as a sentence, "" if there are only counts."""
