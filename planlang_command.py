@@ -9,6 +9,7 @@ from __future__ import annotations
 import gc
 import importlib
 import importlib.util
+import io
 import os
 import signal
 import sys
@@ -91,7 +92,8 @@ def _open_closed_streams() -> None:
         if getattr(sys, name) is None:
             setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115  open as long as the process
     # letters that its encoding lacks; stderr does so by itself
-    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    if isinstance(sys.stdout, io.TextIOWrapper):  # whoever calls main() may have put another stream there
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _check_packages() -> None:
