@@ -237,7 +237,7 @@ def open_what_is_in_the_way(what: Object) -> Do:
 def step_back_and_repeat(what: Object) -> Do:
     """Drive one step back with the arms in their driving posture, look at the object, then run the body again.
 
-    If the failure is that no hand is free, the robot puts down what one hand holds instead.
+    That no hand is free propagates at once: a step back frees none, and what is put down may be what the plan is for.
     Touches and sightings on the way change the next plan: how far a door has opened, what blocks it. If a search fails
     twice with the same result, nothing has changed, and the failure propagates.
     """
@@ -248,7 +248,7 @@ def step_back_and_repeat(what: Object) -> Do:
     async def step_back(failure: PlanFailure) -> RecoveryResult:
         for link in failure.chain():
             if isinstance(link, HandsFull):
-                return await _one_put_down(link.held.values())
+                return PROPAGATE
             if isinstance(link, LocationUnresolvable):
                 found = f"{link.designator}: {link.figures or link.describe()}"
                 if found in searched:
