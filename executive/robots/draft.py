@@ -149,7 +149,7 @@ def toml(value: Any, *, is_key: bool = False) -> str:
         case str():
             if is_key and re.fullmatch(r"[A-Za-z0-9_-]+", value):
                 return value
-            return json.dumps(value, ensure_ascii=False)  # text() escapes what TOML does not take
+            return visible(json.dumps(value, ensure_ascii=False))  # TOML takes no DEL
         case bool():
             return "true" if value else "false"
         case float() | np.floating():

@@ -312,7 +312,8 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
         return
     unread = unread_filling(ontology, owner, filling)
     if unread is not None:
-        is_ignored = short in AGENTS or not is_vocabulary(short)
+        # no step acts on who performs it, always the robot, nor on the kind of room in which it happens
+        is_ignored = short in (*AGENTS, "eventOccursAt") or not is_vocabulary(short)
         yield replace(unread, severity=Severity.WARNING) if is_ignored else unread
     if isinstance(term, BNode):
         return

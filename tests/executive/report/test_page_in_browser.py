@@ -239,7 +239,7 @@ def test_a_run_that_grows_is_shown_as_it_does(browser: Any, pages: dict[str, Pat
             planlang.grow({nodes: [{...root, status: "running", end: null}, node], end});
         }"""
     )
-    seek(page, 66.5)
+    seek(page, float(page.evaluate("planlang.model.end")) - 0.5)
     assert status(page, "Later") == "running"
 
 

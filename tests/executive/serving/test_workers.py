@@ -111,7 +111,7 @@ def test_a_worker_that_ends_within_its_limits_is_replaced_once_and_no_refusal(so
     workers, ended = Workers(source, 1, Limits()), tmp_path / "ended"
     ended.touch()
     assert workers.call(end, ended, 1) == 1
-    with pytest.raises(Failed, match="2 workers died in end"):
+    with pytest.raises(Failed, match="several processes in a row died"):
         workers.call(end, ended, 9)
     assert workers.call(count) == 1
     workers.close()

@@ -81,15 +81,15 @@ SCENARIOS = [
         for scenario in (
             _served(recipe, "map_hospital_room", on("bottle1", "bed1")),
             _served(recipe, "ias_hospital_room", on_from_behind("bottle1", "bed1", "door1")),
+            _served(recipe, "ias_hospital_room_with_objects", on("bottle1", "bed1"), called=", bottle1"),
             _served(
                 recipe,
                 "ias_hospital_room_with_objects",
-                on("bottle1", "bed1"),
+                on("coke1", "bed1"),
                 "--set",
-                "bottle=bottle1",
-                called=", bottle1",
+                "bottle=coke1",
+                called=", the nearest bottle",
             ),
-            _served(recipe, "ias_hospital_room_with_objects", on("coke1", "bed1"), called=", the nearest bottle"),
         )
     ),
 ]
