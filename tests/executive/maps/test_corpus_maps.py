@@ -118,7 +118,7 @@ def texts() -> dict[str, str]:
 @cache
 def placed(name: str, text: str) -> tuple[SemanticMap, set[str], list[Diagnostic]]:
     """The map of a text, its objects with a pose, and the diagnostics."""
-    semantic_map = read_map(load(Path(name), content=text.encode()))
+    semantic_map = read_map(load(Path(name), content=text.encode()), ignore_unread=True)
     found = [*semantic_map.diagnostics]
     scene_of(semantic_map, found)
     return semantic_map, {thing.iri for thing in semantic_map.objects if thing.pose}, found

@@ -32,7 +32,7 @@ BUNDLED = tuple(sorted(path.name for path in (bundled("ontologies") / "environme
 def world(path: Path) -> Scene | list[str]:
     """The world of a map, with imports from the corpus; the codes of its errors if it is invalid."""
     try:
-        return scene_of(read_map(load(path, folders=[CORPUS / "ontologies"])))
+        return scene_of(read_map(load(path, folders=[CORPUS / "ontologies"]), ignore_unread=True))
     except BadInput as problem:
         return sorted(one.code for one in problem.diagnostics if one.severity is Severity.ERROR)
 
