@@ -46,5 +46,5 @@ MOST_CHECKS = 250
 """Base poses that may fail when validated exactly, in all searches for a location, until one is found."""
 MOST_SOLVED = 12_000
 """Base poses for which inverse kinematics is solved meanwhile: for a bowl in a drawer 4,000 are too few."""
-EASY, EASY_CHECKS, EASY_SOLVED = 3, 40, 2_000
+EASY, EASY_CHECKS, EASY_SOLVED = 3, 100, 4_000
 """Number of budgets with which to test whether a change of the map would help, and these numbers for all changes."""

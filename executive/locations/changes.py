@@ -21,7 +21,7 @@ MOST_TRIED = 4
 """Number of bodies whose removal is tested."""
 MOST_EDGES = 2
 """Number of edges to which a thing is moved: the nearest, and where the base gets closest."""
-MOST_SEARCHES = 4
+MOST_SEARCHES = 10
 """Number of changes that are tested in all, each by a search."""
 STEP = 0.05
 """Step by which a thing is moved towards an edge [m]."""
