@@ -195,8 +195,6 @@ def _place(record: Mapping[str, Any], places: dict[int, Place], number: int) -> 
     if "node" not in record:
         return None
     node = record["node"]
-    if not isinstance(node, int):
-        raise DamagedTrace("node has to be a number", number)
     if node not in places:
         match record:
             case {"node": int(), "parent": None, "name": str(name), "kind": str()}:

@@ -38,6 +38,7 @@ from planlang import evaporate as evaporate_task
 from planlang.failures import BranchEvaporated, BudgetExceeded, GraspMissed, PlanFailure
 from planlang.kernel import DeadlockError
 from planlang.kernel.core import here
+from planlang.kernel.runner import interrupter
 from planlang.kernel.schedule import ListedSchedule
 from planlang.testing import Fault, run_plan
 
@@ -426,3 +427,7 @@ def test_steps_one_after_another_in_a_resumable_run_need_no_trace_of_the_caller(
         return await seq(partial(sleep, 1), partial(sleep, 0))
 
     assert go(top, resumable=True) == (None, None)
+
+
+def test_without_a_run_there_is_nothing_to_interrupt() -> None:
+    assert interrupter() is None

@@ -262,10 +262,11 @@ def test_a_header_without_rate_is_told() -> None:
     async def top() -> None:
         await sleep(1)
 
-    events = [dict(event) for event in run_plan(top, resumable=True).trace.events]
-    del events[0]["rate"]
-    with pytest.raises(ValueError, match="header has no rate"):
-        replay(top, RecordedRun.of(events))
+    for missing, told in (("rate", "header has no rate"), ("seed", "rate and seed")):
+        events = [dict(event) for event in run_plan(top, resumable=True).trace.events]
+        del events[0][missing]
+        with pytest.raises(ValueError, match=told):
+            replay(top, RecordedRun.of(events))
 
 
 def test_a_world_fluent_that_was_not_read_before_cannot_be_read_before_the_run_goes_on() -> None:

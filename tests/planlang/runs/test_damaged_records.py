@@ -19,7 +19,7 @@ from planlang.failures import GraspMissed
 from planlang.report import Told, model_of, page
 from planlang.runs import DamagedTrace, RecordedRun
 from planlang.runs.codec import SCHEMA
-from planlang.runs.recorded_run import Past
+from planlang.runs.recorded_run import Past, read_records
 from planlang.runs.repeating import Repetition
 from planlang.runs.run_tree import RunTree
 from planlang.testing import Script, compiled, run_plan
@@ -159,3 +159,10 @@ def test_a_trace_of_another_schema_is_told_with_both_numbers(schema: object, mes
     with pytest.raises(DamagedTrace, match=message) as told:
         RecordedRun.of([header])
     assert "read it with planlang 0.1.0" not in str(told.value)
+
+
+def test_a_trace_in_utf_16_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    path.write_text('{"step": 0, "event": "header"}\n', encoding="utf-16")
+    with pytest.raises(DamagedTrace, match="save it as UTF-8"):
+        read_records(path)
