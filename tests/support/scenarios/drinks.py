@@ -88,7 +88,7 @@ SCENARIOS = [
                 on("coke1", "bed1"),
                 "--set",
                 "bottle=coke1",
-                called=", the nearest bottle",
+                called=", coke1",
             ),
         )
     ),
