@@ -50,6 +50,8 @@ class Block:
     """Wall thickness of a vessel that is open at the top [m]; 0 for a solid body."""
     soft: bool = False
     """True for cloth, which folds between fingers that close on it from above."""
+    axis: float | None = None
+    """Yaw of the axis of a lying cylinder in the map [rad]; None for other bodies."""
 
     @staticmethod
     def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
@@ -66,7 +68,9 @@ class Block:
         half_x, half_y = (float(np.abs(axis @ rotation) @ half) for axis in (along, across))
         half_z = float(np.abs(rotation[2]) @ half)
         x, y, z = pose.position
-        return Block(x, y, yaw, half_x, half_y, z - half_z, z + half_z, cylinder and vertical == 2)
+        stands = cylinder and vertical == 2
+        axis = math.atan2(rotation[1, 2], rotation[0, 2]) if cylinder and not stands else None
+        return Block(x, y, yaw, half_x, half_y, z - half_z, z + half_z, stands, axis=axis)
 
     @property
     def centre(self) -> Array:

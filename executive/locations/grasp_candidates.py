@@ -212,6 +212,9 @@ def grasping(
     around = before - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
     if gaps:
         farther, deep = _by_the_tips(block, before, moves, approaches, gaps)
+        if block.axis is not None:  # across its axis, a lying cylinder is widest in its middle
+            narrows = np.abs(np.cos(np.array(yaws) - block.axis)) > 1.0 - 1e-6
+            farther, deep = np.where(narrows[:, None], 0.0, farther), np.where(narrows, np.inf, deep)
         moves, around[:, 1] = moves + farther, np.minimum(around[:, 1], deep)
     return replace(candidates, points=candidates.points + moves, spans=around).chosen(np.flatnonzero(grips))
 
