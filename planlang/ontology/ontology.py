@@ -99,6 +99,10 @@ class Ontology:
         main, *others = self._readings
         return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
 
+    def extended(self, readings: Iterable[Reading]) -> Ontology:
+        """Make an ontology that states more; the main document stays the first one."""
+        return Ontology([*self._readings, *readings])
+
     def to_owlready(self) -> Any:
         """Convert to a ``World`` of owlready2 with the repaired statements of all documents, without owl:imports.
 
