@@ -10,7 +10,7 @@ import glob
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
@@ -25,7 +25,7 @@ from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.annotations import without_annotations
 from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
 from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
-from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
+from planlang.ontology.terms import OWL, RDF, RDFS, SOMA, VOCABULARIES, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
 from planlang.records import dataclass
 
@@ -124,10 +124,11 @@ MOST_DOCUMENTS = 200
 """Greatest number of files of one ontology."""
 
 VOCABULARY = (
-    "knowrob", "srdl", "roboearth", "dul", "soma", "motion_constraints", "object_change", "primitives", "recovery",
-    "searching",
+    "knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery", "searching",
 )  # fmt: skip
 """Bundled files that every ontology includes, before those in objects/ and the library of recipes."""
+ALIGNED = {"soma": SOMA}
+"""Bundled file -> namespace that it relates to the vocabulary; every ontology that uses names of that includes it."""
 
 
 _CACHE = Cache("ontology", most=100)
@@ -264,6 +265,8 @@ def read_all(
             digests.add(reading.document.sha256)
             readings.append(reading)
             pending.append((imported, _imports(reading)))
+    if builtin:
+        vocabulary |= {file.resolve(): file for file in _alignments(readings)}
     readings += [_version(file, *_stamp(file)) for resolved, file in vocabulary.items() if resolved not in loaded]
     return [replace(main, diagnostics=(*main.diagnostics, *problems), unread=tuple(lost)), *readings[1:]]
 
@@ -293,6 +296,13 @@ def _vocabulary_paths() -> tuple[Path, ...]:
     return tuple(path for path in paths if path.is_file())
 
 
+def _alignments(readings: Iterable[Reading]) -> Iterator[Path]:
+    """Yield the bundled files that relate names of the documents to those of the vocabulary."""
+    for name, namespace in ALIGNED.items():
+        if any(isinstance(term, str) and term.startswith(namespace) for one in readings for term in one.triples.terms):
+            yield bundled("ontologies") / f"{name}.omn"
+
+
 def _stamp(path: Path) -> tuple[int, int]:
     """Modification time [ns] and size [bytes] of a file, which change with its content; zeros if there is none."""
     try:
@@ -311,6 +321,8 @@ def _version(path: Path, modified: int, size: int) -> Reading:
 LONGEST_PATH = 24
 """Last folders of an import's path that are used; they bound the search in a hostile file."""
 
+MODULES = ("ACT", "AGENT", "ALL", "Allen", "All", "ELAN", "HOME", "IO", "NEEM", "OBJ", "PROC", "SAY", "STATE", "WF")
+"""Modules of SOMA, and of EASE before it."""
 VOCABULARY_FILES: dict[str, str | None] = {
     "knowrob": "knowrob.omn",
     "srdl2": "srdl.omn",
@@ -328,11 +340,21 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "comp_spatial": None,
     "comp_temporal": None,
     "comp_cop": None,
+    **dict.fromkeys(("SOMA", "EASE"), "soma.omn"),
+    **{f"{name}-{module}": "soma.omn" for name in ("SOMA", "EASE") for module in MODULES},
+    "DUL": "dul.omn",
+    "IOLite": "dul.omn",
+    **dict.fromkeys(("urdf", "URDF")),
 }
 """Vocabulary -> the bundled file that replaces it; None: nothing is needed, as it only binds terms to programs."""
 
 _LANGUAGES = tuple(namespace.rstrip("#") for namespace in (OWL, RDF, RDFS))
 _HOSTS = (HOST, OLD_HOST, "http://www.roboearth.org/kb/")
+_PUBLISHED = re.compile(
+    r"https?://(www\.)?(ease-crc\.org|ease-crc\.github\.io|(raw\.githubusercontent|github)\.com/ease-crc|w3id\.org/ease"
+    r"|ontologydesignpatterns\.org|loa-cnr\.it)/"
+)
+"""Addresses under which versions of SOMA and DUL are published, all with the name of the file at the end."""
 _SUFFIXES = ("", ".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):(//)?(.*)", re.DOTALL)
 _TEMPLATE = re.compile(r"@\w+@|\$\{[^}]*\}")
@@ -459,7 +481,7 @@ def _file(path: Path) -> Path | None:
 
 
 def _vocabulary(address: str, path: tuple[str, ...], remote: bool) -> str:
-    if remote:
+    if remote and not _PUBLISHED.match(address):
         return _vocabulary_addresses().get(address, "")
     return _stem(path[-1]) if path else ""
 

@@ -83,6 +83,7 @@ XSD = Namespace(
 
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
+SOMA = "http://www.ease-crc.org/ont/SOMA.owl#"
 VOCABULARIES: dict[str, str] = {
     "knowrob": KNOWROB,
     "srdl2": "http://knowrob.org/kb/srdl2.owl#",
