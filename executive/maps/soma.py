@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from executive.maps.link_names import LINKS, with_links
 from executive.maps.measures import EXTENTS, LARGEST, lengths
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, unread
@@ -42,7 +43,6 @@ LIMITS = ("hasJointLimit", "hasJointLimits")
 LOWER, UPPER = ("hasJointPositionMin", "hasLowerLimit"), ("hasJointPositionMax", "hasUpperLimit")
 STATES, POSITION = ("hasJointState", "hasJointPosition"), ("hasJointPosition", "hasPosition")
 AXES, AXIS = ("hasJointAxis",), ("hasAxisVector",)
-LINKS = ("hasBaseLinkName", "hasURDFName")
 WORDS = (*SHAPES, *SHAPE_OF, *PLACES, *PLACE_OF, *CHILD, *CHILD_OF, *INSIDE, *ON)
 """Properties by one of which such a file is known."""
 COMPONENTS = ("vectorX", "vectorY", "vectorZ")
@@ -60,6 +60,8 @@ def in_known_words(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
 
     An ontology without such words is returned unchanged.
     """
+    if ontology.properties_named(*LINKS):
+        ontology = with_links(ontology, notes)
     if not ontology.properties_named(*WORDS):
         return ontology
     return ontology.extended(_Restatement(ontology, notes).readings())
