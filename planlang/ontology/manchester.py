@@ -20,7 +20,7 @@ from lark.lexer import PatternStr, TerminalDef
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import decode, offset_of, position_of
-from planlang.ontology.expressions import Statements
+from planlang.ontology.axioms import Axioms
 from planlang.ontology.frames import Frames
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary, resolve
 from planlang.ontology.triples import Parsed
@@ -209,7 +209,7 @@ def read_manchester(content: bytes | str, file: str, *, base: str, label: str = 
     """
     text = decode(content, file)
     names = _Names(text, file, base)
-    statements = Statements(file, label, names.declared("Property"), names.declared("type"))
+    statements = Axioms(file, label, names.declared("Property"), names.declared("type"))
     problems: list[Diagnostic] = []
     frames = Frames(statements, names.resolve, names.is_class, file)
     rest: str | None = text
