@@ -36,6 +36,8 @@ class Syntax(Enum):
     RDFXML = "RDF/XML"
     MANCHESTER = "Manchester syntax"
     TURTLE = "Turtle"
+    FUNCTIONAL = "functional syntax"
+    OWLXML = "OWL/XML"
     URDF = "URDF"
     """World, read as the statements of a semantic map."""
     GRID = "YAML of an occupancy grid"
@@ -47,7 +49,11 @@ _MANCHESTER = re.compile(
     r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
-_URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
+_FUNCTIONAL = re.compile(r"(?:Prefix|Ontology)[ \t\r\n]*\(")
+_PROLOG = r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+"
+"""What may be in an XML file before its root element."""
+_URDF = re.compile(rf"{_PROLOG}<robot\b", re.DOTALL)
+_OWLXML = re.compile(rf"{_PROLOG}<(?:[\w.-]+:)?Ontology\b(?![^<>]*\s(?:\w+:)?(?:about|ID)\s*=)", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
 _GRID_ENTRY = re.compile(r"""(?:^|[{,])[ \t]*["']?(?:image|resolution)["']?[ \t]*:[ \t\r\n]""", re.MULTILINE)
 """An entry of such a YAML file that may come after others, of whatever name."""
@@ -72,12 +78,16 @@ def syntax_of(text: str, file: str) -> Syntax:
     start = text[position : position + 10_000].lstrip()[:2000]
     if _MANCHESTER.match(start):
         return Syntax.MANCHESTER
+    if _FUNCTIONAL.match(start):
+        return Syntax.FUNCTIONAL
     if _GRID.match(start):
         return Syntax.GRID
     if _TURTLE.match(start):
         return Syntax.TURTLE
     if _URDF.match(text, position):
         return Syntax.URDF
+    if _OWLXML.match(text, position):
+        return Syntax.OWLXML
     if start.startswith("<"):
         return Syntax.RDFXML
     if not start:
@@ -113,6 +123,8 @@ _READERS = {
     Syntax.RDFXML: ("rdfxml", "read_rdfxml"),
     Syntax.MANCHESTER: ("manchester", "read_manchester"),
     Syntax.TURTLE: ("turtle", "read_turtle"),
+    Syntax.FUNCTIONAL: ("functional", "read_functional"),
+    Syntax.OWLXML: ("owlxml", "read_owlxml"),
     Syntax.URDF: ("urdf_world", "read_world"),
 }
 """Module and function of each reader, imported when a file needs it: lark and pyoxigraph are slow to import."""

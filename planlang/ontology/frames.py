@@ -93,17 +93,12 @@ class Frames:
 
     # called by the lexer
 
-    def opens(self, token: Token) -> Token:
-        """Count a word or sign that opens a nested part. Raises BadInput if there are too many."""
-        self._open += 1
+    def count(self, token: Token) -> Token:
+        """Count a word that opens a nested part; a comma ends the item. Raises BadInput if there are too many."""
+        self._open = 0 if token == "," else self._open + 1
         if self._open > MOST_OPEN:
             message = f"more than {MOST_OPEN:,} expressions or annotations in one item"
             raise BadInput([error("O008", message, self._span(token))])
-        return token
-
-    def separates(self, token: Token) -> Token:
-        """Reset the count at a comma, after which another item begins."""
-        self._open = 0
         return token
 
     # names and values
