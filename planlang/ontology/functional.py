@@ -130,12 +130,7 @@ class _Reader:
         (token,) = children
         if token.startswith("<"):
             return self._value(token, self.names.full(token[1:-1]))
-        try:
-            return self._value(token, self.names.prefixed(token, self._span(token)))
-        except BadInput as problem:
-            known = {one.message.partition(" in ")[0] for one in self.structures.problems}
-            new = [one for one in problem.diagnostics if one.message.partition(" in ")[0] not in known]
-            return self.structures.report(*new)
+        return self.structures.name(token, self._span(token))
 
     def node(self, children: list[Token]) -> Expression:
         return self._value(children[0], self.structures.out.named_node(children[0][2:]))
@@ -187,8 +182,9 @@ class _Reader:
 
 def literal_of(text: str, datatype: str) -> Literal:
     """Literal of a datatype; an ``rdf:PlainLiteral`` states its language in its text."""
-    if datatype == RDF.PlainLiteral and (found := _PREFIXED_TEXT.fullmatch(text)):
-        return Literal(found[1], None, found[2].lower() or None)
+    if datatype == RDF.PlainLiteral:
+        found = _PREFIXED_TEXT.fullmatch(text)
+        return Literal(found[1], None, found[2].lower() or None) if found else Literal(text)
     return Literal(text, datatype)
 
 

@@ -253,16 +253,6 @@ class Names:
         """Resolve a full or relative IRI."""
         return resolve(self.base, iri)
 
-    def prefixed(self, name: str, span: Span) -> str:
-        """Expand ``prefix:name``. Raises BadInput if the prefix is not declared."""
-        prefix, _, local = name.partition(":")
-        namespace = self.prefixes.get(prefix)
-        if namespace is None:
-            known = PREFIXES.get(prefix, "http://...#")
-            advice = f"{guess(prefix, self.prefixes)}declare it: {self.declared.format(prefix, known)}"
-            raise BadInput([error("O021", f"unknown prefix {prefix}: in {name[:80]}", span, advice)])
-        return namespace + local
-
 
 class Structures:
     """States the axioms of one file; keeps its errors in ``problems``, and what it ignores in ``warnings``.
@@ -277,12 +267,18 @@ class Structures:
         self._warnings: list[Diagnostic] = []
         self._not_shown = 0
         self._shown = shown
+        self._unknown: set[str] = set()
         self._ontology: str | BNode = self.out.named_node("ontology")
 
     @property
     def warnings(self) -> list[Diagnostic]:
         """Warnings, with the number of those beyond the limit."""
         return counted(self._warnings, self._not_shown)
+
+    def warn_once(self, code: str, message: str, span: Span, advice: str) -> None:
+        """Keep a warning unless there is one with this code."""
+        if all(one.code != code for one in self._warnings):
+            self._warnings.append(warning(code, message, span, advice))
 
     # the document
 
@@ -313,6 +309,19 @@ class Structures:
         return BROKEN
 
     # elements
+
+    def name(self, text: str, span: Span) -> Expression:
+        """Expand ``prefix:name``; an unknown prefix is reported once."""
+        prefix, _, local = text.partition(":")
+        namespace = self.names.prefixes.get(prefix)
+        if namespace is not None:
+            return Expression("name", span, namespace + local)
+        if prefix in self._unknown:
+            return BROKEN
+        self._unknown.add(prefix)
+        known = PREFIXES.get(prefix, "http://...#")
+        advice = f"{guess(prefix, self.names.prefixes)}declare it: {self.names.declared.format(prefix, known)}"
+        return self.report(error("O021", f"unknown prefix {prefix}: in {text[:80]}", span, advice))
 
     def close(self, word: str, parts: Sequence[Any], span: Span) -> Any:
         """Make what an element is, whose parts are made: an expression, an annotation, an entity, a group or an axiom.
