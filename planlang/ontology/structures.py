@@ -392,7 +392,7 @@ class Structures:
     def _axiom(self, word: str, rule: _Rule, items: list[Any], span: Span) -> Any:
         notes, rest = _without_notes(items)
         parts = self._parts(word, rule.parts, rest, span)
-        if parts is None or BROKEN in notes:
+        if parts is None:
             return BROKEN
         rule.state(self.out, parts, notes)
         return Axiom(word, span)
