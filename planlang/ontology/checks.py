@@ -319,6 +319,13 @@ def _is_number(term: Term) -> bool:
     return isinstance(term, Literal) and term.value.strip().isdecimal() and len(term.value) < 10
 
 
+_LISTED = (
+    OWL.unionOf, OWL.intersectionOf, OWL.oneOf, OWL.disjointUnionOf, OWL.members, OWL.distinctMembers, OWL.hasKey,
+    OWL.propertyChainAxiom, OWL.withRestrictions, OWL.onProperties,
+)  # fmt: skip
+"""Properties whose value is a list."""
+
+
 def _lists(triples: Triples) -> Iterator[Diagnostic]:
     firsts, rests = triples.by(RDF.first), triples.by(RDF.rest)
     cells = {triples.numbers.get(RDF.nil, -1), *_column(triples.subjects, firsts)}
@@ -328,6 +335,12 @@ def _lists(triples: Triples) -> Iterator[Diagnostic]:
         odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in cells)
     for group in _by_subject(triples, (*firsts, *rests), odd):
         yield from _list(group, lambda term: triples.find(term) in cells)
+    for row in triples.by(*_LISTED):
+        if triples.objects[row] not in cells:
+            one = triples.triple(row)
+            word, value = local_name(one.predicate), _shown(one.object)
+            advice = f"write a list: owl:{word} ( {value} ... )"
+            yield warning("O018", f"{word} has {value}, which is no list, and is ignored", one.span, advice)
     yield from _cycles(triples, rests)
 
 

@@ -107,7 +107,7 @@ _COMMENT = re.compile(r'"""[\s\S]*?"""|"(?:\\.|[^"\\])*"|<!--|<[^<>\s]*>|(#[^\n]
 def _beside(content: bytes, file: str, prefixes: Mapping[str, str], target: Target) -> list[Diagnostic]:
     """Make a note of comments and prefixes of a file that the other syntax does not keep."""
     text = decode(content, file)
-    is_xml = syntax_of(text, file) in (Syntax.RDFXML, Syntax.URDF)
+    is_xml = syntax_of(text, file) in (Syntax.RDFXML, Syntax.OWLXML, Syntax.URDF)
     places = [
         match.start() for match in _COMMENT.finditer(text) if (match[0] == "<!--" if is_xml else match[1] is not None)
     ]
