@@ -22,6 +22,7 @@ from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread, warning
 from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.annotations import without_annotations
+from planlang.ontology.bson import is_bson
 from planlang.ontology.checks import malformed, repair, use_canonical_names
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
@@ -38,6 +39,8 @@ class Syntax(Enum):
     TURTLE = "Turtle"
     FUNCTIONAL = "functional syntax"
     OWLXML = "OWL/XML"
+    NEEM = "JSON or BSON of a NEEM"
+    """Triples of an episodic memory of EASE, with the poses beside it."""
     URDF = "URDF"
     """World, read as the statements of a semantic map."""
     GRID = "YAML of an occupancy grid"
@@ -70,7 +73,12 @@ _TURTLE = re.compile(
 )
 
 
+_NEEM = re.compile(r"\[?\s*\{(?=[^}]*\"s\"\s*:)(?=[^}]*\"p\"\s*:)")
 _OTHERS = {
+    "a list of transforms (tf)": (
+        re.compile(r"\[?\s*\{[^{}]*(?:\{[^{}]*(?:\{[^{}]*\}[^{}]*)?\}[^{}]*)*\"(?:child_frame_id|transforms)\"\s*:"),
+        "poses of a NEEM are read with its triples: put this file beside them, as tf.json",
+    ),
     "JSON": (re.compile(r"\{\s*[\"}]|\[\s*\{"), "convert it to Turtle or RDF/XML first; JSON-LD is not read"),
     "YAML": (
         re.compile(r"---\s|[^\s:#@<][^:\r\n]*:[ \t]*(?:#[^\r\n]*)?\r?\n[ \t]+[^\s:][^:\r\n]*:(?=[ \t\r\n])"),
@@ -92,6 +100,8 @@ def syntax_of(text: str, file: str) -> Syntax:
         return Syntax.FUNCTIONAL
     if _GRID.match(start):
         return Syntax.GRID
+    if _NEEM.match(start):
+        return Syntax.NEEM
     other = next((name for name, (beginning, _) in _OTHERS.items() if beginning.match(start)), None)
     if other is None and _TURTLE.match(start):
         return Syntax.TURTLE
@@ -120,14 +130,19 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """Read the triples of a file in any syntax. Raises BadInput as the reader of its syntax does."""
     if _SENSED.match(content) and (cls := sensed_map(content)) is not None:
         return read_map_file(Path(file), base, cls)
-    text = decode(content, file)
-    syntax = syntax_of(text, file)
+    is_dump = is_bson(content)
+    text = "" if is_dump else decode(content, file)
+    syntax = Syntax.NEEM if is_dump else syntax_of(text, file)
     if syntax is Syntax.GRID:
         return read_map_file(Path(file), base, OCCUPANCY_GRID)
     module, name = _READERS[syntax]
     read = getattr(import_module(f"planlang.ontology.{module}"), name)
+    parsed: Parsed
     if syntax is Syntax.URDF:
-        parsed: Parsed = read(Path(file))
+        parsed = read(Path(file))
+        return parsed
+    if syntax is Syntax.NEEM:
+        parsed = read(Path(file), content, is_file=Path(file).is_file() and Path(file).read_bytes() == content)
         return parsed
     parsed = read(text, file, base=base, label=label)
     parsed.is_alone = True
@@ -140,6 +155,7 @@ _READERS = {
     Syntax.TURTLE: ("turtle", "read_turtle"),
     Syntax.FUNCTIONAL: ("functional", "read_functional"),
     Syntax.OWLXML: ("owlxml", "read_owlxml"),
+    Syntax.NEEM: ("neem", "read_neem"),
     Syntax.URDF: ("urdf_world", "read_world"),
 }
 """Module and function of each reader, imported when a file needs it: lark and pyoxigraph are slow to import."""
