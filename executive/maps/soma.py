@@ -19,7 +19,7 @@ import numpy as np
 from executive.maps.link_names import LINKS, with_links
 from executive.maps.measures import EXTENTS, LARGEST, lengths
 from planlang.designators import local_name, unused_name
-from planlang.diagnostics import Diagnostic, unread
+from planlang.diagnostics import Diagnostic, note, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand
@@ -30,6 +30,8 @@ from planlang.records import dataclass
 
 SHAPES, SHAPE_OF = ("hasShape", "hasShapeRegion", "hasCollisionShape"), ("isShapeOf", "isShapeRegionOf")
 PLACES, PLACE_OF = ("hasLocalization", "hasSpaceRegion", "hasPose"), ("isLocalizationOf",)
+OF_OBJECTS = ("hasShape", "hasCollisionShape", "hasLocalization", "hasPose")
+"""Those of them that no quality has."""
 REGIONS = ("hasRegion", "hasShapeRegion", "hasSpaceRegion")
 SIZES = ("hasDepth", "hasLength", "hasWidth", "hasHeight", "hasRadius", "hasFilePath")
 POSITIONS = ("translation", "hasPositionVector", "hasPositionData", "hasPosition")
@@ -83,6 +85,8 @@ class _Restatement:
         self.ontology, self.notes = ontology, notes
         self.stated: dict[str, list[Triple]] = {}
         """Restated triples by the file that they restate."""
+        self.unnamed: dict[BNode, str] = {}
+        """Object without an IRI -> the IRI that it is given."""
         self.used = {str(triple.subject) for triple in ontology.using(*WORDS)}
         self.shapes = self._linked(SHAPES, SHAPE_OF)
         self.places = self._linked(PLACES, PLACE_OF)
@@ -120,12 +124,27 @@ class _Restatement:
     # Links
 
     def _linked(self, words: tuple[str, ...], inverses: tuple[str, ...]) -> dict[str, list[Triple]]:
-        """Collect the links of each named individual by these properties, or by their inverses from the other side."""
+        """Collect the links of each individual by these properties, or by their inverses from the other side."""
         links: dict[str, list[Triple]] = {}
         for subject, _, triple in self._ends(words, inverses):
-            if isinstance(subject, str) and self.ontology.is_individual(subject):
-                links.setdefault(subject, []).append(triple)
+            iri = subject if isinstance(subject, str) and self.ontology.is_individual(subject) else None
+            if isinstance(subject, BNode) and local_name(triple.predicate) in OF_OBJECTS:
+                iri = self._named(subject, triple)
+            if iri is not None:
+                links.setdefault(iri, []).append(triple)
         return links
+
+    def _named(self, node: BNode, source: Triple) -> str | None:
+        """Name an object without an IRI after its class; None for what has no class."""
+        classes = self.ontology.types(node)
+        if node not in self.unnamed and classes:
+            base = (self.ontology.iri or "http://planlang.org/kb/map.owl").rstrip("#")
+            iri = self.unnamed[node] = self._free(f"{base}#{local_name(classes[0])}_1")
+            for cls in classes:
+                self._say(iri, RDF.type, cls, source)
+            message = f"an object without a name, of the class {local_name(classes[0])}, is called {local_name(iri)}"
+            self.notes.append(note("M033", message, source.span))
+        return self.unnamed.get(node)
 
     def _ends(self, words: tuple[str, ...], inverses: tuple[str, ...]) -> Iterator[tuple[Term, Term, Triple]]:
         yield from ((one.subject, one.object, one) for one in self.ontology.using(*words))

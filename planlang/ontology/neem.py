@@ -154,7 +154,8 @@ def _stamp(value: Any) -> str:
     if isinstance(value, dict):
         seconds: Any = value.get("secs", value.get("sec"))
         if seconds is not None:
-            return f"{int(seconds):020d}.{int(value.get('nsecs', value.get('nanosec', 0))):09d}"
+            nanoseconds: Any = value.get("nsecs", value.get("nanosec", 0))
+            return f"{int(seconds):020d}.{int(nanoseconds):09d}"
         return _stamp(next(iter(value.values()), ""))
     return f"{float(value):030.9f}" if isinstance(value, (int, float)) else str(value)
 
