@@ -66,6 +66,14 @@ def test_a_map_of_somas_words_has_its_objects_with_their_classes_sizes_and_poses
     assert scene_of(corner).body("cup1").graspable
 
 
+def test_a_recipe_in_somas_words_runs_in_a_map_in_somas_words() -> None:
+    arguments = ["run", str(HERE / "take.ttl"), "--environment", str(HERE / "corner.ttl"), "--robot", "amigo"]
+    run = CliRunner().invoke(app, arguments)
+    assert run.exit_code == 0, run.stderr
+    assert "warning" not in run.stderr
+    assert "cup1: held by robot" in run.stdout
+
+
 SHAPES = {
     "depth, width, height": (BOX % "soma:hasDepth 0.1 ; soma:hasWidth 0.2 ; soma:hasHeight 0.3", (0.1, 0.2, 0.3)),
     "length for depth": (BOX % "soma:hasLength 0.1 ; soma:hasWidth 0.2 ; soma:hasHeight 0.3", (0.1, 0.2, 0.3)),
