@@ -271,6 +271,13 @@ def test_a_merged_map_keeps_what_soma_states_and_the_newer_pose(tmp_path: Path) 
     assert table.pose == Pose((3.0, 0.0, 0.35))
 
 
+def test_a_joint_with_extents_of_zero_is_no_object_that_lost_its_shape(tmp_path: Path) -> None:
+    slider = """:slider1 a knowrob:PrismaticJoint ; knowrob:connectedTo-Rigidly :drawer1 ; knowrob:maxJointValue 0.48 ;
+    knowrob:depthOfObject 0.0 ; knowrob:widthOfObject 0.0 ; knowrob:heightOfObject 0.0 ."""
+    (joint,) = scene_of(read(tmp_path, f"{KITCHEN.partition(':fridge1 a')[0]}{slider}")).joints
+    assert (joint.leaf, joint.upper) == ("drawer1", 0.48)
+
+
 # Links of a URDF
 
 URDF = """<robot name="flat">
