@@ -394,6 +394,9 @@ def test_a_neem_is_a_map_of_its_objects_where_they_were_last(form: str, tmp_path
     assert table.pose == Pose((2.0, 0.0, 0.35))
     assert cup.pose is not None
     assert cup.pose.position == pytest.approx((2.1, 0.0, 0.75))
+    converted = CliRunner().invoke(app, ["convert", str(path), "--syntax", "turtle"])
+    assert (converted.exit_code, converted.stderr) == (0, "")
+    assert "<http://a.b/k#cup1> a <http://www.ease-crc.org/ont/SOMA.owl#Cup>" in converted.stdout
 
 
 def test_a_neem_without_its_transforms_says_which_file_has_the_poses(tmp_path: Path) -> None:
