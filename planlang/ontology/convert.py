@@ -11,9 +11,9 @@ from pathlib import Path
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.files import decode, position_of
+from planlang.ontology.bson import is_bson
 from planlang.ontology.canonical import differences, labelled
 from planlang.ontology.checks import malformed, repair
-from planlang.ontology.bson import is_bson
 from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax, syntax_of
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
