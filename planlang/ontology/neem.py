@@ -9,6 +9,7 @@ and of each frame the latest transform counts.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -130,13 +131,16 @@ def _recorded(path: Path) -> tuple[_Transforms, bytes] | None:
     transforms: _Transforms = {}
     latest: dict[str, str] = {}
     for document, line in _documents(content, str(place)):
-        for one in document.get("transforms", [document]):
+        several = document.get("transforms")
+        for one in several if isinstance(several, list) else [document]:
             try:
                 child, header, moved = one["child_frame_id"], one["header"], one["transform"]
                 x, y, z = (_number(moved["translation"][axis]) for axis in "xyz")
                 a, b, c, d = (_number(moved["rotation"][axis]) for axis in "xyzw")
+                if not any((a, b, c, d)):
+                    raise ValueError("its rotation is zero")
                 pose, parent, stamp = Pose((x, y, z), (a, b, c, d)), header["frame_id"], _stamp(header.get("stamp"))
-            except (KeyError, TypeError, ValueError) as problem:
+            except (AttributeError, KeyError, TypeError, ValueError) as problem:
                 message = f"a transform of a NEEM has a header, a child_frame_id and a transform: {problem}"
                 raise BadInput([error("O020", message[:200], Span(str(place), line))]) from None
             name = str(child).strip("/")
@@ -146,7 +150,10 @@ def _recorded(path: Path) -> tuple[_Transforms, bytes] | None:
 
 
 def _number(value: Any) -> float:
-    return float(next(iter(value.values())) if isinstance(value, dict) else value)
+    number = float(next(iter(value.values()), "") if isinstance(value, dict) else value)
+    if not math.isfinite(number):
+        raise ValueError(f"not a finite number: {value}")
+    return number
 
 
 def _stamp(value: Any) -> str:

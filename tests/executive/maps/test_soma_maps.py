@@ -419,6 +419,15 @@ def test_a_damaged_neem_is_bad_input(content: bytes, tmp_path: Path) -> None:
     assert [one.code for one in bad.value.diagnostics] == ["O020"]
 
 
+@pytest.mark.parametrize("rotation", [{}, {"x": {}, "y": 0, "z": 0, "w": 1}, dict.fromkeys("xyzw", 0), "upright"])
+def test_a_damaged_transform_of_a_neem_is_bad_input_with_its_line(rotation: Any, tmp_path: Path) -> None:
+    (tmp_path / "triples.json").write_text(json.dumps([{key: full(value) for key, value in TRIPLES[0].items()}]))
+    damaged = {**TF[1], "transform": {**TF[1]["transform"], "rotation": rotation}}
+    (tmp_path / "tf.json").write_text("\n".join(map(json.dumps, (TF[0], damaged))))
+    with pytest.raises(BadInput, match=r"tf\.json:2:1: error O020 a transform of a NEEM"):
+        load(tmp_path / "triples.json")
+
+
 # Published maps
 
 
