@@ -17,6 +17,7 @@ from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.files import Bundled, bundled
 from planlang.ontology import Literal, Ontology, expand, load
+from planlang.ontology.terms import OWL, SOMA
 from planlang.plan_failure import PlanFailure
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
@@ -102,23 +103,29 @@ def sentence(text: str) -> str:
 
 
 def classes() -> list[Entry]:
-    """Classes of the bundled vocabulary, by name."""
-    ontology = load(bundled("ontologies") / "knowrob.omn")
+    """Classes of the bundled vocabulary and of SOMA, by name; one of SOMA that KnowRob has is another name."""
+    ontology = load(bundled("ontologies") / "knowrob.omn", also=[bundled("ontologies") / "soma.omn"])
     also: dict[str, list[str]] = {}
     for triple in ontology.triples(p=expand("alsoCalled")):
         if isinstance(triple.object, Literal):
             also.setdefault(str(triple.subject), []).append(triple.object.value)
-    named = {iri for iri in ontology.class_names() if ontology.defined(iri)}
-    entries = [_class(ontology, iri, named, also.get(iri, ())) for iri in named]
+    equal = ((str(one.subject), str(one.object)) for one in ontology.triples(p=OWL.equivalentClass))
+    same = {cls: other for cls, other in equal if cls.startswith(SOMA)}
+    for cls, other in same.items():
+        also.setdefault(other, []).append(f"soma:{local_name(cls)}")
+    named = {iri for iri in ontology.class_names() if ontology.defined(iri) and iri not in same}
+    entries = [_class(ontology, iri, named, also.get(iri, ()), same) for iri in named]
     return sorted(entries, key=lambda one: (one.name.casefold(), one.id))
 
 
-def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[str]) -> Entry:
-    label, parents = ontology.label(iri) or "", [one for one in ontology.parents(iri) if one in known]
+def _class(ontology: Ontology, iri: str, known: Collection[str], also: Sequence[str], same: Mapping[str, str]) -> Entry:
+    above = dict.fromkeys(same.get(one, one) for one in ontology.parents(iri))
+    label, parents = ontology.label(iri) or "", [one for one in above if one in known and one != iri]
     names = tuple(sorted(also))
     words = ", ".join(filter(None, (label, *(f"also called {name}" for name in names))))
     more = {"iri": iri, "label": label, "also_called": list(names), "below": parents}
-    return Entry(local_name(iri), words, more, tuple(parents), iri, names)
+    name = local_name(iri)
+    return Entry(f"soma:{name}" if iri.startswith(SOMA) else name, words, more, tuple(parents), iri, names)
 
 
 def actions() -> list[Entry]:

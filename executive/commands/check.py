@@ -100,7 +100,7 @@ def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
 
 
 def _lacks_task(problem: BadInput) -> bool:
-    return any(one.code == "R001" and one.severity is Severity.ERROR for one in problem.diagnostics)
+    return any(one.code in ("R001", "R003") and one.severity is Severity.ERROR for one in problem.diagnostics)
 
 
 # Fixes of recipes

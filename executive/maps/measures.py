@@ -124,13 +124,15 @@ def read_size(ontology: Ontology, iri: str, types: Iterable[str], notes: list[Di
     None if no extent is stated or a default of a class: such an object is a mere place. None with an error if an
     extent is negative, or only some are known.
     """
+    types = tuple(types)
     extents = stated_size(ontology, iri, notes)
+    if not any(extents) and ontology.any_is_a(types, ("Joint-Physical",)):
+        return None  # maps of the IAI kitchen give their joints extents of 0
     if any(value is not None and value < 0 for value in extents):
         return None
     if all(extents):
         x, y, z = (value or 0.0 for value in extents)
         return (x, y, z)
-    types = tuple(types)
     size, origins = [], []
     for name, value in zip(EXTENTS, extents, strict=True):
         filled, origin = (value, "") if value else _default(ontology, types, name, any(extents), notes)

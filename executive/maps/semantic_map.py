@@ -13,6 +13,7 @@ import numpy as np
 from executive.maps.class_names import with_known_classes
 from executive.maps.class_parts import StatedObject, parts_of_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
+from executive.maps.soma import in_known_words
 from executive.maps.unread import settled
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, unread
@@ -111,7 +112,8 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
     that is a warning, and the object lacks it), or if no object has a pose and the map refers to no sensor data. Other
     numbers that cannot be read are left out, with a warning.
     """
-    notes: list[Diagnostic] = [*ontology.unread, *_in_other_words(ontology)]
+    notes: list[Diagnostic] = [*ontology.unread, *_unnamed_poses(ontology)]
+    ontology = in_known_words(ontology, notes)
     things = _things(ontology)
     ontology = with_known_classes(ontology, things, notes)
     poses = PosesOfThings(ontology, notes)
@@ -155,21 +157,10 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
 
 POSES = ("orientation", "pose", "eventOccursAt")
 """Properties whose fillers are poses, which have names (IRIs)."""
-OTHER_WORDS = (
-    *("hasShape", "hasShapeRegion", "hasLocalization", "hasSpaceRegion", "hasPositionVector", "hasOrientationVector"),
-    *("hasQuaternion", "hasPose", "hasPosition", "hasOrientation", "hasBoundingBox"),
-)
-"""Properties by which other vocabularies, such as SOMA, state shapes and poses."""
 
 
-def _in_other_words(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Yield an error for each object whose shape or pose is stated in a way that is not read."""
-    help = "state its translation, heading or quaternion, and boundingBoxSize: see docs/reference/formats.md"
-    said = {triple.subject: triple for triple in ontology.using(*OTHER_WORDS) if isinstance(triple.subject, str)}
-    for subject, triple in said.items():
-        if ontology.is_individual(subject):
-            message = f"the shape or pose of {local_name(subject)} is stated by {local_name(triple.predicate)}"
-            yield unread("M033", f"{message}, which is not read", triple.span, help)
+def _unnamed_poses(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Yield an error for each pose that is stated without a name."""
     for triple in ontology.using(*POSES):
         if not isinstance(triple.object, str) and isinstance(triple.subject, str):
             shown = f"the text {triple.object.value[:60]!r}" if isinstance(triple.object, Literal) else "without a name"

@@ -131,6 +131,8 @@ def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syn
         advice = (
             "convert a world to a map in Manchester syntax with planlang convert; for a robot, upload its self-model "
             "and attach the URDF to it"
+            if detected in (documents.Syntax.URDF, documents.Syntax.GRID)
+            else "convert it first: planlang convert FILE --syntax manchester"
         )
         raise BadInput([error("K014", f"{detected.value} cannot be uploaded", Span(stem), advice)])
     syntax, suffix = _SYNTAXES[detected]

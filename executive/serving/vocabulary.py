@@ -6,17 +6,21 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
 from planlang.knowledge.axioms import Axioms, axioms_of
 from planlang.knowledge.names import names_in
 from planlang.ontology import Ontology, load
 from planlang.ontology.classes import twin
+from planlang.ontology.terms import KNOWROB, SOMA
 from planlang.records import dataclass
 
 MOST_FILES = 150
 """Largest number of ontologies read from the operator's folders."""
 _SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
+ALIGNED = (SOMA, "http://knowrob.org/kb/urdf.owl#")
+"""Namespaces of which soma.omn relates classes to KnowRob's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +52,8 @@ def read_vocabulary(folders: Sequence[Path] = ()) -> Vocabulary:
 
 
 def _has_twin(ontology: Ontology, iri: str) -> bool:
-    """Check for a RoboEarth term that KnowRob has under the same name: one name in a query stands for both."""
-    other = twin(iri)
+    """Check for a term of RoboEarth or SOMA that KnowRob has under the same name, for which this name stands then."""
+    other = KNOWROB + local_name(iri) if iri.startswith(ALIGNED) else twin(iri)
     return other is not None and ontology.defined(other)
 
 

@@ -38,7 +38,7 @@ from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, note
 from planlang.effects import effects_of
 from planlang.ontology import Ontology, shorten
-from planlang.ontology.terms import OWL
+from planlang.ontology.terms import OWL, UPPER
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
@@ -144,9 +144,13 @@ class Lowering:
 
 
 def above_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
-    """Direct superclasses of a class, or the class of actions of an individual."""
+    """Direct superclasses of a class, or the class of actions of an individual.
+
+    Of a class of SOMA or DUL only those in the vocabulary, if there are any: what is above it there, nothing performs.
+    """
     cls = action_class(ontology, iri) if not ontology.is_class(iri) else None
-    return ontology.parents(iri) if cls is None else (cls,)
+    parents = ontology.parents(iri) if cls is None else (cls,)
+    return (tuple(filter(is_vocabulary_class, parents)) if iri.startswith(UPPER) else ()) or parents
 
 
 def stated_classes(ontology: Ontology, classes: Iterable[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:

@@ -18,12 +18,13 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.files import bundled
 from planlang.ontology.classes import namesakes
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, SOMA, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
 from planlang.spelling import similar
 
 OLD_HOST = "http://ias.cs.tum.edu/kb/"
 HOST = "http://knowrob.org/kb/"
+_MOVED_FROM = (OLD_HOST, "http://www.ease-crc.org/ont/")
 
 MOVED = (
     "knowrob",
@@ -46,12 +47,16 @@ _RENAMED: dict[str, str] = {f"{OLD_HOST}{name}.owl": f"{HOST}{name}.owl" for nam
 """Old address of a document -> its current address."""
 
 
+_EASE = re.compile(r"http://www\.ease-crc\.org/ont/(?:EASE|SOMA)(?:[-_]\w+)?\.owl#(?=.)")
+"""Namespaces that SOMA's names had in its modules, and before it was called so; its documents keep their addresses."""
+
+
 def canonical(iri: str) -> str:
-    """Map a term or document of the old host to its current IRI; other IRIs are unchanged."""
-    if not iri.startswith(OLD_HOST):
+    """Map a term or document of the old host, or a term of SOMA, to its current IRI; other IRIs are unchanged."""
+    if not iri.startswith(_MOVED_FROM):
         return iri
     document, hash_sign, name = iri.partition("#")
-    return f"{_RENAMED.get(document, document)}{hash_sign}{name}"
+    return f"{_RENAMED.get(document, document)}{hash_sign}{name}" if not _EASE.match(iri) else SOMA + name
 
 
 def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
@@ -65,17 +70,18 @@ def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
 
 
 def _is_old(term: str) -> bool:
-    return term.startswith(OLD_HOST) and canonical(term) != term
+    return term.startswith(_MOVED_FROM) and canonical(term) != term
 
 
 def _notes(triples: Triples, old: dict[int, str]) -> Iterator[Diagnostic]:
     documents = {number: term.partition("#")[0] for number, term in old.items()}
-    unreported = {document for document in documents.values() if canonical(document) != document}
+    renamed = {document: canonical(f"{document}#name").partition("#")[0] for document in documents.values()}
+    unreported = {document for document, name in renamed.items() if name != document}
     for row, terms in enumerate(zip(triples.subjects, triples.predicates, triples.objects, strict=True)):
         for number in terms:
             if number in documents and (document := documents[number]) in unreported:
                 unreported.remove(document)
-                message = f"names of {document} are read as those of {canonical(document)}"
+                message = f"names of {document} are read as those of {renamed[document]}"
                 yield note("O015", message, triples.span(row))
         if not unreported:
             return
@@ -313,6 +319,13 @@ def _is_number(term: Term) -> bool:
     return isinstance(term, Literal) and term.value.strip().isdecimal() and len(term.value) < 10
 
 
+_LISTED = (
+    OWL.unionOf, OWL.intersectionOf, OWL.oneOf, OWL.disjointUnionOf, OWL.members, OWL.distinctMembers, OWL.hasKey,
+    OWL.propertyChainAxiom, OWL.withRestrictions, OWL.onProperties,
+)  # fmt: skip
+"""Properties whose value is a list."""
+
+
 def _lists(triples: Triples) -> Iterator[Diagnostic]:
     firsts, rests = triples.by(RDF.first), triples.by(RDF.rest)
     cells = {triples.numbers.get(RDF.nil, -1), *_column(triples.subjects, firsts)}
@@ -322,6 +335,12 @@ def _lists(triples: Triples) -> Iterator[Diagnostic]:
         odd.update(triples.subjects[row] for row in rests if triples.objects[row] not in cells)
     for group in _by_subject(triples, (*firsts, *rests), odd):
         yield from _list(group, lambda term: triples.find(term) in cells)
+    for row in triples.by(*_LISTED):
+        if triples.objects[row] not in cells:
+            one = triples.triple(row)
+            word, value = local_name(one.predicate), _shown(one.object)
+            advice = f"write a list: owl:{word} ( {value} ... )"
+            yield warning("O018", f"{word} has {value}, which is no list, and is ignored", one.span, advice)
     yield from _cycles(triples, rests)
 
 

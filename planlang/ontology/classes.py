@@ -8,7 +8,7 @@ from typing import NamedTuple
 from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.diagnostics import Span
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, VOCABULARIES, Literal, Term
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, SOMA, VOCABULARIES, Literal, Term
 from planlang.ontology.triples import Triples
 
 
@@ -295,7 +295,7 @@ def namesakes(undefined: Iterable[str], classes: Iterable[str]) -> dict[str, str
 
     This repairs files that misspell their own namespace in some places, as knowrob.owl.owl.
     """
-    missing = dict.fromkeys(undefined)
+    missing = dict.fromkeys(name for name in undefined if not name.startswith(SOMA))  # its names have no other meaning
     if not missing:
         return {}
     by_local_name: dict[str, list[str]] = {}

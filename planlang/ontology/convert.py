@@ -11,6 +11,7 @@ from pathlib import Path
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.files import decode, position_of
+from planlang.ontology.bson import is_bson
 from planlang.ontology.canonical import differences, labelled
 from planlang.ontology.checks import malformed, repair
 from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax, syntax_of
@@ -106,11 +107,11 @@ _COMMENT = re.compile(r'"""[\s\S]*?"""|"(?:\\.|[^"\\])*"|<!--|<[^<>\s]*>|(#[^\n]
 
 def _beside(content: bytes, file: str, prefixes: Mapping[str, str], target: Target) -> list[Diagnostic]:
     """Make a note of comments and prefixes of a file that the other syntax does not keep."""
-    text = decode(content, file)
-    is_xml = syntax_of(text, file) in (Syntax.RDFXML, Syntax.URDF)
-    places = [
-        match.start() for match in _COMMENT.finditer(text) if (match[0] == "<!--" if is_xml else match[1] is not None)
-    ]
+    text = "" if is_bson(content) else decode(content, file)
+    syntax = syntax_of(text, file) if text else Syntax.NEEM
+    is_xml = syntax in (Syntax.RDFXML, Syntax.OWLXML, Syntax.URDF)
+    comments = () if syntax is Syntax.NEEM else _COMMENT.finditer(text)
+    places = [match.start() for match in comments if (match[0] == "<!--" if is_xml else match[1] is not None)]
     lost = [f"{len(places)} comments" if len(places) > 1 else "a comment"] if places else []
     if target is Target.NTRIPLES and prefixes:
         lost.append(f"{len(prefixes)} prefixes" if len(prefixes) > 1 else "a prefix")

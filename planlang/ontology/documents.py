@@ -6,26 +6,27 @@ ever fetched from the network, and nothing outside these folders is read, whatev
 
 from __future__ import annotations
 
-import glob
 import hashlib
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
 from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
-from urllib.parse import quote, unquote
+from urllib.parse import quote
 
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread, warning
 from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.annotations import without_annotations
-from planlang.ontology.checks import HOST, OLD_HOST, canonical, malformed, repair, use_canonical_names
+from planlang.ontology.bson import is_bson
+from planlang.ontology.checks import malformed, repair, use_canonical_names
+from planlang.ontology.imports import ImportMap
 from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
-from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES, BNode, Triple
+from planlang.ontology.terms import OWL, RDF, SOMA, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
 from planlang.records import dataclass
 
@@ -36,6 +37,10 @@ class Syntax(Enum):
     RDFXML = "RDF/XML"
     MANCHESTER = "Manchester syntax"
     TURTLE = "Turtle"
+    FUNCTIONAL = "functional syntax"
+    OWLXML = "OWL/XML"
+    NEEM = "JSON or BSON of a NEEM"
+    """Triples of an episodic memory of EASE, with the poses beside it."""
     URDF = "URDF"
     """World, read as the statements of a semantic map."""
     GRID = "YAML of an occupancy grid"
@@ -47,7 +52,11 @@ _MANCHESTER = re.compile(
     r"|Individual|EquivalentClasses|DisjointClasses|EquivalentProperties|DisjointProperties|SameIndividual"
     r"|DifferentIndividuals):(?=\s|$|<)"
 )
-_URDF = re.compile(r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+<robot\b", re.DOTALL)
+_FUNCTIONAL = re.compile(r"(?:Prefix|Ontology)[ \t\r\n]*\(")
+_PROLOG = r"(?:\s|<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>\[]*(?:\[[^\]]*\]\s*)?>)*+"
+"""What may be in an XML file before its root element."""
+_URDF = re.compile(rf"{_PROLOG}<robot\b", re.DOTALL)
+_OWLXML = re.compile(rf"{_PROLOG}<(?:[\w.-]+:)?Ontology\b(?![^<>]*\s(?:\w+:)?(?:about|ID)\s*=)", re.DOTALL)
 _GRID = re.compile(r"(?:image|resolution|origin|negate|occupied_thresh|free_thresh|mode)[ \t]*:[ \t\r\n]")
 _GRID_ENTRY = re.compile(r"""(?:^|[{,])[ \t]*["']?(?:image|resolution)["']?[ \t]*:[ \t\r\n]""", re.MULTILINE)
 """An entry of such a YAML file that may come after others, of whatever name."""
@@ -64,6 +73,21 @@ _TURTLE = re.compile(
 )
 
 
+_NEEM = re.compile(r"\[?\s*\{(?=[^}]*\"s\"\s*:)(?=[^}]*\"p\"\s*:)")
+_OTHERS = {
+    "a list of transforms (tf)": (
+        re.compile(r"\[?\s*\{[^{}]*(?:\{[^{}]*(?:\{[^{}]*\}[^{}]*)?\}[^{}]*)*\"(?:child_frame_id|transforms)\"\s*:"),
+        "poses of a NEEM are read with its triples: put this file beside them, as tf.json",
+    ),
+    "JSON": (re.compile(r"\{\s*[\"}]|\[\s*\{"), "convert it to Turtle or RDF/XML first; JSON-LD is not read"),
+    "YAML": (
+        re.compile(r"---\s|[^\s:#@<][^:\r\n]*:[ \t]*(?:#[^\r\n]*)?\r?\n[ \t]+[^\s:][^:\r\n]*:(?=[ \t\r\n])"),
+        "of YAML files, those of occupancy grids are read, which name an image and its resolution",
+    ),
+}
+"""Formats that are not read: their beginning, and advice."""
+
+
 def syntax_of(text: str, file: str) -> Syntax:
     """Detect the syntax of a file's text by its first words. Raises BadInput if it is unknown."""
     comments = _COMMENTS.match(text)
@@ -72,12 +96,19 @@ def syntax_of(text: str, file: str) -> Syntax:
     start = text[position : position + 10_000].lstrip()[:2000]
     if _MANCHESTER.match(start):
         return Syntax.MANCHESTER
+    if _FUNCTIONAL.match(start):
+        return Syntax.FUNCTIONAL
     if _GRID.match(start):
         return Syntax.GRID
-    if _TURTLE.match(start):
+    if _NEEM.match(start):
+        return Syntax.NEEM
+    other = next((name for name, (beginning, _) in _OTHERS.items() if beginning.match(start)), None)
+    if other is None and _TURTLE.match(start):
         return Syntax.TURTLE
     if _URDF.match(text, position):
         return Syntax.URDF
+    if _OWLXML.match(text, position):
+        return Syntax.OWLXML
     if start.startswith("<"):
         return Syntax.RDFXML
     if not start:
@@ -85,24 +116,33 @@ def syntax_of(text: str, file: str) -> Syntax:
     if _GRID_ENTRY.search(start):
         return Syntax.GRID
     span = Span(file, text.count("\n", 0, position) + 1)
+    if other is not None:
+        raise BadInput([error("O001", f"this is {other}, not an ontology", span, _OTHERS[other][1])])
+    message = "this is neither RDF/XML, OWL/XML, Turtle, functional nor Manchester syntax"
     advice = (
-        "an ontology begins with <rdf:RDF> (RDF/XML), @prefix (Turtle), or Prefix: or Ontology: (Manchester syntax)"
+        "an ontology begins with <rdf:RDF>, <Ontology>, @prefix (Turtle), Prefix( or Ontology( (functional syntax), or "
+        "Prefix: or Ontology: (Manchester syntax)"
     )
-    raise BadInput([error("O001", "this is neither RDF/XML, Turtle nor Manchester syntax", span, advice)])
+    raise BadInput([error("O001", message, span, advice)])
 
 
 def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     """Read the triples of a file in any syntax. Raises BadInput as the reader of its syntax does."""
     if _SENSED.match(content) and (cls := sensed_map(content)) is not None:
         return read_map_file(Path(file), base, cls)
-    text = decode(content, file)
-    syntax = syntax_of(text, file)
+    is_dump = is_bson(content)
+    text = "" if is_dump else decode(content, file)
+    syntax = Syntax.NEEM if is_dump else syntax_of(text, file)
     if syntax is Syntax.GRID:
         return read_map_file(Path(file), base, OCCUPANCY_GRID)
     module, name = _READERS[syntax]
     read = getattr(import_module(f"planlang.ontology.{module}"), name)
+    parsed: Parsed
     if syntax is Syntax.URDF:
-        parsed: Parsed = read(Path(file))
+        parsed = read(Path(file))
+        return parsed
+    if syntax is Syntax.NEEM:
+        parsed = read(Path(file), content, is_file=Path(file).is_file() and Path(file).read_bytes() == content)
         return parsed
     parsed = read(text, file, base=base, label=label)
     parsed.is_alone = True
@@ -113,6 +153,9 @@ _READERS = {
     Syntax.RDFXML: ("rdfxml", "read_rdfxml"),
     Syntax.MANCHESTER: ("manchester", "read_manchester"),
     Syntax.TURTLE: ("turtle", "read_turtle"),
+    Syntax.FUNCTIONAL: ("functional", "read_functional"),
+    Syntax.OWLXML: ("owlxml", "read_owlxml"),
+    Syntax.NEEM: ("neem", "read_neem"),
     Syntax.URDF: ("urdf_world", "read_world"),
 }
 """Module and function of each reader, imported when a file needs it: lark and pyoxigraph are slow to import."""
@@ -124,10 +167,11 @@ MOST_DOCUMENTS = 200
 """Greatest number of files of one ontology."""
 
 VOCABULARY = (
-    "knowrob", "srdl", "roboearth", "dul", "soma", "motion_constraints", "object_change", "primitives", "recovery",
-    "searching",
+    "knowrob", "srdl", "roboearth", "dul", "motion_constraints", "object_change", "primitives", "recovery", "searching",
 )  # fmt: skip
 """Bundled files that every ontology includes, before those in objects/ and the library of recipes."""
+ALIGNED = {"soma": SOMA}
+"""Bundled file -> namespace that it relates to the vocabulary; every ontology that uses names of that includes it."""
 
 
 _CACHE = Cache("ontology", most=100)
@@ -202,6 +246,16 @@ def _is_bundled(path: Path) -> bool:
     return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
 
 
+def stated(path: Path) -> tuple[str, ...]:
+    """IRI and version IRIs that an ontology file states, by which others import it; none if it cannot be read."""
+    try:
+        reading = _version(path, *_stamp(path))
+    except BadInput:
+        return ()
+    versions = (reading.triples.triple(row).object for row in reading.triples.by(OWL.versionIRI))
+    return tuple(name for name in (reading.document.iri, *versions) if isinstance(name, str))
+
+
 def _own_iri(triples: Triples) -> str | None:
     ontology = triples.find(OWL.Ontology)
     rows = (row for row in triples.by(RDF.type) if triples.objects[row] == ontology) if ontology is not None else ()
@@ -226,7 +280,7 @@ def read_all(
     main = readings[0]
     loaded = {named.resolve() for named in (path, *also)}
     digests = {reading.document.sha256 for reading in readings}
-    imports = ImportMap(path, folders, is_file=content is None)
+    imports = ImportMap(path, folders, stated, is_file=content is None)
     problems: list[Diagnostic] = []
     lost = list(main.unread)
     vocabulary = {file.resolve(): file for file in _vocabulary_paths()} if builtin else {}
@@ -241,7 +295,7 @@ def read_all(
         resolution = imports.resolve(target, importing, triple.span)
         if resolution.problem is not None:
             problems.append(resolution.problem)
-            if target.lower().endswith(WORLDS):
+            if resolution.path is None and target.lower().endswith(WORLDS):
                 lost.append(_lost(target, triple.span, resolution.problem.help))
         imported = resolution.path
         if imported is None or (resolved := imported.resolve()) in loaded or resolved in vocabulary:
@@ -264,6 +318,9 @@ def read_all(
             digests.add(reading.document.sha256)
             readings.append(reading)
             pending.append((imported, _imports(reading)))
+    problems += imports.problems
+    if builtin:
+        vocabulary |= {file.resolve(): file for file in _alignments(readings)}
     readings += [_version(file, *_stamp(file)) for resolved, file in vocabulary.items() if resolved not in loaded]
     return [replace(main, diagnostics=(*main.diagnostics, *problems), unread=tuple(lost)), *readings[1:]]
 
@@ -293,6 +350,13 @@ def _vocabulary_paths() -> tuple[Path, ...]:
     return tuple(path for path in paths if path.is_file())
 
 
+def _alignments(readings: Iterable[Reading]) -> Iterator[Path]:
+    """Yield the bundled files that relate names of the documents to those of the vocabulary."""
+    for name, namespace in ALIGNED.items():
+        if any(isinstance(term, str) and term.startswith(namespace) for one in readings for term in one.triples.terms):
+            yield bundled("ontologies") / f"{name}.omn"
+
+
 def _stamp(path: Path) -> tuple[int, int]:
     """Modification time [ns] and size [bytes] of a file, which change with its content; zeros if there is none."""
     try:
@@ -306,189 +370,3 @@ def _stamp(path: Path) -> tuple[int, int]:
 def _version(path: Path, modified: int, size: int) -> Reading:
     """Read one version of a file; cached, as a process that loads many recipes shares their imports."""
     return _read(path, read_bytes(path))
-
-
-LONGEST_PATH = 24
-"""Last folders of an import's path that are used; they bound the search in a hostile file."""
-
-VOCABULARY_FILES: dict[str, str | None] = {
-    "knowrob": "knowrob.omn",
-    "srdl2": "srdl.omn",
-    "srdl2-comp": "srdl.omn",
-    "srdl2-cap": "srdl.omn",
-    "srdl2-action": "srdl.omn",
-    "srdl": "srdl.omn",
-    "roboearth": "roboearth.omn",
-    "motion-constraints": "motion_constraints.omn",
-    "object-change": "object_change.omn",
-    "primitives": "primitives.omn",
-    "recovery": "recovery.omn",
-    "searching": "searching.omn",
-    "computable": None,
-    "comp_spatial": None,
-    "comp_temporal": None,
-    "comp_cop": None,
-}
-"""Vocabulary -> the bundled file that replaces it; None: nothing is needed, as it only binds terms to programs."""
-
-_LANGUAGES = tuple(namespace.rstrip("#") for namespace in (OWL, RDF, RDFS))
-_HOSTS = (HOST, OLD_HOST, "http://www.roboearth.org/kb/")
-_SUFFIXES = ("", ".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
-_URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):(//)?(.*)", re.DOTALL)
-_TEMPLATE = re.compile(r"@\w+@|\$\{[^}]*\}")
-_HEADING = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
-
-
-@dataclass(frozen=True, slots=True)
-class Resolution:
-    """Resolved import: a file, or the diagnostic why there is none. Both None: nothing has to be read."""
-
-    path: Path | None = None
-    problem: Diagnostic | None = None
-
-
-class ImportMap:
-    """Finds the files of imports, beside the importing file, then in ``folders`` in their order.
-
-    Without ``is_file`` the main document is untrusted text: its folder is not searched, and diagnostics do not reveal
-    which other files exist.
-    """
-
-    def __init__(self, main: Path, folders: Sequence[Path] = (), *, is_file: bool = True) -> None:
-        self._folders = tuple(folders)
-        self._bundled = bundled("ontologies")
-        self._is_file = is_file
-        own = (main.parent, main.resolve().parent) if is_file else ()
-        self._roots = tuple(root.resolve() for root in (*own, *folders, self._bundled))
-
-    def resolve(self, target: str, importing: Path, span: Span) -> Resolution:
-        """Find the file that ``target`` refers to in the file ``importing``."""
-        address = canonical(target).rstrip("#")
-        if address in _LANGUAGES:
-            return Resolution()
-        scheme, path = _split(target)
-        remote = scheme not in ("", "file", "package")
-        if self._is_inside(importing, self._bundled):
-            bundled_first = self._bundled_file(address, path, remote)
-            if bundled_first is not None:
-                return Resolution(bundled_first)
-        escaped = False
-        for candidate in self._candidates(path, importing.parent):
-            file = _file(candidate)
-            if file is None:
-                continue
-            if any(self._is_inside(file, root) for root in self._roots):
-                return Resolution(file)
-            escaped = self._is_file
-        vocabulary = _vocabulary(address, path, remote)
-        if vocabulary in VOCABULARY_FILES:
-            name = VOCABULARY_FILES[vocabulary]
-            return Resolution(self._bundled / name if name else None)
-        substitute = self._bundled_file(address, path, remote) or self._versioned_file(path, importing.parent)
-        if substitute is not None:
-            return Resolution(substitute)
-        return Resolution(problem=_unresolved(target, path, span, remote=remote, escaped=escaped or ".." in path))
-
-    def _candidates(self, path: tuple[str, ...], beside: Path) -> Iterator[Path]:
-        """Yield the path itself, then ever shorter ends of it in every folder, each with all suffixes of ontologies.
-
-        Published files import by paths of their authors' machines, of which only the last parts exist elsewhere.
-        """
-        if not path:
-            return
-        names = _names(path[-1])
-        parents = path[:-1]
-        yield from (beside.joinpath(*parents, name) for name in names)
-        yield from (Path("/", *parents, name) for name in names if ".." not in parents)
-        plain = len(parents) - next((i for i, part in enumerate(reversed(parents)) if part == ".."), len(parents))
-        for folder in (beside, *self._folders):
-            for start in range(plain, len(parents) + 1):
-                yield from (folder.joinpath(*parents[start:], name) for name in names)
-
-    def _versioned_file(self, path: tuple[str, ...], beside: Path) -> Path | None:
-        """Find a file with the name of an import plus ``@`` and a version, as ``serve_drink@hydro.owl``."""
-        if not path:
-            return None
-        stem = glob.escape(_stem(path[-1]))
-        files = (file for folder in (beside, *self._folders) for file in sorted(folder.glob(f"{stem}@*")))
-        usable = (file for file in files if file.name.endswith(_SUFFIXES[1:]) and _file(file) is not None)
-        return next((file for file in usable if any(self._is_inside(file, root) for root in self._roots)), None)
-
-    def _bundled_file(self, address: str, path: tuple[str, ...], remote: bool) -> Path | None:
-        """Find a bundled file by name; the ontology IRI has to match too if the import is by address."""
-        if not path:
-            return None
-        stem = _stem(path[-1])
-        for folder in ("", "robots", "environments", "objects"):
-            candidate = self._bundled / folder / f"{stem}.omn"
-            if _file(candidate) is not None and (not remote or _address(candidate) == address):
-                return candidate
-        return None
-
-    @staticmethod
-    def _is_inside(path: Path, root: Path) -> bool:
-        return path.resolve().is_relative_to(root.resolve())
-
-
-def _split(target: str) -> tuple[str, tuple[str, ...]]:
-    """Split an import into scheme and path, without host and unexpanded build variables (``@PREFIX@``)."""
-    match = _URL.fullmatch(target)
-    scheme, rest = (match[1].lower(), match[3]) if match else ("", target)
-    if match and match[2] and scheme not in ("file", "package"):
-        rest = rest.partition("/")[2]
-    rest = _TEMPLATE.sub("", unquote(rest.partition("#")[0]).replace("\\", "/"))
-    return scheme, tuple([part for part in rest.split("/") if part not in ("", ".")][-LONGEST_PATH:])
-
-
-def _names(name: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((name, *(_stem(name) + suffix for suffix in _SUFFIXES))))
-
-
-def _stem(name: str) -> str:
-    for suffix in (".owl.in", ".owl", ".omn", ".rdf", ".xml", ".ttl", ".nt"):
-        if name.lower().endswith(suffix):
-            return name[: -len(suffix)]
-    return name
-
-
-def _file(path: Path) -> Path | None:
-    try:
-        return path.resolve() if path.is_file() else None
-    except (OSError, ValueError, RuntimeError):  # name too long, null character, cyclic links
-        return None
-
-
-def _vocabulary(address: str, path: tuple[str, ...], remote: bool) -> str:
-    if remote:
-        return _vocabulary_addresses().get(address, "")
-    return _stem(path[-1]) if path else ""
-
-
-@cache
-def _vocabulary_addresses() -> dict[str, str]:
-    """Every address under which a vocabulary was ever published -> its name."""
-    known = {f"{host}{name}.owl": name for host in _HOSTS for name in VOCABULARY_FILES}
-    return known | {namespace.rstrip("#"): name for name, namespace in VOCABULARIES.items()}
-
-
-@cache
-def _address(path: Path) -> str | None:
-    try:
-        match = _HEADING.search(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError):
-        return None
-    return match[1] if match else None
-
-
-def _unresolved(target: str, path: tuple[str, ...], span: Span, *, remote: bool, escaped: bool) -> Diagnostic:
-    if remote:
-        advice = (
-            "nothing is fetched from the network; put the file beside this one, or add its folder: --ontologies DIR"
-        )
-        return warning("O031", f"an import of an unknown address is ignored: {target}", span, advice)
-    name = path[-1] if path else target
-    if escaped:
-        advice = f"allow it with --ontologies DIR, where DIR is the folder of {name}"
-        return warning("O032", f"an import from outside the allowed folders is ignored: {target}", span, advice)
-    advice = f"put {name} beside this file, or add its folder with --ontologies DIR"
-    return warning("O030", f"import not found: {target}", span, advice)

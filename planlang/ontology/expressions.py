@@ -31,8 +31,9 @@ class Expression:
     """Node of an expression tree.
 
     ``kind`` is "name", "inverse", "and", "or", "not", "one of", "facets", "some", "only", "value", "Self", "min", "max"
-    or "exactly"; ``term`` is the IRI or literal of a "name"; ``parts`` are the operands (of a restriction: property,
-    filler); ``depth`` is the height of the tree, 1 for a name.
+    or "exactly"; ``term`` is the IRI or literal of a "name"; ``parts`` are the operands (of a restriction: properties,
+    filler); ``depth`` is the height of the tree, 1 for a name. ``data``: the syntax says that it is a data range, or
+    a restriction of data.
     """
 
     kind: str
@@ -42,6 +43,7 @@ class Expression:
     number: int = 0
     facets: tuple[tuple[str, Literal], ...] = ()
     depth: int = 1
+    data: bool = False
 
 
 class Statements:
@@ -100,6 +102,8 @@ class Statements:
 
     def is_data(self, expression: Expression) -> bool:
         """Check whether an expression is a data range, not a class."""
+        if expression.data:
+            return True
         match expression.kind:
             case "name":
                 return isinstance(expression.term, Literal) or expression.term in self._datatypes or _is_xsd(expression)
@@ -129,10 +133,13 @@ class Statements:
                     self.place_list(node, _JUNCTIONS.get(kind, OWL.oneOf), expression.parts, span, data=data)
                 return
         self.state(node, RDF.type, OWL.Restriction, span)
-        self.place(node, OWL.onProperty, expression.parts[0])
+        if len(expression.parts) > 2:
+            self.place_list(node, OWL.onProperties, expression.parts[:-1], span)
+        else:
+            self.place(node, OWL.onProperty, expression.parts[0])
         if kind in QUANTIFIERS:
-            data = expression.parts[0].term in self._data_properties
-            self.place(node, QUANTIFIERS[kind], expression.parts[1], data=data)
+            data = expression.data or expression.parts[0].term in self._data_properties
+            self.place(node, QUANTIFIERS[kind], expression.parts[-1], data=data)
         elif kind == "Self":
             self.state(node, OWL.hasSelf, Literal("true", XSD.boolean), span)
         else:
@@ -146,7 +153,7 @@ class Statements:
             return
         self.state(node, OWL + qualified, number, expression.span)
         prop, filler = expression.parts
-        data = self.is_data(filler) or prop.term in self._data_properties
+        data = expression.data or self.is_data(filler) or prop.term in self._data_properties
         self.place(node, OWL + ("onDataRange" if data else "onClass"), filler, data=data)
 
     def _describe_facets(self, node: BNode, expression: Expression) -> None:

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from itertools import pairwise
+from collections.abc import Callable
 from typing import Any
 
 from lark import Token
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.ontology.expressions import FACETS, QUANTIFIERS, Expression, Statements
+from planlang.ontology.axioms import Annotation, Axioms, bounded, unquoted
+from planlang.ontology.expressions import FACETS, QUANTIFIERS, Expression
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term
 from planlang.ontology.triples import check_room
-from planlang.records import dataclass
-
-DEEPEST = 100
-"""Greatest nesting depth of expressions and annotations."""
 
 MOST_WARNINGS = 100
 """Warnings about one file."""
@@ -27,7 +23,6 @@ MOST_OPEN = 200_000
 BUILTIN = frozenset(("integer", "decimal", "float", "string"))
 """Datatypes without prefix, unless the file has classes of these names."""
 
-_ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _DESCRIPTION = re.compile(r"([^\s,]+)(?:\s+(some|only|value)\s+([^\s,]+))?")
 _FACT = re.compile(r"([^\s,]+)\s+([^\s,]+)")
 _FRAME = re.compile(r"(\w+):\s+(\S+)(?:\s+(?:SubClassOf|Types):(?=\s))?")
@@ -42,25 +37,6 @@ _OF_VALUES = frozenset(((OWL.equivalentClass, RDFS.Datatype), (RDFS.range, OWL.D
 _Position = Callable[[int], tuple[int, int]]
 
 Children = list[Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Annotation:
-    """Annotation: a property with its value, and annotations of the annotation itself."""
-
-    property: str
-    value: Term
-    span: Span
-    inner: tuple[Annotation, ...]
-    depth: int
-
-
-def _bounded(parts: Sequence[Expression | Annotation], span: Span) -> int:
-    """Compute the nesting depth of an expression with these parts. Raises BadInput beyond :data:`DEEPEST`."""
-    depth = 1 + max((part.depth for part in parts), default=0)
-    if depth > DEEPEST:
-        raise BadInput([error("O008", f"expressions or annotations are nested more than {DEEPEST} deep", span)])
-    return depth
 
 
 def _operator(kind: str) -> Callable[[Frames, Children], Expression]:
@@ -102,7 +78,7 @@ class Frames:
     """
 
     def __init__(
-        self, statements: Statements, resolve: Callable[[str, Span], str], is_declared: Callable[[str], bool], file: str
+        self, statements: Axioms, resolve: Callable[[str, Span], str], is_declared: Callable[[str], bool], file: str
     ) -> None:
         self._out = statements
         self._resolve = resolve
@@ -117,17 +93,12 @@ class Frames:
 
     # called by the lexer
 
-    def opens(self, token: Token) -> Token:
-        """Count a word or sign that opens a nested part. Raises BadInput if there are too many."""
-        self._open += 1
+    def count(self, token: Token) -> Token:
+        """Count a word that opens a nested part; a comma ends the item. Raises BadInput if there are too many."""
+        self._open = 0 if token == "," else self._open + 1
         if self._open > MOST_OPEN:
             message = f"more than {MOST_OPEN:,} expressions or annotations in one item"
             raise BadInput([error("O008", message, self._span(token))])
-        return token
-
-    def separates(self, token: Token) -> Token:
-        """Reset the count at a comma, after which another item begins."""
-        self._open = 0
         return token
 
     # names and values
@@ -154,13 +125,13 @@ class Frames:
         return self._value(children[0], self._out.named_node(str(children[0])[2:]))
 
     def plain_literal(self, children: Children) -> Expression:
-        return self._value(children[0], Literal(_text(children[0])))
+        return self._value(children[0], Literal(unquoted(children[0])))
 
     def language_literal(self, children: Children) -> Expression:
-        return self._value(children[0], Literal(_text(children[0]), None, str(children[1])[1:].lower()))
+        return self._value(children[0], Literal(unquoted(children[0]), None, str(children[1])[1:].lower()))
 
     def typed_literal(self, children: Children) -> Expression:
-        return self._value(children[0], Literal(_text(children[0]), children[1].term))
+        return self._value(children[0], Literal(unquoted(children[0]), children[1].term))
 
     def number_literal(self, children: Children) -> Expression:
         text = str(children[0])
@@ -176,7 +147,7 @@ class Frames:
     # expressions
 
     def _node(self, kind: str, span: Span, parts: list[Expression], **more: Any) -> Expression:
-        return Expression(kind, span, parts=tuple(parts), depth=_bounded(parts, span), **more)
+        return Expression(kind, span, parts=tuple(parts), depth=bounded(parts, span), **more)
 
     def operands(self, kind: str, children: Children) -> Expression:
         """Make an expression of a kind from the expressions among the children."""
@@ -217,34 +188,10 @@ class Frames:
     def annotation(self, children: Children) -> Annotation:
         inner = tuple(children[0]) if isinstance(children[0], list) else ()
         prop, value = children[-2:]
-        return Annotation(prop.term, value.term, prop.span, inner, _bounded(inner, prop.span))
+        return Annotation(prop.term, value.term, prop.span, inner, bounded(inner, prop.span))
 
     def entity_annotations(self, children: Children) -> None:
-        self._annotate(self._subject, children[0], OWL.Axiom)
-
-    def _annotate(self, subject: str | BNode, annotations: Sequence[Annotation], kind: str = OWL.Annotation) -> None:
-        """State annotations of a subject; nested annotations are stated of a node of the given kind."""
-        for note in annotations:
-            self._out.state(subject, note.property, note.value, note.span)
-            self._reify(subject, note.property, note.value, note.span, note.inner, kind)
-
-    def _reify(
-        self,
-        subject: str | BNode,
-        prop: str,
-        value: Term,
-        span: Span,
-        annotations: Sequence[Annotation],
-        kind: str = OWL.Axiom,
-    ) -> None:
-        """State annotations of a triple, on a blank node that repeats the triple (reification)."""
-        if annotations:
-            node = self._out.fresh()
-            self._out.state(node, RDF.type, kind, span)
-            self._out.state(node, OWL.annotatedSource, subject, span)
-            self._out.state(node, OWL.annotatedProperty, prop, span)
-            self._out.state(node, OWL.annotatedTarget, value, span)
-            self._annotate(node, annotations)
+        self._out.annotate(self._subject, children[0], OWL.Axiom)
 
     def _annotated(self, children: Children) -> tuple[list[Annotation], Any]:
         return (children[0] if isinstance(children[0], list) else [], children[-1])
@@ -275,7 +222,7 @@ class Frames:
         self._out.state(self._subject, OWL.imports, children[0].term, children[0].span)
 
     def ontology_annotations(self, children: Children) -> None:
-        self._annotate(self._subject, children[0])
+        self._out.annotate(self._subject, children[0])
 
     def rule(self, children: Children) -> None:
         advice = "express it by classes and property chains, or remove it"
@@ -293,7 +240,7 @@ class Frames:
         self._subject, self._kind = name.term, kind
         if isinstance(name.term, str):
             self._out.state(name.term, RDF.type, kind, name.span)
-            self._reify(name.term, RDF.type, kind, name.span, _split(children)[0])
+            self._out.reify(name.term, RDF.type, kind, name.span, _split(children)[0])
 
     class_head, datatype_head, individual_head = _head(OWL.Class), _head(RDFS.Datatype), _head(OWL.NamedIndividual)
     object_property_head, data_property_head = _head(OWL.ObjectProperty), _head(OWL.DatatypeProperty)
@@ -378,7 +325,7 @@ class Frames:
                 continue
             notes, expression = item
             value = self._out.place(self._subject, predicate, expression, data=data)
-            self._reify(self._subject, predicate, value, expression.span, notes)
+            self._out.reify(self._subject, predicate, value, expression.span, notes)
 
     sub_class_of, types_section = _section(RDFS.subClassOf), _section(RDF.type)
     equivalent_to, disjoint_with = _section(OWL.equivalentClass), _section(OWL.disjointWith)
@@ -392,7 +339,7 @@ class Frames:
         for notes, word in children[0]:
             kind, span = f"{OWL}{word}Property", self._span(word)
             self._out.state(self._subject, RDF.type, kind, span)
-            self._reify(self._subject, RDF.type, kind, span, notes)
+            self._out.reify(self._subject, RDF.type, kind, span, notes)
 
     def fact(self, children: Children) -> tuple[list[Annotation], bool, Expression, Expression]:
         notes, (prop, value) = _split(children)
@@ -402,24 +349,16 @@ class Frames:
         for notes, negative, prop, value in children[0]:
             assert isinstance(prop.term, str)
             if negative:
-                self._negative(prop, value, notes)
+                self._out.deny(self._subject, prop, value, notes)
             else:
                 self._out.state(self._subject, prop.term, value.term, prop.span)
-                self._reify(self._subject, prop.term, value.term, prop.span, notes)
-
-    def _negative(self, prop: Expression, value: Expression, annotations: list[Annotation]) -> None:
-        node = self._out.fresh()
-        self._out.state(node, RDF.type, OWL.NegativePropertyAssertion, prop.span)
-        self._out.state(node, OWL.sourceIndividual, self._subject, prop.span)
-        self._out.place(node, OWL.assertionProperty, prop)
-        self._out.place(node, OWL.targetValue if isinstance(value.term, Literal) else OWL.targetIndividual, value)
-        self._annotate(node, annotations)
+                self._out.reify(self._subject, prop.term, value.term, prop.span, notes)
 
     def listed(self, predicate: str, children: Children) -> None:
         """State the items of a section as one RDF list."""
         annotations, parts = _split(children)
         cell = self._out.place_list(self._subject, predicate, parts, parts[0].span)
-        self._reify(self._subject, predicate, cell, parts[0].span, annotations)
+        self._out.reify(self._subject, predicate, cell, parts[0].span, annotations)
 
     disjoint_union_of, has_key = _list_section(OWL.disjointUnionOf), _list_section(OWL.hasKey)
     sub_property_chain = _list_section(OWL.propertyChainAxiom)
@@ -427,29 +366,12 @@ class Frames:
     # axioms about several things
 
     def several(self, children: Children, predicate: str, kind: str | None) -> None:
-        """Relate two entities directly; more of them by a node of type ``kind`` with a list, without one pairwise."""
+        """Relate entities; see :meth:`planlang.ontology.axioms.Axioms.relate_all`."""
         annotations, parts = _split(children)
-        if kind is not None and len(parts) > 2:
-            node = self._out.fresh()
-            self._out.state(node, RDF.type, kind, parts[0].span)
-            self._out.place_list(node, OWL.members, parts, parts[0].span)
-            self._annotate(node, annotations)
-            return
-        for first, second in pairwise(parts):
-            subject = first.term if isinstance(first.term, (str, BNode)) else self._out.fresh()
-            if first.kind != "name":
-                assert isinstance(subject, BNode)
-                self._out.describe(subject, first)
-            value = self._out.place(subject, predicate, second)
-            self._reify(subject, predicate, value, first.span, annotations)
+        self._out.relate_all(parts, predicate, kind, annotations)
 
     equivalent_classes, equivalent_properties = _axiom(OWL.equivalentClass), _axiom(OWL.equivalentProperty)
     disjoint_classes = _axiom(OWL.disjointWith, OWL.AllDisjointClasses)
     disjoint_properties = _axiom(OWL.propertyDisjointWith, OWL.AllDisjointProperties)
     same_individual = _axiom(OWL.sameAs)
     different_individuals = _axiom(OWL.differentFrom, OWL.AllDifferent)
-
-
-def _text(token: Token) -> str:
-    """Unquote a string and undo its escapes."""
-    return _ESCAPE.sub(r"\1", str(token)[1:-1])

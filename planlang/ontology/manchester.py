@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import marshal
 import re
-import sys
-from collections.abc import Callable, Iterable
 from difflib import get_close_matches
-from functools import cache
-from pathlib import Path
-from threading import Lock
-from typing import Any
 
-from lark import Lark, Token, Transformer, UnexpectedInput, UnexpectedToken
-from lark import __version__ as lark_version
-from lark.grammar import Rule
-from lark.lexer import PatternStr, TerminalDef
+from lark import UnexpectedInput
 
-from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import decode, offset_of, position_of
-from planlang.ontology.expressions import Statements
+from planlang.ontology.axioms import Axioms
 from planlang.ontology.frames import Frames
+from planlang.ontology.parsing import Grammar, unexpected, where, word_at
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary, resolve
 from planlang.ontology.triples import Parsed
 
@@ -48,47 +38,32 @@ _SPOKEN = {
 }
 """Names of the grammar's terminals in messages; the other terminals are keywords."""
 
-_WORD = re.compile(r'"|\S+')
 
-
-def where(problem: UnexpectedInput, text: str) -> int:
-    """Find the offset of a syntax error; at the end of the file, the end of its last word."""
-    if not _is_at_end(problem):
-        return problem.pos_in_stream if problem.pos_in_stream is not None else len(text)
-    lines = text.split("\n")
-    while lines and (not lines[-1].strip() or lines[-1].lstrip().startswith("#")):
-        lines.pop()
-    return len("\n".join(lines).rstrip())
-
-
-def explain(problem: UnexpectedInput, parser: Lark, text: str, offset: int, file: str) -> Diagnostic:
+def explain(problem: UnexpectedInput, text: str, offset: int, file: str) -> Diagnostic:
     """Make the diagnostic of a syntax error at an offset, with what was expected there."""
-    word = _WORD.match(text, offset)
-    found = "the end of the file" if _is_at_end(problem) or word is None else word[0][:40]
-    message = f"unexpected {found}"
-    if found == '"':
-        message = "a string is not closed, or its quotation marks are unexpected here"
-    keywords, spoken = _expected(problem, parser)
-    if "," in keywords and word is not None and _mends(",", parser, text, offset):
+    message, keywords, spoken = unexpected(problem, GRAMMAR, _SPOKEN, text, offset)
+    found, word = message.removeprefix("unexpected "), word_at(text, offset)
+    if "," in keywords and word and _mends(",", text, offset):
         begins_line = not text[text.rfind("\n", 0, offset) + 1 : offset].strip()
         other = "" if begins_line or "some" not in spoken else ", or a word such as some,"
-        message = f"a comma{other} is missing before {found}"
-        return error("O020", message, position_of(text, offset, file), f"write `, {found}`")
+        message = f"a comma{other} is missing before {word[:40]}"
+        return error("O020", message, position_of(text, offset, file), f"write `, {word[:40]}`")
     similar = get_close_matches(found, (*keywords, *FRAME_WORDS), n=1, cutoff=0.75)
     guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
     return error("O020", message, position_of(text, offset, file), f"{guess}expected: {_phrase(keywords, spoken)}")
 
 
-def _mends(sign: str, parser: Lark, text: str, offset: int) -> bool:
+def _mends(sign: str, text: str, offset: int) -> bool:
     """Check whether inserting a sign at an offset lets the parser read the word there, within the frame."""
     begin = max((one.start() for one in _FRAME_START.finditer(text, 0, offset)), default=0)
     following = _FRAME_START.search(text, offset)
     frame = f"{text[begin:offset]}{sign} {text[offset : following.start() if following else len(text)]}"
+    names = _Names(frame, "", "")
+    reader = Frames(Axioms("", "", frozenset(), frozenset()), names.resolve, names.is_class, "")
     try:
-        parser.parse(frame)
+        GRAMMAR.parse(frame, reader)
     except UnexpectedInput as problem:
-        word = _WORD.match(text, offset)
-        return where(problem, frame) > offset - begin + len(sign) + (len(word[0]) if word else 0)
+        return where(problem, frame) > offset - begin + len(sign) + len(word_at(text, offset))
     except BadInput:
         return True
     return True
@@ -106,27 +81,6 @@ def unclosed(text: str, offset: int) -> int | None:
         return None
     is_joined = last.end() == offset and text[offset : offset + 1].isalnum()
     return last.start() if is_joined or _SECTION.search(last[0]) else None
-
-
-def _is_at_end(problem: UnexpectedInput) -> bool:
-    return isinstance(problem, UnexpectedToken) and problem.token.type == "$END"
-
-
-def _expected(problem: UnexpectedInput, parser: Lark) -> tuple[list[str], list[str]]:
-    """List the expected keywords and signs as written, and descriptions of the other expected tokens."""
-    names: Iterable[str] = getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or ()
-    names = names or getattr(problem, "expected", None) or ()
-    order = {name: place for place, name in enumerate(_SPOKEN)}
-    keywords, spoken = [], []
-    for name in sorted(
-        (name for name in names if not name.startswith("SIMPLE")), key=lambda name: (order.get(name, len(order)), name)
-    ):
-        pattern = None if name == "$END" else parser.get_terminal(name).pattern
-        if isinstance(pattern, PatternStr):
-            keywords.append(pattern.value)
-        else:
-            spoken.append(_SPOKEN.get(name, name.lower()))
-    return keywords, spoken
 
 
 def _phrase(keywords: list[str], spoken: list[str]) -> str:
@@ -156,49 +110,7 @@ _COUNTED = ("LPAR", "LBRACE", "NOT", "INVERSE", "SOME", "ONLY", "MIN", "MAX", "E
 """Terminals after which expressions or annotations can be nested, and the comma, which ends an item."""
 
 
-_CACHE = Cache("parser", most=4)
-
-
-class _Relay(Transformer[Token, None]):
-    """Forwards the parser's callbacks to the Frames of the current file, so that all files share one parser.
-
-    Building a parser takes longer than parsing a file. ``busy`` is held while ``frames`` is set.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.frames: Frames | None = None
-        self.busy = Lock()
-
-    def __getattr__(self, rule: str) -> Callable[[list[Any]], Any]:
-        if rule.startswith("__") or not hasattr(Frames, rule):
-            raise AttributeError(rule)
-        return lambda children: getattr(self.frames, rule)(children)
-
-    def count(self, token: Token) -> Token:
-        """Count the open parts of an item (callback of the lexer)."""
-        assert self.frames is not None
-        return self.frames.separates(token) if token == "," else self.frames.opens(token)
-
-
-@cache
-def _parser() -> tuple[Lark, _Relay]:
-    """Build the parser and its relay. The LALR tables are cached on disk, as making them takes longer than parsing.
-
-    They are stored with ``marshal``, which unlike ``pickle`` runs no code when it loads.
-    """
-    relay = _Relay()
-    own: dict[str, Any] = {"transformer": relay, "lexer_callbacks": dict.fromkeys(_COUNTED, relay.count)}
-    grammar = (Path(__file__).parent / "manchester.lark").read_text(encoding="utf-8")
-    key = f"{lark_version} {sys.implementation.cache_tag} {grammar}"
-    kept = _CACHE.load(key)
-    if kept is not None:
-        return Lark.__new__(Lark)._load(marshal.loads(kept), **own), relay
-    made = Lark(grammar, parser="lalr", lexer="contextual", **own)
-    data, memo = made.memo_serialize([TerminalDef, Rule])
-    data["options"] = {name: value for name, value in data["options"].items() if name not in own}
-    _CACHE.keep(key, marshal.dumps({"data": data, "memo": memo}))
-    return made, relay
+GRAMMAR = Grammar("manchester", Frames, _COUNTED)
 
 
 def read_manchester(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:
@@ -209,7 +121,7 @@ def read_manchester(content: bytes | str, file: str, *, base: str, label: str = 
     """
     text = decode(content, file)
     names = _Names(text, file, base)
-    statements = Statements(file, label, names.declared("Property"), names.declared("type"))
+    statements = Axioms(file, label, names.declared("Property"), names.declared("type"))
     problems: list[Diagnostic] = []
     frames = Frames(statements, names.resolve, names.is_class, file)
     rest: str | None = text
@@ -226,30 +138,25 @@ def _parse(text: str, file: str, frames: Frames, problems: list[Diagnostic]) -> 
 
     Line numbers stay the same. None: the end of the file was reached, or there are too many errors.
     """
-    parser, relay = _parser()
-    with relay.busy:
-        relay.frames = frames
-        try:
-            parser.parse(text)
+    try:
+        GRAMMAR.parse(text, frames)
+        return None
+    except BadInput as problem:
+        problems.extend(problem.diagnostics)
+        if any(found.code == "O003" for found in problem.diagnostics):
             return None
-        except BadInput as problem:
-            problems.extend(problem.diagnostics)
-            if any(found.code == "O003" for found in problem.diagnostics):
-                return None
-            span = problem.diagnostics[0].span
-            offset = len(text) if span is None else offset_of(text, span)
-        except UnexpectedInput as problem:
-            offset = where(problem, text)
-            opening = unclosed(text, offset)
-            if opening is None:
-                problems.append(explain(problem, parser, text, offset, file))
-            else:
-                line = text.count("\n", 0, offset) + 1
-                advice = f"close it where it should end; it runs up to the next quotation mark, in line {line}"
-                problems.append(error("O020", "a string is not closed", position_of(text, opening, file), advice))
-                offset = opening
-        finally:
-            relay.frames = None
+        span = problem.diagnostics[0].span
+        offset = len(text) if span is None else offset_of(text, span)
+    except UnexpectedInput as problem:
+        offset = where(problem, text)
+        opening = unclosed(text, offset)
+        if opening is None:
+            problems.append(explain(problem, text, offset, file))
+        else:
+            line = text.count("\n", 0, offset) + 1
+            advice = f"close it where it should end; it runs up to the next quotation mark, in line {line}"
+            problems.append(error("O020", "a string is not closed", position_of(text, opening, file), advice))
+            offset = opening
     start = len(text) - len(text.lstrip())
     following = _FRAME_START.search(text, max(offset, start + 1))
     if following is None or len(problems) >= MOST_ERRORS:

@@ -61,7 +61,7 @@ class Ontology:
     """
 
     def __init__(self, readings: Sequence[Reading]) -> None:
-        self._readings = tuple(readings)
+        self.readings = tuple(readings)
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
@@ -92,12 +92,16 @@ class Ontology:
 
     def alone(self) -> Ontology:
         """Make an ontology of the main document only."""
-        return Ontology(self._readings[:1])
+        return Ontology(self.readings[:1])
 
     def renamed(self, names: Mapping[str, str]) -> Ontology:
         """Make a copy in which some IRIs of the main document are replaced (old -> new)."""
-        main, *others = self._readings
+        main, *others = self.readings
         return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
+
+    def extended(self, readings: Iterable[Reading]) -> Ontology:
+        """Make an ontology that states more; the main document stays the first one."""
+        return Ontology([*self.readings, *readings])
 
     def to_owlready(self) -> Any:
         """Convert to a ``World`` of owlready2 with the repaired statements of all documents, without owl:imports.

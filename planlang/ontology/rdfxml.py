@@ -16,7 +16,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import decode
 from planlang.ontology.terms import RDF, BNode, Literal, resolve
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
-from planlang.ontology.xml_text import EntityTable, explain, must_be_rdf, opening_tag, repair_xml
+from planlang.ontology.xml_text import EntityTable, explain, must_be_rdf, opening_tag, with_repairs
 
 DEEPEST = 100
 """Greatest nesting depth of elements."""
@@ -76,21 +76,7 @@ def read_rdfxml(content: bytes | str, file: str, *, base: str, label: str = "b")
     ``label`` is the prefix of blank-node labels. Raises BadInput at the first position that is not well-formed XML,
     exceeds a limit, or refers outside the file.
     """
-    text = decode(content, file)
-    try:
-        return _parse(text, file, base, label)
-    except BadInput as problem:
-        if problem.diagnostics[0].code != "O005":
-            raise
-        repaired = repair_xml(text, file)
-        if not repaired.diagnostics:
-            raise
-        try:
-            parsed = _parse(repaired.text, file, base, label)
-        except BadInput as remaining:
-            raise BadInput([*repaired.diagnostics, *remaining.diagnostics]) from None
-        parsed.diagnostics[:0] = repaired.diagnostics
-        return parsed
+    return with_repairs(lambda text: _parse(text, file, base, label), decode(content, file), file)
 
 
 def _parse(text: str, file: str, base: str, label: str) -> Parsed:
@@ -152,10 +138,7 @@ class _Handler:
         parser.EndElementHandler = self._ending()
         parser.StartNamespaceDeclHandler = self.namespace
         parser.CharacterDataHandler = self.between
-        parser.StartDoctypeDeclHandler = self.entities.begin
-        parser.EndDoctypeDeclHandler = self.entities.check
-        parser.EntityDeclHandler = self.entities.declare
-        parser.SkippedEntityHandler = self.entities.skip
+        self.entities.guard(parser)
 
     def here(self) -> Span:
         return Span(self.file, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)

@@ -83,6 +83,9 @@ XSD = Namespace(
 
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
+SOMA = "http://www.ease-crc.org/ont/SOMA.owl#"
+UPPER = (SOMA, "http://www.ontologydesignpatterns.org/ont/dul/DUL.owl#")
+"""Namespaces whose axioms say what kinds of things there are, and nothing about those of a recipe."""
 VOCABULARIES: dict[str, str] = {
     "knowrob": KNOWROB,
     "srdl2": "http://knowrob.org/kb/srdl2.owl#",

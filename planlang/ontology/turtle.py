@@ -54,6 +54,13 @@ _ANONYMOUS = re.compile(r"[0-9a-f]{20,32}")
 _PROBLEM = re.compile(r"Parser error [^:]*: (.*)", re.DOTALL)
 _NO_PREFIX = re.compile(r"The prefix (.*): has not been declared", re.DOTALL)
 _OBJECTS = 'an <IRI>, a name prefix:name, _:name, a "string", a number, true, false, [ or (; or a closing ] or )'
+_INSIDE, _INSTEAD = "triples inside triples (RDF-star) are not supported", "state this of a blank node instead"
+_GRAPHS = {
+    "{": "named graphs (TriG) are not read; write the statements without GRAPH, { and }",
+    "<": "a statement has three terms and a dot; a fourth is the graph of N-Quads, which are not read: remove it",
+}
+"""Beginning of what is unexpected in Turtle -> advice where it belongs to another syntax."""
+_QUAD = re.compile(r"\s*(?:<[^<>]*>|_:\S+)\s+<[^<>]*>\s+\S.*\s(?:<[^<>]*>|_:\S+)\s*\.\s*")
 _EXPECTED = {
     "is not a valid RDF object": _OBJECTS,
     "is not a valid predicate": "'a', an <IRI> or a name prefix:name",
@@ -178,7 +185,7 @@ class _Reader:
                     message = f"a text or an IRI of more than {LONGEST:,} characters"
                     raise BadInput([error("O008", message, position_of(text, match.start(), self._file))])
                 elif token in ('"', "'", "<"):
-                    self._refuse(token, position_of(text, match.start(), self._file))
+                    self._refuse(text[match.start() : match.start() + 2], position_of(text, match.start(), self._file))
                     end = text.find("\n", match.end())
                     start = len(text) if end < 0 else end
                     pieces += (text[done : match.start()], "0 .".ljust(start - match.start())[: start - match.start()])
@@ -191,7 +198,10 @@ class _Reader:
         return "".join(pieces) + text[done:] if pieces else text, long
 
     def _refuse(self, token: str, span: Span) -> None:
-        if token == "<":
+        if token == "<<":
+            self._error("O020", _INSIDE, span, _INSTEAD)
+            return
+        if token[0] == "<":
             message = "an <IRI> is not closed, or has a character that IRIs must not have"
             advice = "close it with >; write a space as %20"
         else:
@@ -223,6 +233,10 @@ class _Reader:
             return
         expected = next((tokens for part, tokens in _EXPECTED.items() if part in reason), None)
         if expected is not None:
+            other = "{" if "{" in found or found.upper() == "GRAPH" else found[:1]
+            if other in _GRAPHS and (other == "{" or _QUAD.fullmatch(text.split("\n")[span.line - 1])):
+                self._error("O020", f"unexpected {found}", span, _GRAPHS[other])
+                return
             similar = get_close_matches(found, ("@prefix", "@base"), n=1, cutoff=0.75)
             guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
             self._error("O020", f"unexpected {found}", span, f"{guess}expected: {expected}")
@@ -275,8 +289,7 @@ class _Reader:
                     third = self._number(value, line)
                 line = lines.get(third, line)
             else:
-                advice = "make the statement about a blank node instead"
-                self._error("O020", "triples inside triples are not supported", Span(self._file, line), advice)
+                self._error("O020", _INSIDE, Span(self._file, line), _INSTEAD)
                 continue
             add_subject(first)
             add_predicate(second)

@@ -15,8 +15,8 @@ from xml.sax.saxutils import quoteattr
 
 from planlang.diagnostics import BadInput, Declaration, Diagnostic, Span, error, warning
 from planlang.files import bundled, offset_of, position_of
-from planlang.ontology.terms import OWL, PREFIXES
-from planlang.ontology.triples import counted
+from planlang.ontology.terms import PREFIXES
+from planlang.ontology.triples import Parsed, counted
 from planlang.records import dataclass
 
 LARGEST_EXPANSION = 10_000_000
@@ -51,6 +51,13 @@ class EntityTable:
     def names(self) -> frozenset[str]:
         """Entities that may be referred to: declared ones and those of XML itself."""
         return frozenset(self._values) | frozenset(("amp", "lt", "gt", "apos", "quot"))
+
+    def guard(self, parser: expat.XMLParserType) -> None:
+        """Make a parser ask this table what a document type may contain."""
+        parser.StartDoctypeDeclHandler = self.begin
+        parser.EndDoctypeDeclHandler = self.check
+        parser.EntityDeclHandler = self.declare
+        parser.SkippedEntityHandler = self.skip
 
     def begin(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
         """Refuse a document type in another file (expat handler)."""
@@ -183,13 +190,10 @@ _OPENS, _CLOSES = re.compile(r"<([^\s/>]+)"), re.compile(r"</([^\s>]+)")
 def must_be_rdf(tag: str, span: Span) -> None:
     """Raise BadInput if the root element of a file, as named by expat, is not one of RDF."""
     namespace, _, local = tag.rpartition(" ")
-    if tag.replace(" ", "") == OWL.Ontology:
-        message, advice = "OWL/XML is not supported", "save the ontology as RDF/XML, Turtle or in Manchester syntax"
-    elif not namespace or namespace == "http://www.w3.org/1999/xhtml":
-        message = f"this is XML, but not RDF: its root element is {local}"
-        advice = "the root element of an ontology in RDF/XML is rdf:RDF"
-    else:
+    if namespace and namespace != "http://www.w3.org/1999/xhtml":
         return
+    message = f"this is XML, but not RDF: its root element is {local}"
+    advice = "the root element of an ontology is rdf:RDF (RDF/XML) or Ontology (OWL/XML)"
     raise BadInput([error("O001", message, span, advice)])
 
 
@@ -225,6 +229,24 @@ class Repaired:
     diagnostics: list[Diagnostic] = field(default_factory=list)
     not_shown: int = 0
     """Number of repairs without a diagnostic."""
+
+
+def with_repairs(parse: Callable[[str], Parsed], text: str, file: str) -> Parsed:
+    """Parse a text, and again with repairs if it is not well-formed. Raises BadInput as ``parse`` does."""
+    try:
+        return parse(text)
+    except BadInput as problem:
+        if problem.diagnostics[0].code != "O005":
+            raise
+        repaired = repair_xml(text, file)
+        if not repaired.diagnostics:
+            raise
+        try:
+            parsed = parse(repaired.text)
+        except BadInput as remaining:
+            raise BadInput([*repaired.diagnostics, *remaining.diagnostics]) from None
+        parsed.diagnostics[:0] = repaired.diagnostics
+        return parsed
 
 
 def repair_xml(text: str, file: str) -> Repaired:

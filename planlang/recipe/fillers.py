@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
-from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
+from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import (
     KINDS,
@@ -329,11 +329,11 @@ def _may_fill(property_name: str) -> bool:
 
 
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
-    """Fillings from the restrictions of a class; none for classes of the bundled vocabulary."""
+    """Fillings from the restrictions of a class; none for classes of the bundled vocabulary, of SOMA and of DUL."""
     cache: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
     own = cache.get(cls)
     if own is None:
-        is_users = shorten(cls) == cls or ontology.main(cls)
+        is_users = (shorten(cls) == cls and not cls.startswith(UPPER)) or ontology.main(cls)
         every = fillings_of(ontology.restrictions(cls)) if is_users else ()
         own = cache[cls] = [filling for filling in every if _may_fill(filling.property)]
     return own

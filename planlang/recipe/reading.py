@@ -11,6 +11,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.ontology.terms import UPPER
 from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.checks import (
     Check,
@@ -76,14 +77,40 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         problems = loose_parts(ontology)
         if problems:
             raise BadInput(problems)
-        advice = "a recipe is an action class with restrictions such as `subAction some Reaching`"
-        raise BadInput([error("R001", "no class or individual of this file states sub-actions", span, advice)])
+        what, advice = _no_recipe(ontology)
+        raise BadInput([error("R001", f"no class or individual of this file states sub-actions{what}", span, advice)])
     names = ", ".join(local_name(task) for task in tops or stated)
     advice = f"choose one with --task: {names}"
     if tops:
         raise BadInput([error("R002", f"this file has {len(tops)} tasks", span, advice)])
     message = "every task of this file is a sub-action of another one, so there is no top task"
     raise BadInput([error("R002", message, span, advice)])
+
+
+RECORDED = frozenset(
+    ("isExecutedIn", "executesTask", "isPerformedBy", "hasTimeInterval", "includesRecord", "hasParticipant", "hasRole")
+)
+"""Properties of what was done (local names), in narratives of DUL and SOMA."""
+
+
+def _no_recipe(ontology: Ontology) -> tuple[str, str]:
+    """Say what a file without a task is, if it is in SOMA's words, and how a recipe is written."""
+    advice = "a recipe is an action class with restrictions such as `subAction some Reaching`"
+    document = ontology.documents[0]
+    own = [triple for triple in ontology.triples() if triple.span.file == str(document.path)]
+    used = {term for triple in own for term in (triple.predicate, triple.object) if isinstance(term, str)}
+    if not any(term.startswith(UPPER) for term in used):
+        return "", advice
+    advice = (
+        "a recipe in SOMA's words is a dul:Workflow with `dul:definesTask` and `soma:hasStep`: tasks, such as "
+        "individuals of soma:PickingUp, with `soma:before` between them"
+    )
+    if any(local_name(triple.predicate) in RECORDED for triple in own):
+        return ": in SOMA's words, it tells what was done (a NEEM), not what to do", advice
+    if any(ontology.is_individual(triple.subject) for triple in own if isinstance(triple.subject, str)):
+        advice += "; a map states soma:hasShape and soma:hasLocalization of its objects"
+        return ": it is in SOMA's words, and has neither a workflow nor objects with a pose", advice
+    return ": in SOMA's words, it defines classes", advice
 
 
 def circular_task(actions: Actions) -> str | None:

@@ -210,7 +210,7 @@ def _editable(state: _State) -> Editable:
             return XmlText(state.text, state.file)
         case Syntax.MANCHESTER:
             return ManchesterText(state.text, state.file)
-        case Syntax.TURTLE | Syntax.URDF | Syntax.GRID as syntax:
+        case syntax:
             raise CannotEdit(f"planlang does not edit {syntax.value}; planlang convert writes another syntax")
 
 

@@ -59,12 +59,11 @@ ROLES: dict[str, str] = {
     "CreatedObject": "outputsCreated",
     "DestroyedObject": "inputsDestroyed",
     "Product": "outputsCreated",
-    "Recipient": "recipient",
-    "Beneficiary": "recipient",
+    **dict.fromkeys(("Recipient", "RecipientRole", "Beneficiary", "BeneficiaryRole"), "recipient"),
     "PerformerRole": "performedBy",
     "AgentRole": "performedBy",
 }
-"""Class of a role (local name) -> property of the action; any other role is the object acted on."""
+"""Class of a role (local name), or of one above it -> property of the action; other roles are the object acted on."""
 
 OUTPUT = expand("outputsCreated")
 
@@ -254,7 +253,7 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
         kind = action_class(ontology, role) or role
         for classified in sorted(_linked(ontology, role, _FILLS, _FILLED_BY), key=_name):
             kinds.setdefault(kind, []).append(str(classified.term))
-            yield Filling(_property(kind), classified.term, fact.span)
+            yield Filling(_property(ontology, kind), classified.term, fact.span)
     cls = task if ontology.is_class(task) else action_class(ontology, task)
     for ancestor in ontology.ancestors(cls) if cls is not None else ():
         for restriction in ontology.restrictions(ancestor):
@@ -273,11 +272,12 @@ def _role_of_class(
         if kind is None or not is_word(inner.property, *_FILLS) or not isinstance(cls, str):
             continue
         if not any(ontology.is_a(individual, cls) for individual in individuals.get(kind, ())):
-            yield Filling(_property(kind), cls, inner.span)
+            yield Filling(_property(ontology, kind), cls, inner.span)
 
 
-def _property(role: str) -> str:
-    return expand(ROLES.get(local_name(role), "objectActedOn"))
+def _property(ontology: Ontology, role: str) -> str:
+    names = map(local_name, ontology.ancestors(role))
+    return expand(next((ROLES[name] for name in names if name in ROLES), "objectActedOn"))
 
 
 def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
@@ -300,13 +300,14 @@ def _bindings(ontology: Ontology, steps: list[str]) -> Iterator[Flow]:
 
 def _bound(ontology: Ontology, roles: list[str], tasks_of_roles: dict[str, str], binding: str) -> Iterator[Flow]:
     known = [(role, tasks_of_roles[role]) for role in roles if role in tasks_of_roles]
-    outputs = [(role, task) for role, task in known if _property(_kind(ontology, role)) == OUTPUT]
+    outputs = [(role, task) for role, task in known if _property(ontology, _kind(ontology, role)) == OUTPUT]
     for created, producer in outputs:
         for role, consumer in known:
             if consumer != producer and (role, consumer) not in outputs:
                 span = next((triple.span for triple in ontology.triples(o=role) if triple.subject == binding), None)
                 resource = _passed(ontology, (created, producer), (role, consumer))
-                yield Flow(producer, consumer, resource, shorten(_property(_kind(ontology, role))), binding, span)
+                used_by = shorten(_property(ontology, _kind(ontology, role)))
+                yield Flow(producer, consumer, resource, used_by, binding, span)
 
 
 def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) -> str | None:
@@ -318,7 +319,7 @@ def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) ->
         [
             filling.term
             for filling in _roles(ontology, task)
-            if filling.property == _property(_kind(ontology, role)) and isinstance(filling.term, str)
+            if filling.property == _property(ontology, _kind(ontology, role)) and isinstance(filling.term, str)
         ]
         for role, task in (made, used)
     )

@@ -119,6 +119,23 @@ def test_a_map_is_found_by_its_things_though_they_do_not_say_that_it_describes_t
     assert found(client, expression="mapOf some Refrigerator") == []
 
 
+SOMA_MAP = """\
+@prefix : <http://example.org/corner.owl#> .
+@prefix soma: <http://www.ease-crc.org/ont/SOMA.owl#> .
+:corner a <http://knowrob.org/kb/knowrob.owl#SemanticEnvironmentMap> .
+:glass1 a soma:WaterGlass ; soma:hasShape [ soma:hasRadius 0.04 ; soma:hasLength 0.1 ] ;
+  soma:hasLocalization [ soma:hasSpaceRegion [ soma:hasPositionVector "1 0 0.05" ] ] .
+"""
+
+
+def test_a_map_in_somas_words_is_found_by_knowrobs(client: TestClient) -> None:
+    made = client.post("/v1/environments?name=words", content=SOMA_MAP)
+    assert made.status_code == HTTPStatus.CREATED, made.text
+    assert found(client, expression="mapOf some DrinkingGlass") == ["corner.words"]
+    assert found(client, expression="mapOf some <http://www.ease-crc.org/ont/SOMA.owl#Glass>") == ["corner.words"]
+    assert found(client, expression="mapOf some Cupboard") == []
+
+
 def test_words_are_parts_of_labels_and_names_in_any_case(client: TestClient) -> None:
     assert found(client, label="SERVE a d") == [SERVING]
     assert found(client, label="graspbottle", kind="recipes") == [SERVING]

@@ -1,0 +1,113 @@
+"""Maps that name links of a URDF, as those of KnowRob 2: classes in OWL, poses and shapes in the URDF.
+
+An individual with ``hasBaseLinkName`` is the object that planlang reads from that link. The map imports the URDF, or it
+lies beside the map and has its name or one stated there (``hasPersistentIdentifier`` of what ``hasDataFormat`` URDF).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+from planlang.designators import local_name
+from planlang.diagnostics import BadInput, Diagnostic, note, unread
+from planlang.ontology import Literal, Ontology, Triple, expand
+from planlang.ontology.documents import Document, Reading, read_all
+from planlang.ontology.terms import RDF
+from planlang.ontology.triples import Triples
+from planlang.ontology.urdf_world import NAMESPACE, USUAL
+
+LINKS = ("hasBaseLinkName", "hasURDFName")
+"""Properties from an object to the name of its link."""
+
+
+def is_on_disk(document: Document) -> bool:
+    """Check whether a document is the content of its file: files beside an uploaded text are not its own."""
+    try:
+        return document.path.is_file() and hashlib.sha256(document.path.read_bytes()).hexdigest() == document.sha256
+    except OSError:
+        return False
+
+
+def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
+    """Make each individual that names a link of a URDF the object of that link; errors are appended to ``notes``."""
+    names: dict[str, str] = {}
+    named: dict[str, Triple] = {}
+    for triple in ontology.using(*LINKS):
+        if isinstance(triple.object, Literal) and isinstance(triple.subject, str):
+            names.setdefault(quote(triple.object.value.strip(), safe=""), triple.subject)
+            named.setdefault(triple.subject, triple)
+    worlds = [one for one in ontology.readings if one.document.iri and one.document.iri.startswith(NAMESPACE)]
+    added = [] if worlds else list(_worlds(ontology, notes))
+    if not worlds and not added:
+        first = next(iter(named.values()))
+        message = (
+            f"{len(named)} objects are links of a URDF, such as {_shown(first)}, which is not here: they have no pose"
+        )
+        help = f"put it beside this file, as {Path(first.span.file).stem}.urdf, or import it (owl:imports)"
+        notes.append(unread("M033", message, first.span, help))
+        return ontology
+    linked: set[str] = set()
+    readings = [*(_linked(one, names, ontology, linked) for one in (*ontology.readings, *added))]
+    notes += [diagnostic for one in added for diagnostic in one.unread]
+    lost = [triple for thing, triple in named.items() if thing not in linked]
+    if lost:
+        message = (
+            f"{len(lost)} of {len(named)} objects are links without a shape in the URDF, such as {_shown(lost[0])}"
+        )
+        notes.append(note("M033", message, lost[0].span))
+    return Ontology(readings)
+
+
+def _text(stated: Triple) -> str:
+    return stated.object.value.strip() if isinstance(stated.object, Literal) else str(stated.object)
+
+
+def _shown(link: Triple) -> str:
+    return f"{local_name(str(link.subject))} ({_text(link)})"
+
+
+def _worlds(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[Reading]:
+    """Yield the readings of the URDFs that belong to the documents of an ontology."""
+    stated = {str(triple.subject) for triple in ontology.using("hasDataFormat") if "urdf" in str(triple.object).lower()}
+    for document in ontology.documents:
+        if not is_on_disk(document):
+            continue
+        ids = (one for one in ontology.using("hasPersistentIdentifier") if str(one.subject) in stated)
+        own = [
+            one.object.value for one in ids if isinstance(one.object, Literal) and one.span.file == str(document.path)
+        ]
+        uses_links = any(one.span.file == str(document.path) for one in ontology.using(*LINKS))
+        for name in dict.fromkeys((*own, *((document.path.stem,) if uses_links else ()))):
+            path = document.path.parent / f"{Path(name).name.removesuffix('.urdf')}.urdf"
+            if path.is_file():
+                try:
+                    yield from read_all(path, (), builtin=False)
+                except BadInput as problem:
+                    notes += problem.diagnostics
+
+
+def _linked(reading: Reading, names: dict[str, str], ontology: Ontology, linked: set[str]) -> Reading:
+    """Give the objects of a URDF the IRIs of the individuals that name their links."""
+    iri = reading.document.iri or ""
+    if not iri.startswith(NAMESPACE):
+        return reading
+    things = {name: thing for name, thing in names.items() if reading.triples.find(f"{iri}#{name}") is not None}
+    linked.update(things.values())
+    renamed = reading.triples.renamed({f"{iri}#{name}": thing for name, thing in things.items()})
+    known = {thing for thing in things.values() if _says_more(ontology, thing)}
+    leaves = {expand(cls) for cls in USUAL.values()}  # what a joint says of a link
+    kept = [
+        triple
+        for triple in renamed
+        if triple.predicate != RDF.type or triple.subject not in known or triple.object in leaves
+    ]
+    return Reading(reading.document, Triples.of(kept, str(reading.document.path)), (), reading.unread)
+
+
+def _says_more(ontology: Ontology, thing: str) -> bool:
+    """Check whether the classes of an individual say more than that it is a thing somewhere."""
+    things = expand("EnduringThing-Localized")
+    return any(ontology.is_a(cls, things) and len(ontology.ancestors(cls)) > 3 for cls in ontology.types(thing))
