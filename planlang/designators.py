@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
@@ -453,9 +453,39 @@ def located(where: Location, what: Object | None = None) -> Condition:
     return Condition("located", (where,) if what is None else (where, what))
 
 
-def local_name(iri: str) -> str:
+_READABLE: dict[str, str] = {}
+"""IRI, or its local part -> readable name."""
+_NAMED: dict[str, str] = {}
+"""Readable name -> its IRI."""
+
+
+def local_part(iri: str) -> str:
     """Return the part of an IRI after ``#`` or the last ``/``."""
     return iri.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
+
+
+def local_name(iri: str) -> str:
+    """Return the readable name of an IRI if :func:`label_iris` gave it one, else its :func:`local_part`."""
+    return _READABLE.get(iri) or local_part(iri)
+
+
+def label_iris(names: Mapping[str, str]) -> None:
+    """Give readable names to IRIs (IRI -> name) whose local part is a number or random letters.
+
+    Plans and ontologies do so for what they load; the names are for people, the IRIs identify things. An IRI keeps the
+    first name that it gets in a process; a name that another IRI has is extended by the end of the local part.
+    """
+    for iri, name in names.items():
+        if iri in _READABLE:
+            continue
+        part = local_part(iri)
+        if _NAMED.get(name, iri) != iri:
+            name = f"{name}_{part[-4:]}"
+        if _NAMED.get(name, iri) != iri:
+            name = f"{name}_{part}"
+        _READABLE[iri] = name
+        _NAMED[name] = iri
+        _READABLE.setdefault(part, name)
 
 
 def snake_case(name: str) -> str:
