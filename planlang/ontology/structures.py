@@ -8,6 +8,7 @@ which triples state it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
@@ -437,14 +438,14 @@ class Structures:
             if item is BROKEN:
                 return None
             parts.append(item)
-        kinds = wanted.split()
-        expected = _fitted(kinds, len(parts))
-        shown = self._shown(word, [_shown_kind(kind) for kind in kinds])
+        expected = _fitted(wanted, len(parts))
         if expected is None:
+            shown = self._shown(word, list(map(_shown_kind, wanted.split())))
             self.fail(f"{word} has {len(parts)} part{'s' * (len(parts) != 1)}", span, f"write {shown}")
             return None
         for place, (part, kind) in enumerate(zip(parts, expected, strict=True), start=1):
             if not _KINDS[kind].fits(part):
+                shown = self._shown(word, list(map(_shown_kind, wanted.split())))
                 message = f"part {place} of {word} has to be {_KINDS[kind].text}"
                 self.fail(message, part.span, f"write {shown}")
                 return None
@@ -457,8 +458,10 @@ def _without_notes(items: Sequence[Any]) -> tuple[list[Annotation], list[Any]]:
     return list(items[:count]), list(items[count:])
 
 
-def _fitted(kinds: Sequence[str], count: int) -> list[str] | None:
+@lru_cache(1000)
+def _fitted(wanted: str, count: int) -> list[str] | None:
     """Repeat the kinds of parts as often as there are parts; None if there are too few or too many."""
+    kinds = wanted.split()
     least = sum(not kind.endswith("?") for kind in kinds)
     more = count - least
     is_open = any(kind.endswith("+") for kind in kinds)
