@@ -469,6 +469,16 @@ def local_name(iri: str) -> str:
     return _READABLE.get(iri) or local_part(iri)
 
 
+def has_label(iri: str) -> bool:
+    """Check whether :func:`label_iris` gave an IRI a readable name."""
+    return iri in _READABLE
+
+
+def is_called(iri: str, name: str) -> bool:
+    """Check whether a name that a person wrote is that of an IRI: the IRI, its local part, or its readable name."""
+    return name in (iri, local_part(iri)) or name.replace(" ", "_") == local_name(iri)
+
+
 def label_iris(names: Mapping[str, str]) -> None:
     """Give readable names to IRIs (IRI -> name) whose local part is a number or random letters.
 

@@ -80,8 +80,9 @@ class SemanticMap:
         return any(True for _ in self.ontology.using("linkToMapFile"))
 
     def find(self, name: str) -> MapObject | None:
-        """Find an object by IRI or by name."""
-        return self._known.get(name)
+        """Find an object by IRI, by name, or by what else it is called."""
+        known = self._known.get(name)
+        return known or next((one for one in self.objects if has_label(one.iri) and is_called(one.iri, name)), None)
 
     def is_a(self, thing: MapObject, *classes: str) -> bool:
         """Check whether an object is of one of these classes."""
