@@ -469,14 +469,15 @@ def local_name(iri: str) -> str:
     return _READABLE.get(iri) or local_part(iri)
 
 
-def has_label(iri: str) -> bool:
-    """Check whether :func:`label_iris` gave an IRI a readable name."""
-    return iri in _READABLE
+def names_of(iri: str) -> tuple[str, ...]:
+    """Return what people may write for an IRI that :func:`label_iris` named; nothing for other IRIs."""
+    name = _READABLE.get(iri)
+    return () if name is None else (name, name.replace("_", " "), local_part(iri))
 
 
 def is_called(iri: str, name: str) -> bool:
-    """Check whether a name that a person wrote is that of an IRI: the IRI, its local part, or its readable name."""
-    return name in (iri, local_part(iri)) or name.replace(" ", "_") == local_name(iri)
+    """Check whether a person may call an IRI so: by itself, its local name, or a name of :func:`names_of`."""
+    return name in (iri, local_name(iri)) or name in names_of(iri)
 
 
 def label_iris(names: Mapping[str, str]) -> None:

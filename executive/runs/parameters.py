@@ -282,7 +282,11 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
     things = [one for one in semantic_map.objects if one not in rooms and one.pose is not None]
     selected: dict[str, None] = {}
     for word in words:
-        names = [one.name for one in things if word in (ALL, one.name) or is_called(one.iri, word) or semantic_map.is_a(one, word)]
+        names = [
+            one.name
+            for one in things
+            if word in (ALL, one.name) or is_called(one.iri, word) or semantic_map.is_a(one, word)
+        ]
         if not names:
             known = [one.name for one in things]
             types = dict.fromkeys(cls for one in things for cls in one.types)
