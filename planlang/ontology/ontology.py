@@ -43,7 +43,7 @@ def load(
     also: Sequence[Path] = (),
     content: bytes | None = None,
 ) -> Ontology:
-    """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, if ``builtin``, the bundled vocabulary.
+    """Read a file in any syntax of OWL with its imports and, if ``builtin``, the bundled vocabulary.
 
     Imports are searched beside the file, in ``folders``, then among the bundled ontologies; never on the network.
     ``also``: files to read as if the first one imported them. ``content``: bytes of the first document, which then
