@@ -91,7 +91,7 @@ def _is_class(one: Expression) -> bool:
 
 
 def _is_range(one: Expression) -> bool:
-    return _is_name(one) or one.kind == "facets" or (one.kind in _JUNCTIONS and one.data)
+    return _is_name(one) or one.is_range
 
 
 def _is_number(one: Expression) -> bool:
@@ -450,6 +450,15 @@ class Structures:
                 self.fail(message, part.span, f"write {shown}")
                 return None
         return parts
+
+
+def fits(word: str, parts: Sequence[Expression], place: int | None = None) -> bool:
+    """Check whether an axiom or expression takes these parts, without its number; with ``place`` one part there."""
+    wanted = (EXPRESSIONS.get(word) or AXIOMS[word]).parts.removeprefix("number ")
+    if place is not None:
+        return _KINDS[wanted.split()[place].rstrip("+?")].fits(parts[0])
+    expected = _fitted(wanted, len(parts))
+    return expected is not None and all(_KINDS[kind].fits(part) for kind, part in zip(expected, parts, strict=True))
 
 
 def _without_notes(items: Sequence[Any]) -> tuple[list[Annotation], list[Any]]:

@@ -12,6 +12,7 @@ from rdf_graphs import graph_of, same
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.ontology import Literal, Triple, load
+from planlang.ontology.convert import Target, write
 from planlang.ontology.documents import read_syntax
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
@@ -265,3 +266,13 @@ def test_a_folder_of_several_syntaxes_is_one_ontology(tmp_path: Path) -> None:
     ontology = load(tmp_path / "main.omn", builtin=False)
     assert not ontology.diagnostics
     assert ontology.is_a("http://example.org/words#Mug", "http://example.org/words#Cup")
+
+
+def test_every_axiom_survives_being_written_in_functional_syntax_and_horned_owl_reads_it_alike() -> None:
+    triples = read(f"{HEAD}{EVERY_AXIOM})\n")
+    text, lost = write(triples, Target.FUNCTIONAL, {"": T})
+    assert not lost
+    assert same(graph_of(read(text)), graph_of(triples))
+    expected = pyhornedowl.open_ontology_from_string(f"{HEAD}{EVERY_AXIOM})\n", "ofn").get_axioms()
+    found = pyhornedowl.open_ontology_from_string(text, "ofn").get_axioms()
+    assert len(found) >= len(expected) - 1  # keys of properties and of data are one axiom
