@@ -392,6 +392,11 @@ class Structures:
 
     def _axiom(self, word: str, rule: _Rule, items: list[Any], span: Span) -> Any:
         notes, rest = _without_notes(items)
+        first, *_, last = rule.parts.split() * 2
+        if len(rest) == 1 and last == f"{first}+" and isinstance(rest[0], Expression | Entity):
+            message = f"{word} with one part states nothing and is ignored"  # as old versions of the OWL API write
+            self.warn_once("O010", message, span, "remove it, or add what it is about")
+            return Axiom(word, span)
         parts = self._parts(word, rule.parts, rest, span)
         if parts is None:
             return BROKEN

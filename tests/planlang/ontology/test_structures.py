@@ -259,6 +259,13 @@ def test_a_rule_is_named_and_left_out() -> None:
     assert len(parsed.triples) == 2
 
 
+@pytest.mark.parametrize("axiom", ["DisjointClasses(:A)", "SameIndividual(:a)", "EquivalentDataProperties(:d)"])
+def test_an_axiom_of_several_things_that_has_one_is_left_out_with_a_warning(axiom: str) -> None:
+    parsed = read_syntax(f"{HEAD}{axiom})".encode(), "t.ofn", base="http://example.org/base", label="b")
+    assert [one.code for one in parsed.diagnostics] == ["O010"]
+    assert len(parsed.triples) == 2
+
+
 def test_a_folder_of_several_syntaxes_is_one_ontology(tmp_path: Path) -> None:
     (tmp_path / "words.ofn").write_text("Ontology(<http://example.org/words> SubClassOf(<#Mug> <#Cup>))")
     (tmp_path / "more.owx").write_text(in_xml("<Import>http://example.org/words</Import>"))
