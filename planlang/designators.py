@@ -14,6 +14,11 @@ from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
 
+from planlang.iris import is_called as is_called
+from planlang.iris import label_iris as label_iris
+from planlang.iris import local_name as local_name
+from planlang.iris import local_part as local_part
+from planlang.iris import names_of as names_of
 from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.records import dataclass
@@ -451,11 +456,6 @@ def located(where: Location, what: Object | None = None) -> Condition:
     if what is not None:
         _LOCATED.instance("what", what, Object, "an object")
     return Condition("located", (where,) if what is None else (where, what))
-
-
-def local_name(iri: str) -> str:
-    """Return the part of an IRI after ``#`` or the last ``/``."""
-    return iri.rsplit("#", 1)[-1].rsplit("/", 1)[-1]
 
 
 def snake_case(name: str) -> str:

@@ -28,7 +28,7 @@ from executive.maps.statements import (
     text_of,
     with_placements,
 )
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.diagnostics import Diagnostic
 from planlang.ontology import Ontology, Term, Triple, expand
 from planlang.ontology.terms import RDF
@@ -131,7 +131,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
         return statements
     ontology = belief.map.ontology
     stated = [one for one in _linked(thing, ontology) if _is_joint(one, belief)]
-    iri = stated[0] if stated else f"{thing.iri.rpartition(local_name(thing.iri))[0]}joint_{local_name(thing.iri)}"
+    iri = stated[0] if stated else f"{thing.iri.rpartition(local_part(thing.iri))[0]}joint_{local_part(thing.iri)}"
     facts: list[tuple[str, Term]] = []
     if not any(ontology.triples(iri, expand("maxJointValue"))):
         facts += [("minJointValue", decimal(joint.lower)), ("maxJointValue", decimal(joint.upper))]

@@ -37,6 +37,7 @@ class Syntax(Enum):
     TURTLE = "turtle"
     NTRIPLES = "ntriples"
     RDFXML = "rdfxml"
+    FUNCTIONAL = "functional"
 
 
 class Reading(Enum):

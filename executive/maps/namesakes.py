@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from executive.maps.class_names import is_kind
 from executive.maps.semantic_map import MapObject
-from planlang.designators import Object, local_name
+from planlang.designators import Object, is_called, local_name
 from planlang.ontology import Ontology
 
 
@@ -23,7 +23,7 @@ def namesakes(ontology: Ontology, things: Iterable[MapObject], what: Object) -> 
         return same
     written = local_name(what.iri)
     ways: tuple[Callable[[MapObject], bool], ...] = (
-        lambda thing: local_name(thing.iri) == written,
+        lambda thing: is_called(thing.iri, written),
         lambda thing: _folded(local_name(thing.iri)) == _folded(written),
         lambda thing: _folded(ontology.label(thing.iri) or "") == _folded(written),
     )

@@ -15,7 +15,7 @@ from executive.maps.class_parts import StatedObject, parts_of_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
 from executive.maps.soma import in_known_words
 from executive.maps.unread import settled
-from planlang.designators import local_name, unused_name
+from planlang.designators import local_name, names_of, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
@@ -68,7 +68,8 @@ class SemanticMap:
 
     def __post_init__(self) -> None:
         backwards = self.objects[::-1]  # so that the first of several objects wins
-        known = {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
+        known = {name: thing for thing in backwards for name in names_of(thing.iri)}
+        known |= {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
         object.__setattr__(self, "_known", known)
         object.__setattr__(self, "_kinds", {})
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})

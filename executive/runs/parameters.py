@@ -14,7 +14,7 @@ from executive.maps.contents import is_content
 from executive.maps.environments import environments_with
 from executive.maps.namesakes import namesakes
 from planlang.action_classes import nearest_unstated
-from planlang.designators import ActionClass, Location, Object, Person, local_name
+from planlang.designators import ActionClass, Location, Object, Person, is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
@@ -282,7 +282,11 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
     things = [one for one in semantic_map.objects if one not in rooms and one.pose is not None]
     selected: dict[str, None] = {}
     for word in words:
-        names = [one.name for one in things if word in (ALL, one.name, one.iri) or semantic_map.is_a(one, word)]
+        names = [
+            one.name
+            for one in things
+            if word in (ALL, one.name) or is_called(one.iri, word) or semantic_map.is_a(one, word)
+        ]
         if not names:
             known = [one.name for one in things]
             types = dict.fromkeys(cls for one in things for cls in one.types)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from executive.robots import Availability, FindingKind, Missing, Robot, possessions_of
 from executive.robots.tasks import match
 from planlang.action_classes import ancestors_of, nearest_unstated
-from planlang.designators import action_class, local_name
+from planlang.designators import action_class, is_called
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.language.branches import Branch
 from planlang.language.plans import Plan
@@ -87,7 +87,7 @@ def main_plan(module: ModuleType, task: str | None) -> Plan[Any, Any]:
     if task is None:
         return plans[-1]
     for plan in plans:
-        if task in (plan.name, plan.iri, local_name(plan.iri or "")):
+        if task == plan.name or is_called(plan.iri or "", task):
             return plan
     advice = f"this file defines {', '.join(plan.name for plan in plans)}"
     raise BadInput([error("R001", f"there is no task {task}", Span(str(module.__file__)), advice)])

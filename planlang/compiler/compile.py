@@ -68,8 +68,9 @@ def emit(
     constants = [line for thing in symbols.things() if thing.slot is None for line in _thing(symbols, thing)]
     constants += [line for place, name in symbols.postures() for line in _posture(symbols, place, name)]
     classes = _classes(symbols)
+    readable = _readable(symbols)
     parts = ["", *_imports(symbols), "", *_namespaces(symbols)]
-    for block in (classes, constants):
+    for block in (readable, classes, constants):
         parts += ["", *block] if block else []
     for block in functions:
         parts += ["", "", *block]
@@ -112,6 +113,14 @@ def _namespaces(symbols: Symbols) -> list[str]:
     return [
         line for name, start in symbols.namespaces() for line in assignment([Text(name)], Text(quoted(start)), depth=0)
     ]
+
+
+def _readable(symbols: Symbols) -> list[str]:
+    """State the names of IRIs that end in a number or in random letters."""
+    if not symbols.readable:
+        return []
+    named = [f"{INDENT}{INDENT}{iri.flat()}: {name}," for iri, name in symbols.readable.values()]
+    return [f"{symbols.use('label_iris')}(", f"{INDENT}{{", *named, f"{INDENT}}}", ")"]
 
 
 def _classes(symbols: Symbols) -> list[str]:

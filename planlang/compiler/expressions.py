@@ -34,7 +34,7 @@ from planlang.compiler.tree import (
     uses_of_places,
     uses_of_recoveries,
 )
-from planlang.designators import local_name, snake_case
+from planlang.designators import local_name, local_part, snake_case
 from planlang.recipe.model import Constraint, Kind, Name, Part, Place, RecipeSet, Thing
 from planlang.recoveries import registered_strategies
 
@@ -50,7 +50,7 @@ PLANLANG = frozenset(
 DESIGNATORS = frozenset(
     (
         *("Location", "Object", "Person", "a_device", "a_location", "a_person", "a_pose", "a_posture"),
-        *("a_situation", "an_object", "resting_on"),
+        *("a_situation", "an_object", "label_iris", "resting_on"),
     )
 )
 """Names for things and places that a plan imports from ``planlang.designators``."""
@@ -79,6 +79,8 @@ class Symbols:
         self._explained: set[str] = set()
         """Places and templates of constraints (IRIs) whose description has been written."""
         self._classes: dict[str, str] = {}
+        self.readable: dict[str, tuple[Sum, str]] = {}
+        """IRIs that the plan uses and that have readable names: their expressions and names."""
         self.devices = dict(tree.devices)
         self.stated = dict(tree.classes)
         uses = uses_of_classes(tree)
@@ -129,7 +131,10 @@ class Symbols:
         start = namespace(iri)
         if start not in self._namespaces:
             self._namespaces[start] = self._claim(_stem(start).upper())
-        return Sum(self._namespaces[start], quoted(iri[len(start) :]))
+        found = Sum(self._namespaces[start], quoted(iri[len(start) :]))
+        if local_name(iri) != local_part(iri):
+            self.readable.setdefault(iri, (found, quoted(local_name(iri))))
+        return found
 
     def action_class(self, cls: str) -> str:
         """Constant of an action class that the plan declares."""
@@ -190,7 +195,7 @@ class Symbols:
 
 def namespace(iri: str) -> str:
     """Everything before the local name of an IRI."""
-    return iri[: len(iri) - len(local_name(iri))]
+    return iri[: len(iri) - len(local_part(iri))]
 
 
 def quoted(text: str) -> str:

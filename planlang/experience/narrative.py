@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.diagnostics import Span
 from planlang.experience.model import (
     About,
@@ -58,7 +58,7 @@ class _Writer:
     def __init__(self, experience: Experience, base: str, began: float) -> None:
         self.triples: list[Triple] = []
         self._experience, self._base, self._began = experience, base, began
-        plan = re.sub(r"[^A-Za-z0-9_-]", "_", local_name(experience.iri or experience.plan))[:80]
+        plan = re.sub(r"[^A-Za-z0-9_-]", "_", local_part(experience.iri or experience.plan))[:80]
         self._episode = f"{base}#{plan if _NAME.fullmatch(plan) else 'plan'}_episode"
         self._named: dict[object, str] = {}
         """Key of an individual that several activities share -> its IRI."""
@@ -316,7 +316,7 @@ class _Writer:
 
 
 def _space_of(iri: str | None) -> str:
-    return "" if iri is None else iri.removesuffix(local_name(iri))
+    return "" if iri is None else iri.removesuffix(local_part(iri))
 
 
 def text_literal(text: str) -> Literal:

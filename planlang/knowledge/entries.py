@@ -16,7 +16,7 @@ from statistics import median
 from typing import Protocol
 from urllib.parse import unquote
 
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.records import dataclass
 
@@ -175,7 +175,7 @@ def uid_of(about: str, name: str) -> str:
     Both are in lower case without spaces, as in RoboEarth's database. An IRI and its percent-encoded URI (RFC 3987)
     give the same identifier. Raises ValueError, with the reason, for anything but letters, digits, ``_`` and ``-``.
     """
-    parts = ["".join(_normal(part).split()).lower() for part in (local_name(about), name)]
+    parts = ["".join(_normal(part).split()).lower() for part in (local_part(about), name)]
     for part in parts:
         if not _is_part(part):
             raise ValueError(

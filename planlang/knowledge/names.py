@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from itertools import chain
 
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.ontology.terms import OWL
 
 LONGEST_GUESSED = 80
@@ -36,7 +36,7 @@ class Names:
 
     def add(self, iri: str) -> None:
         """Add a name defined by an entry, unless the vocabulary has it."""
-        name = local_name(iri)
+        name = local_part(iri)
         known = self._own.get(name)
         if name in self._vocabulary or (known and iri in known):
             return
@@ -47,7 +47,7 @@ class Names:
 
     def of(self, name: str) -> tuple[str, ...]:
         """Return the IRIs of a name, sorted; empty for an unknown name."""
-        if name == local_name(OWL.Thing):  # a vocabulary may have a Thing of its own, but the bare name means all
+        if name == local_part(OWL.Thing):  # a vocabulary may have a Thing of its own, but the bare name means all
             return (str(OWL.Thing),)
         return self._vocabulary.get(name) or self._own.get(name, ())
 
@@ -57,7 +57,7 @@ class Names:
 
     def knows(self, iri: str) -> bool:
         """Return False if the local name of an IRI is known, but with other IRIs."""
-        name = local_name(iri)
+        name = local_part(iri)
         known = (*self._vocabulary.get(name, ()), *self._own.get(name, ()))
         return not known or iri in known or iri == OWL.Thing
 
@@ -101,5 +101,5 @@ def names_in(iris: Iterable[str]) -> dict[str, list[str]]:
     """Group IRIs by local name."""
     found: dict[str, list[str]] = {}
     for iri in iris:
-        found.setdefault(local_name(iri), []).append(iri)
+        found.setdefault(local_part(iri), []).append(iri)
     return found

@@ -339,8 +339,8 @@ def _lists(triples: Triples) -> Iterator[Diagnostic]:
         if triples.objects[row] not in cells:
             one = triples.triple(row)
             word, value = local_name(one.predicate), _shown(one.object)
-            advice = f"write a list: owl:{word} ( {value} ... )"
-            yield warning("O018", f"{word} has {value}, which is no list, and is ignored", one.span, advice)
+            message = f"{word} has {value}, which is no list, and is ignored"
+            yield warning("O018", message, one.span, f"write a list: owl:{word} ( {value} ... )")
     yield from _cycles(triples, rests)
 
 
@@ -437,6 +437,16 @@ def check(ontology: Declarations, paths: Iterable[Path]) -> Iterator[Diagnostic]
                 yield from _undefined_superclasses(ontology, rows)
             yield from _individuals_as_classes(ontology, rows)
             yield from _classes_as_individuals(ontology, rows)
+            yield from _one_of_two_names(ontology.store, rows)
+
+
+def _one_of_two_names(triples: Triples, rows: range) -> Iterator[Diagnostic]:
+    """Yield a warning for individuals that are stated to be the same, if both are described."""
+    for row in [row for row in triples.by(OWL.sameAs) if row in rows][:MOST_WARNINGS]:
+        one, about = triples.triple(row), map(triples.predicates.__getitem__, triples.about(triples.objects[row]))
+        if one.object != one.subject and any(predicate != triples.predicates[row] for predicate in about):
+            names = f"{_shown(one.subject)} and {_shown(one.object)} are stated to be the same individual"
+            yield warning("O046", f"{names}; planlang takes them for two", one.span, "use one IRI for both")
 
 
 def _named_objects(triples: Triples, predicate: str, rows: range) -> dict[str, int]:

@@ -15,6 +15,7 @@ from planlang.ontology.bson import is_bson
 from planlang.ontology.canonical import differences, labelled
 from planlang.ontology.checks import malformed, repair
 from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax, syntax_of
+from planlang.ontology.functional_writer import functional
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
 from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
@@ -28,6 +29,7 @@ class Target(Enum):
     TURTLE = "turtle"
     NTRIPLES = "ntriples"
     RDFXML = "rdfxml"
+    FUNCTIONAL = "functional"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,8 @@ def write(
             return turtle(given, prefixes, name, by_file=by_file), []
         case Target.NTRIPLES:
             return ntriples(labelled(given, by_file=by_file)), []
+        case Target.FUNCTIONAL:
+            return functional(given, prefixes, by_file=by_file)
         case Target.RDFXML:
             return rdfxml(given, prefixes, name, by_file=by_file)
 
@@ -126,7 +130,11 @@ def _compared(
     triples: Sequence[Triple], lost: Sequence[Triple], again: Sequence[Triple], target: Target, span: Span
 ) -> list[Diagnostic]:
     found = []
-    name = {Target.MANCHESTER: "Manchester syntax", Target.RDFXML: "RDF/XML"}.get(target, target.value)
+    name = {
+        Target.MANCHESTER: "Manchester syntax",
+        Target.RDFXML: "RDF/XML",
+        Target.FUNCTIONAL: "functional syntax",
+    }.get(target, target.value)
     if lost:
         first = min(lost, key=lambda triple: triple.span)
         what = f"{len(lost)} statements" if len(lost) > 1 else "a statement"

@@ -214,7 +214,7 @@ def _read(path: Path, content: bytes, *, is_file: bool = True) -> Reading:
     file = str(path)
     digest = hashlib.sha256(content).hexdigest()
     base, label = base_of(path), f"{digest[:8]}-"
-    cache, key = _CACHE if _is_bundled(path) else _OWN, f"{digest} {base} {_reader_digest()}"
+    cache, key = _CACHE if is_bundled(path) else _OWN, f"{digest} {base} {_reader_digest()}"
     packed = cache.load(key) if is_file else None
     if packed is not None:
         with suppress(ValueError):
@@ -241,7 +241,8 @@ def _reader_digest() -> str:
     return digest.hexdigest()
 
 
-def _is_bundled(path: Path) -> bool:
+def is_bundled(path: Path) -> bool:
+    """Check whether a file is one of planlang's own."""
     folders = (bundled("ontologies").resolve(), bundled("recipes").resolve())
     return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Container
 
 from planlang.diagnostics import Span
 from planlang.ontology.canonical import CannotSay, Graph, Names
@@ -53,11 +54,14 @@ class Words:
     def name(self, iri: str) -> str:
         found = self._names.split(iri)
         if found is None:
-            if not _IRI.fullmatch(iri):
-                raise CannotSay(f"{iri!r:.80} is no IRI")
-            return f"<{iri}>"
+            return self.full(iri)
         prefix, local = found
         return local if not prefix and local not in RESERVED and not local[0].isdigit() else f"{prefix}:{local}"
+
+    def full(self, iri: str) -> str:
+        if not _IRI.fullmatch(iri):
+            raise CannotSay(f"{iri!r:.80} is no IRI")
+        return f"<{iri}>"
 
     def term(self, term: Term) -> str:
         match term:
@@ -69,15 +73,18 @@ class Words:
                 return self.name(term)
 
     def literal(self, literal: Literal) -> str:
-        if _UNSAYABLE.search(literal.value):
-            raise CannotSay("a string with a character that no file may have")
         form = _BARE.get(literal.datatype or "")
         if form is not None and form.fullmatch(literal.value):
             return literal.value + ("f" if literal.datatype == XSD.float else "")
-        quoted = '"' + literal.value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-        if literal.language:
-            return f"{quoted}@{literal.language}"
+        quoted = self.quoted(literal)
         return f"{quoted}^^{self.name(literal.datatype)}" if literal.datatype else quoted
+
+    def quoted(self, literal: Literal) -> str:
+        """Write a literal without its datatype."""
+        if _UNSAYABLE.search(literal.value):
+            raise CannotSay("a string with a character that no file may have")
+        quoted = '"' + literal.value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        return f"{quoted}@{literal.language}" if literal.language else quoted
 
     def text(self, expression: Expression, *, inside: bool = False) -> str:
         """Write an expression; ``inside`` another one with parentheses, unless it is unambiguous without."""
@@ -111,8 +118,9 @@ class Words:
 class Expressions:
     """Reads expressions from a graph. Raises CannotSay for a blank node that is no expression."""
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, data_properties: Container[Term] = ()) -> None:
         self._graph = graph
+        self._data_properties = data_properties
 
     def of(self, triple: Triple) -> tuple[Expression, list[Triple]]:
         """Read the expression that is a triple's object; also return its triples, including this one."""
@@ -148,9 +156,11 @@ class Expressions:
         if len(forms) != 1:
             raise CannotSay("a blank node that is no expression")
         kind, triple = forms[0]
-        used += (triple, *self._types(node, (OWL.Class, RDFS.Datatype)))
+        types = self._types(node, (OWL.Class, RDFS.Datatype))
+        used += (triple, *types)
+        data = any(one.object == RDFS.Datatype for one in types)
         if kind == "not":
-            return Expression(kind, at.span, parts=(self._read(triple.object, triple, used, depth - 1),))
+            return Expression(kind, at.span, parts=(self._read(triple.object, triple, used, depth - 1),), data=data)
         items, cells = graph.items(triple)
         used += cells
         if not items:
@@ -158,7 +168,7 @@ class Expressions:
         if len(items) == 1 and kind != "one of":
             return self._item(items[0], at, used, depth, kind)  # equivalent, and the syntax has no junction of one
         parts = tuple(self._item(item, at, used, depth, kind) for item in items)
-        return Expression(kind, at.span, parts=parts)
+        return Expression(kind, at.span, parts=parts, data=data)
 
     def _item(self, item: Term, at: Triple, used: list[Triple], depth: int, kind: str) -> Expression:
         if kind == "one of":
@@ -182,6 +192,7 @@ class Expressions:
         if len(fillers) + len(numbers) != 1 or prop.kind not in ("name", "inverse"):
             raise CannotSay("a restriction with no filler, or with several")
         used += fillers + numbers
+        data = prop.term in self._data_properties
         if fillers:
             (triple,) = fillers
             kind = _FILLERS[triple.predicate]
@@ -190,10 +201,16 @@ class Expressions:
                     raise CannotSay("hasSelf that is not true")
                 return Expression(kind, at.span, parts=(prop,))
             if kind == "value":
-                return Expression(kind, at.span, parts=(prop, Expression("name", at.span, triple.object)))
+                return Expression(
+                    kind,
+                    at.span,
+                    parts=(prop, Expression("name", at.span, triple.object)),
+                    data=isinstance(triple.object, Literal),
+                )
             if isinstance(triple.object, Literal):
                 raise CannotSay("a value where a class belongs")
-            return Expression(kind, at.span, parts=(prop, self._read(triple.object, triple, used, depth - 1)))
+            filler = self._read(triple.object, triple, used, depth - 1)
+            return Expression(kind, at.span, parts=(prop, filler), data=data or filler.is_range)
         (triple,) = numbers
         text = triple.object.value if isinstance(triple.object, Literal) else ""
         if not re.fullmatch(r"[0-9]{1,9}", text):
@@ -205,7 +222,9 @@ class Expressions:
         for qualifier in qualifiers:
             used.append(qualifier)
             parts.append(self._read(qualifier.object, qualifier, used, depth - 1))
-        return Expression(_NUMBERS[triple.predicate], at.span, parts=tuple(parts), number=int(text))
+            data = data or qualifier.predicate == OWL.onDataRange
+        kind = _NUMBERS[triple.predicate]
+        return Expression(kind, at.span, parts=tuple(parts), number=int(text), data=data)
 
     def _facets(self, node: str | BNode, base: str, at: Triple, used: list[Triple]) -> Expression:
         graph = self._graph
@@ -224,7 +243,8 @@ class Expressions:
             facets.append((stated[0].predicate, stated[0].object))
         if not facets:
             raise CannotSay("a datatype without restrictions")
-        return Expression("facets", at.span, parts=(Expression("name", at.span, base),), facets=tuple(facets))
+        named = Expression("name", at.span, base)
+        return Expression("facets", at.span, parts=(named,), facets=tuple(facets), data=True)
 
 
 _ROOT, _IS = "urn:expression", "urn:is"

@@ -45,6 +45,11 @@ class Expression:
     depth: int = 1
     data: bool = False
 
+    @property
+    def is_range(self) -> bool:
+        """True if the syntax says that this is a data range."""
+        return self.data and self.kind in ("and", "or", "not", "one of", "facets")
+
 
 class Statements:
     """Collects triples in the order of the text, and labels blank nodes."""
@@ -102,15 +107,13 @@ class Statements:
 
     def is_data(self, expression: Expression) -> bool:
         """Check whether an expression is a data range, not a class."""
-        if expression.data:
-            return True
         match expression.kind:
             case "name":
                 return isinstance(expression.term, Literal) or expression.term in self._datatypes or _is_xsd(expression)
             case "facets":
                 return True
             case "and" | "or" | "not" | "one of":
-                return any(self.is_data(part) for part in expression.parts)
+                return expression.data or any(self.is_data(part) for part in expression.parts)
         return False
 
     def describe(self, node: BNode, expression: Expression, *, data: bool = False) -> None:

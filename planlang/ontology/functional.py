@@ -102,7 +102,7 @@ class _Reader:
     def _explain(self, problem: UnexpectedInput, text: str, offset: int) -> Diagnostic:
         message, _, spoken = unexpected(problem, GRAMMAR, _SPOKEN, text, offset)
         span = position_of(text, offset, self._file)
-        if self._is_closed and message != "unexpected the end of the file":
+        if spoken == [_SPOKEN["$END"]]:
             advice = "remove a ), or the text that follows; a file has one ontology"
             return error("O020", f"{message} behind the end of the ontology", span, advice)
         expected = ", ".join(spoken[:-1]) + (" or " if len(spoken) > 1 else "") + spoken[-1] if spoken else "nothing"

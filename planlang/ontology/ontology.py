@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from planlang.designators import local_name
+from planlang.designators import label_iris, local_part
 from planlang.diagnostics import Diagnostic, Span
 from planlang.ontology.checks import check
 from planlang.ontology.classes import (
@@ -26,7 +26,8 @@ from planlang.ontology.classes import (
     twin,
     unread_parts,
 )
-from planlang.ontology.documents import Document, Reading, read_all
+from planlang.ontology.documents import Document, Reading, is_bundled, read_all
+from planlang.ontology.naming import LABELS, best_label, readable_names
 from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
 from planlang.ontology.triples import Triples
 
@@ -42,7 +43,7 @@ def load(
     also: Sequence[Path] = (),
     content: bytes | None = None,
 ) -> Ontology:
-    """Read a file in RDF/XML, Turtle or Manchester syntax with its imports and, if ``builtin``, the bundled vocabulary.
+    """Read a file in any syntax of OWL with its imports and, if ``builtin``, the bundled vocabulary.
 
     Imports are searched beside the file, in ``folders``, then among the bundled ontologies; never on the network.
     ``also``: files to read as if the first one imported them. ``content``: bytes of the first document, which then
@@ -50,7 +51,10 @@ def load(
     ``also`` cannot be used; an unusable import is a warning.
     """
     folders = tuple(map(Path, folders))
-    return Ontology(read_all(Path(path), folders, builtin=builtin, also=also, content=content))
+    readings = read_all(Path(path), folders, builtin=builtin, also=also, content=content)
+    if content is None:  # uploads name nothing in the process that serves others
+        label_iris(readable_names(one.triples for one in readings if not is_bundled(one.document.path)))
+    return Ontology(readings)
 
 
 class Ontology:
@@ -180,7 +184,7 @@ class Ontology:
         numbers = self._properties_named.get(names)
         if numbers is None:
             used = ((number, self.store.name(number) or "") for number in self.store.used)
-            numbers = {number: None for number, iri in used if local_name(iri) in names}
+            numbers = {number: None for number, iri in used if local_part(iri) in names}
             self._properties_named[names] = numbers
         return numbers
 
@@ -337,10 +341,9 @@ class Ontology:
         return None if first is None else self.store.span(first)
 
     def label(self, iri: str) -> str | None:
-        """Label of an IRI, preferably in English or without language tag."""
-        labels = [value for value in self.values(iri, RDFS.label) if isinstance(value, Literal)]
-        labels.sort(key=lambda label: not (label.language or "en").startswith("en"))
-        return labels[0].value.strip() if labels else None
+        """Label of an IRI, preferably in English or without language tag, and rdfs:label before skos:prefLabel."""
+        values = (value for prop in LABELS for value in self.values(iri, prop))
+        return best_label(value for value in values if isinstance(value, Literal))
 
     # hierarchies
 

@@ -107,7 +107,8 @@ class _Handler:
         if self.opened and (self.opened[-1].word in _WITH_TEXT):
             self.opened[-1].text.append(data)
         elif not data.isspace():
-            self.structures.fail(f"text between elements: {data.strip()[:40]!r}", self._here(), "remove it")
+            span = self.opened[-1].span if self.opened else self._here()
+            self.structures.fail(f"text between elements: {data.strip()[:40]!r}", span, "remove it")
 
     def _end(self, _: str) -> None:
         opened = self.opened.pop()

@@ -8,6 +8,7 @@ which triples state it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
@@ -90,7 +91,7 @@ def _is_class(one: Expression) -> bool:
 
 
 def _is_range(one: Expression) -> bool:
-    return _is_name(one) or one.kind == "facets" or (one.kind in _JUNCTIONS and one.data)
+    return _is_name(one) or one.is_range
 
 
 def _is_number(one: Expression) -> bool:
@@ -391,6 +392,11 @@ class Structures:
 
     def _axiom(self, word: str, rule: _Rule, items: list[Any], span: Span) -> Any:
         notes, rest = _without_notes(items)
+        first, *_, last = rule.parts.split() * 2
+        if len(rest) == 1 and last == f"{first}+" and isinstance(rest[0], Expression | Entity):
+            message = f"{word} with one part states nothing and is ignored"  # as old versions of the OWL API write
+            self.warn_once("O010", message, span, "remove it, or add what it is about")
+            return Axiom(word, span)
         parts = self._parts(word, rule.parts, rest, span)
         if parts is None:
             return BROKEN
@@ -437,18 +443,27 @@ class Structures:
             if item is BROKEN:
                 return None
             parts.append(item)
-        kinds = wanted.split()
-        expected = _fitted(kinds, len(parts))
-        shown = self._shown(word, [_shown_kind(kind) for kind in kinds])
+        expected = _fitted(wanted, len(parts))
         if expected is None:
+            shown = self._shown(word, list(map(_shown_kind, wanted.split())))
             self.fail(f"{word} has {len(parts)} part{'s' * (len(parts) != 1)}", span, f"write {shown}")
             return None
         for place, (part, kind) in enumerate(zip(parts, expected, strict=True), start=1):
             if not _KINDS[kind].fits(part):
+                shown = self._shown(word, list(map(_shown_kind, wanted.split())))
                 message = f"part {place} of {word} has to be {_KINDS[kind].text}"
                 self.fail(message, part.span, f"write {shown}")
                 return None
         return parts
+
+
+def fits(word: str, parts: Sequence[Expression], place: int | None = None) -> bool:
+    """Check whether an axiom or expression takes these parts, without its number; with ``place`` one part there."""
+    wanted = (EXPRESSIONS.get(word) or AXIOMS[word]).parts.removeprefix("number ")
+    if place is not None:
+        return _KINDS[wanted.split()[place].rstrip("+?")].fits(parts[0])
+    expected = _fitted(wanted, len(parts))
+    return expected is not None and all(_KINDS[kind].fits(part) for kind, part in zip(expected, parts, strict=True))
 
 
 def _without_notes(items: Sequence[Any]) -> tuple[list[Annotation], list[Any]]:
@@ -457,8 +472,10 @@ def _without_notes(items: Sequence[Any]) -> tuple[list[Annotation], list[Any]]:
     return list(items[:count]), list(items[count:])
 
 
-def _fitted(kinds: Sequence[str], count: int) -> list[str] | None:
+@lru_cache(1000)
+def _fitted(wanted: str, count: int) -> list[str] | None:
     """Repeat the kinds of parts as often as there are parts; None if there are too few or too many."""
+    kinds = wanted.split()
     least = sum(not kind.endswith("?") for kind in kinds)
     more = count - least
     is_open = any(kind.endswith("+") for kind in kinds)

@@ -7,7 +7,7 @@ import re
 from functools import cache, lru_cache
 from urllib.parse import urljoin
 
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.diagnostics import Span
 from planlang.files import bundled
 from planlang.records import dataclass
@@ -178,7 +178,7 @@ def expand(name: str) -> str:
 @lru_cache(maxsize=10_000)
 def shorten(iri: str) -> str:
     """Shorten an IRI to the bare name that :func:`expand` maps back to it; other IRIs are unchanged."""
-    name = local_name(iri)
+    name = local_part(iri)
     namespace = iri[: len(iri) - len(name)]
     if namespace == KNOWROB:
         return iri if not name or name in _other_names() else name

@@ -7,7 +7,7 @@ from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 from typing import TypeVar
 
-from planlang.designators import local_name
+from planlang.designators import is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
@@ -151,10 +151,10 @@ def named_action(actions: Actions, wanted: str, span: Span) -> str:
     """
     ontology = actions.ontology
     stated = stated_tasks(actions)
-    matches = [task for task in stated if wanted in (task, local_name(task))]
+    matches = [task for task in stated if is_called(task, wanted)]
     if not matches:
         own = [triple.subject for triple in ontology.triples(p=_TYPE) if isinstance(triple.subject, str)]
-        named = [iri for iri in dict.fromkeys(own) if local_name(iri) == wanted and ontology.defined(iri)]
+        named = [iri for iri in dict.fromkeys(own) if is_called(iri, wanted) and ontology.defined(iri)]
         main = [iri for iri in named if ontology.main(iri)]
         matches = main or [iri for iri in named if iri == expand(wanted)] or named
         matches = matches or [wanted if ontology.defined(wanted) else expand(wanted)]

@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import chain
 from typing import NamedTuple
 
-from planlang.designators import local_name
+from planlang.designators import local_name, local_part
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Restriction, Term, shorten
 from planlang.recipe.model import Dialect, Ending, Flow, Ordering, Overlap, StateMachine, Transition
@@ -110,7 +110,7 @@ def is_word(iri: str, *names: str) -> bool:
     return _local(iri) in names
 
 
-_local = lru_cache(maxsize=10_000)(local_name)  # recipes use few properties, and each statement asks for one
+_local = lru_cache(maxsize=10_000)(local_part)  # recipes use few properties, and each statement asks for one
 
 
 def is_foreign(iri: str) -> bool:

@@ -116,7 +116,8 @@ run drink.omn --picture out.png --report out.html --seed 3 --robot amigo --envir
 """
 
 KINDS: dict[str, tuple[str, ...]] = {
-    "recipe": ("drink.omn", "drink.owl", "drink.ttl", "drink.nt", "soup.omn", "wipe.omn", "cabinet.omn"),
+    "recipe": ("drink.omn", "drink.owl", "drink.ttl", "drink.nt", "drink.ofn", "fetch.owx", "soup.omn", "wipe.omn",
+               "cabinet.omn"),
     "map": ("room.omn", "room.owl", "kitchen.omn", "world.urdf", "grid.yaml", "cloud.pcd", "binary.pcd", "cloud.ply",
             "cloud.xyz", "tree.bt"),
     "robot": ("own.toml", "own.toml", "amigo.toml"),
@@ -132,6 +133,7 @@ BELOW: Mapping[str, tuple[str, ...]] = {
     "world.urdf": ("world.urdf", "world.urdf", "world.toml", "lamp.obj"),
     "grid.yaml": ("grid.yaml", "grid.pgm"),
     "own.srdf": ("own.srdf",),
+    "fetch.owx": ("fetch.owx", "fetch.owx", "catalog-v001.xml", "words.ofn"),
 }
 """Files that are read for a file; one of them is broken."""
 

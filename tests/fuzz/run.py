@@ -36,6 +36,7 @@ import tempfile
 import threading
 import time
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -84,13 +85,31 @@ def case_of(seed: int, number: int, files: list[tuple[str, Path]]) -> Case:
     recipes = [one for one in files if one[0] == "recipes"]
     kind, path = draw.choice(recipes if draw.random() < 0.6 else files)
     other = draw.choice(files)[1].read_bytes()
-    content = path.read_bytes()
+    syntax = draw.choice(("ofn", "owx", None, None, None))
+    content = path.read_bytes() if syntax is None else written(path, syntax)
     if len(content) > LARGEST:
         begin = draw.randrange(len(content) - LARGEST)
         head = content[: LARGEST // 2]
         content = head + content[begin : begin + LARGEST // 2]
     broken, steps = mutated(draw, content, other, path.name)
     return Case(seed, number, kind, path.name, steps, broken)
+
+
+@cache
+def written(path: Path, syntax: str) -> bytes:
+    """A file in functional syntax (ofn) or OWL/XML (owx), as editors save it; unchanged if it cannot be written so."""
+    import pyhornedowl
+
+    from planlang.diagnostics import BadInput
+    from planlang.ontology.convert import Target, convert
+
+    try:
+        text = convert(path, Target.FUNCTIONAL).text
+        if syntax == "owx":
+            text = pyhornedowl.open_ontology_from_string(text, "ofn").save_to_string("owx")
+    except (BadInput, ValueError):
+        return path.read_bytes()
+    return text.encode()
 
 
 class Worker:

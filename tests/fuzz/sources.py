@@ -110,6 +110,37 @@ property float y
 property float z
 end_header
 """
+FETCH = """<?xml version="1.0"?>
+<Ontology xmlns="http://www.w3.org/2002/07/owl#" xml:base="http://example.org/fetch" ontologyIRI="http://example.org/fetch">
+<Prefix name="k" IRI="http://knowrob.org/kb/knowrob.owl#"/>
+<Import>http://knowrob.org/kb/knowrob.owl</Import><Import>http://example.org/words</Import>
+<Declaration><Class IRI="#Fetch"/></Declaration><Declaration><NamedIndividual IRI="#cup1"/></Declaration>
+<SubClassOf><Annotation><AnnotationProperty abbreviatedIRI="k:why"/><Literal xml:lang="en">so</Literal></Annotation>
+<Class IRI="#Fetch"/><Class abbreviatedIRI="k:PurposefulAction"/></SubClassOf>
+<SubClassOf><Class IRI="#Fetch"/><ObjectSomeValuesFrom><ObjectProperty abbreviatedIRI="k:subAction"/>
+<Class IRI="#Take"/></ObjectSomeValuesFrom></SubClassOf>
+<SubClassOf><Class IRI="#Take"/><ObjectIntersectionOf><Class abbreviatedIRI="k:PickingUpAnObject"/>
+<ObjectHasValue><ObjectProperty abbreviatedIRI="k:objectActedOn"/><NamedIndividual IRI="#cup1"/></ObjectHasValue>
+<ObjectMaxCardinality cardinality="1"><ObjectProperty IRI="#on"/></ObjectMaxCardinality>
+</ObjectIntersectionOf></SubClassOf>
+<ClassAssertion><Class IRI="http://example.org/words#SoupCup"/><NamedIndividual IRI="#cup1"/></ClassAssertion>
+<DataPropertyRange><DataProperty IRI="#size"/><DatatypeRestriction><Datatype abbreviatedIRI="xsd:decimal"/>
+<FacetRestriction facet="http://www.w3.org/2001/XMLSchema#minInclusive"><Literal>0</Literal></FacetRestriction>
+</DatatypeRestriction></DataPropertyRange>
+</Ontology>
+"""
+WORDS = """Prefix(:=<http://example.org/words#>)
+Prefix(k:=<http://knowrob.org/kb/knowrob.owl#>)
+Ontology(<http://example.org/words> <http://example.org/words/1>
+SubClassOf(Annotation(k:why "so"@en) :SoupCup ObjectIntersectionOf(k:Cup ObjectSomeValuesFrom(k:on k:Table)))
+)
+"""
+CATALOG = """<?xml version="1.0" encoding="UTF-8" standalone="no"?>
+<catalog prefer="public" xmlns="urn:oasis:names:tc:entity:xmlns:xml:catalog">
+    <group id="Folder Repository" xml:base=""><uri name="http://example.org/words" uri="words.ofn"/></group>
+    <rewriteURI uriStartString="http://example.org/" rewritePrefix="./"/><nextCatalog catalog="catalog-v001.xml"/>
+</catalog>
+"""
 INERTIA = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 BUNDLED = {
     "drink.omn": "recipes/serve_a_drink.omn",
@@ -228,6 +259,9 @@ def make(folder: Path, planlang: Callable[[str], None]) -> None:
         shutil.copyfile(ROOT / source, folder / name)
     (folder / "own.urdf").write_text(own_robot())
     (folder / "own.toml").write_text(OWN_ROBOT)
+    (folder / "fetch.owx").write_text(FETCH)
+    (folder / "words.ofn").write_text(WORDS)
+    (folder / "catalog-v001.xml").write_text(CATALOG)
     (folder / "own.srdf").write_text(SRDF)
     (folder / "world.urdf").write_text(WORLD)
     (folder / "world.toml").write_text(LABELS)
@@ -236,7 +270,7 @@ def make(folder: Path, planlang: Callable[[str], None]) -> None:
     (folder / "author.key").write_text("abcdefghijklmnop\n")
     _mesh(folder)
     _sensed(folder)
-    for syntax, suffix in (("rdfxml", "owl"), ("turtle", "ttl"), ("ntriples", "nt")):
+    for syntax, suffix in (("rdfxml", "owl"), ("turtle", "ttl"), ("ntriples", "nt"), ("functional", "ofn")):
         planlang(f"convert drink.omn --to {syntax} -o drink.{suffix}")
     planlang("convert room.omn --to rdfxml -o room.owl")
     here = "--robot amigo --environment room.omn"

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 
-from planlang.designators import local_name
+from planlang.designators import local_name, local_part
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, is_vocabulary
@@ -329,7 +329,7 @@ def _cased(word: str, like: str) -> str:
 
 
 def _space(iri: str) -> str:
-    return iri[: len(iri) - len(local_name(iri))]
+    return iri[: len(iri) - len(local_part(iri))]
 
 
 SHORTEST = 4

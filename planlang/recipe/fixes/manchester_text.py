@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from itertools import islice
 
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.diagnostics import Span
 from planlang.files import offset_of
 from planlang.ontology.checks import canonical
@@ -44,13 +44,13 @@ class ManchesterText(Editable):
         return [Edit(start, end, self.text[new_start:new_end])]
 
     def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
-        old = local_name(written)
+        old = local_part(written)
         for match in islice(_NAME.finditer(self.text, self._offset(where)), 2):  # in a fact the name comes second
             name = match[0].removesuffix(">")
             if name.endswith(old) and name[: -len(old)][-1:] in ("", ":", "#", "/"):
-                if written.removesuffix(old) == meant.removesuffix(local_name(meant)):
+                if written.removesuffix(old) == meant.removesuffix(local_part(meant)):
                     return [Edit(match.end() - len(match[0]) + len(name) - len(old), match.start() + len(name),
-                                 local_name(meant))]  # fmt: skip
+                                 local_part(meant))]  # fmt: skip
                 return [Edit(match.start(), match.end(), self._written(meant))]
         raise CannotEdit(f"the name {old} is not written there")
 
@@ -66,7 +66,7 @@ class ManchesterText(Editable):
 
     def without_individual(self, where: Span, name: str) -> list[Edit]:
         frames = re.finditer(r"^[ \t]*Individual:\s*(<[^<>\s]*>|\S+)", self.text, re.MULTILINE)
-        heads = [match for match in frames if match[1].removesuffix(">").endswith(local_name(name))]
+        heads = [match for match in frames if match[1].removesuffix(">").endswith(local_part(name))]
         start, end = self._name(where)
         if len(heads) != 1 or heads[0].span(1) != (start, end):
             return []
@@ -151,7 +151,7 @@ class ManchesterText(Editable):
 
     def _written(self, iri: str) -> str:
         """Name in the form that the file uses: with the prefix of its namespace, else as a full IRI."""
-        local = local_name(iri)
+        local = local_part(iri)
         for prefix, namespace in _PREFIX.findall(self.text) if _LOCAL.fullmatch(local) else ():
             if canonical(namespace) == iri.removesuffix(local):
                 return f"{prefix}:{local}".removeprefix(":")

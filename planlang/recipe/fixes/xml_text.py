@@ -8,7 +8,7 @@ from dataclasses import field
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
-from planlang.designators import local_name
+from planlang.designators import local_part
 from planlang.diagnostics import Declaration, Span
 from planlang.ontology.checks import canonical, meant_term
 from planlang.ontology.terms import OWL, RDF, RDFS
@@ -72,21 +72,21 @@ class XmlText(Editable):
 
     def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
         element = self._element(where)
-        is_local = written.removesuffix(local_name(written)) == meant.removesuffix(local_name(meant))
+        is_local = written.removesuffix(local_part(written)) == meant.removesuffix(local_part(meant))
         if element.name == written:
-            namespace = meant.removesuffix(local_name(meant))
+            namespace = meant.removesuffix(local_part(meant))
             prefix = element.tag.rpartition(":")[0] + ":" if is_local else _prefix(element, namespace)
-            return self._tagged(element, prefix.removeprefix(":") + local_name(meant))
+            return self._tagged(element, prefix.removeprefix(":") + local_part(meant))
         for local in ("resource", "about"):
             if RDF + local in _names(element):
                 start, end = self._value(element, local)
-                old = local_name(written)
+                old = local_part(written)
                 if not self.text.endswith(old, start, end):
                     continue
                 if is_local:
-                    return [Edit(end - len(old), end, local_name(meant))]
+                    return [Edit(end - len(old), end, local_part(meant))]
                 return [Edit(start, end, self._in_attribute(element, meant))]
-        raise CannotEdit(f"the name {local_name(written)} is not written there")
+        raise CannotEdit(f"the name {local_part(written)} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
         restriction, parent = self._restriction_of(filler)
@@ -98,8 +98,8 @@ class XmlText(Editable):
 
     def without_individual(self, where: Span, name: str) -> list[Edit]:
         element = _outermost(self._element(where))
-        same = [one for one in self._at.values() if one is not element and _names_it(one, local_name(name))]
-        return [self._whole_lines(element)] if _names_it(element, local_name(name)) and not same else []
+        same = [one for one in self._at.values() if one is not element and _names_it(one, local_part(name))]
+        return [self._whole_lines(element)] if _names_it(element, local_part(name)) and not same else []
 
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
         element = self._element(filler)
@@ -140,7 +140,7 @@ class XmlText(Editable):
             right = meant_term(element.name)
             if right == element.name:
                 continue
-            local = local_name(right)
+            local = local_part(right)
             edits += self._tagged(element, _prefix(element, right.removesuffix(local)) + local)
         return edits
 
@@ -239,7 +239,7 @@ class XmlText(Editable):
 
     def _in_attribute(self, element: Element, iri: str) -> str:
         """IRI in the form that the file uses: with its entity, else with the namespace of its prefix."""
-        local = local_name(iri)
+        local = local_part(iri)
         namespace = iri.removesuffix(local)
         for name, value in self._entities.items():
             if canonical(value) == namespace:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from planlang.designators import local_name
+from planlang.designators import local_name, local_part
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, RDFS
@@ -34,7 +34,7 @@ def read_union(ontology: Ontology, expression: BNode, task: str, span: Span, tim
     if len(names) > MOST_NAMED:
         names = [names[0], f"{len(names) - 1}Others"]
     name = "Or".join(names)
-    start = task[: len(task) - len(local_name(task))]
+    start = task[: len(task) - len(local_part(task))]
     while ontology.defined(start + name):
         name += "Step"
     return _sub_action(task, SubAction(start + name, (), span, times), members)

@@ -17,6 +17,7 @@ from planlang.files import bundled
 from planlang.ontology import BNode, Literal, Term, Triple
 from planlang.ontology.canonical import differences, statements
 from planlang.ontology.convert import Target, write
+from planlang.ontology.documents import read_syntax
 from planlang.ontology.manchester import read_manchester
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD
@@ -462,3 +463,16 @@ def problems(text: str) -> tuple[Diagnostic, ...]:
     except BadInput as problem:
         return problem.diagnostics
     return ()
+
+
+@given(st.lists(frames, min_size=1, max_size=4, unique=True))
+@settings(max_examples=examples(300))
+def test_what_manchester_syntax_says_survives_every_other_syntax(written: list[str]) -> None:
+    text = HEAD + ENTITIES + "\n".join(written)
+    triples = triples_of(text)
+    for target in Target:
+        again, lost = write(triples, target, {})
+        if target is Target.MANCHESTER or lost:  # tested above; two members of a list of several are a pair elsewhere
+            continue
+        read = read_syntax(again.encode(), "t", base="http://example.org/base", label="c").triples
+        assert differences(triples, read) == ([], []), f"{target.value}: {again}"

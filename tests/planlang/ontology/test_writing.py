@@ -176,7 +176,12 @@ def test_the_command_converts_and_tells_what_changes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("target", Target)
 def test_a_text_is_told_to_be_of_the_syntax_that_it_is_written_in(target: Target) -> None:
-    expected = {Target.MANCHESTER: Syntax.MANCHESTER, Target.RDFXML: Syntax.RDFXML}.get(target, Syntax.TURTLE)
+    others = {
+        Target.MANCHESTER: Syntax.MANCHESTER,
+        Target.RDFXML: Syntax.RDFXML,
+        Target.FUNCTIONAL: Syntax.FUNCTIONAL,
+    }
+    expected = others.get(target, Syntax.TURTLE)
     converted = convert(bundled("recipes") / "serve_a_drink.omn", target)
     assert [one.code for one in converted.diagnostics] == ["O053"]  # its comments
     assert syntax_of(converted.text, "t") is expected
