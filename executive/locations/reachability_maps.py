@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from executive.locations.reachability import (
     CELL,
+    LEVELLED,
     POSTURES,
     ROW,
     SAMPLED_AT_ONCE,
@@ -283,8 +284,12 @@ def _scores(chain: Chain, q: Array) -> Array:
 def _few_scores(chain: Chain, q: Array) -> Array:
     jacobian = chain.jacobian(q)
     across = jacobian.transpose(0, 2, 1)
-    squares = jacobian @ across if chain.dof >= 6 else across @ jacobian
-    manipulability = np.sqrt(np.maximum(np.linalg.det(squares), 0.0))
+    freedoms = chain.mobility()
+    if freedoms in (6, chain.dof):
+        squares = np.linalg.det(jacobian @ across if freedoms == 6 else across @ jacobian)
+    else:  # the ellipsoid has no extent in the other directions
+        squares = np.linalg.eigvalsh(jacobian @ across)[:, 6 - freedoms :].prod(axis=1)
+    manipulability = np.sqrt(np.maximum(squares, 0.0))
     spare = np.ones(len(q))
     for joint in np.flatnonzero(~chain.continuous):
         low, high, values = chain.lower[joint], chain.upper[joint], q[:, joint]
@@ -361,7 +366,7 @@ def map_key(arm: ArmModel, grasp: GraspClass) -> str:
     """
     lift = arm.lift
     lifted = None if lift is None else (lift.column, round(lift.per_unit, 9), round(float(lift.rise(lift.highest)), 9))
-    sampling = (POSTURES, SAMPLED_AT_ONCE) if is_bound(arm) else SAMPLING
+    sampling = (POSTURES, SAMPLED_AT_ONCE, LEVELLED) if is_bound(arm) else SAMPLING
     facts = (
         VERSION,
         sampling,

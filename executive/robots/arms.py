@@ -87,6 +87,11 @@ class Lift:
     """Joint position at which the rise is greatest [m]."""
     per_unit: float
 
+    @property
+    def travel(self) -> float:
+        """Greatest rise [m]."""
+        return float(self.rise(self.highest))
+
     def rise(self, position: ArrayLike) -> Array:
         """Convert joint positions to rises [m]."""
         return np.asarray(self.per_unit * (np.asarray(position, float) - self.lowest))
@@ -279,7 +284,8 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
         joints: dict[str, float] = {}
         if robot.torso is not None:
             low, high = world.robot.limits[robot.torso]
-            joints[robot.torso] = low + TORSO * (high - low)
+            slides = read_urdf(robot.urdf).joint(robot.torso).kind == "prismatic"
+            joints[robot.torso] = low + TORSO * (high - low) if slides else min(max(0.0, low), high)
         for arm in robot.arms:
             joints |= _best(robot, arm, joints, world, partial(report, f"carrying posture: {arm.name} arm"))
             report("", 1.0)

@@ -24,7 +24,7 @@ import numpy as np
 from executive.robots import anatomy
 from executive.robots.anatomy import Limb
 from executive.robots.hand_shape import HandShape, shape_of
-from executive.robots.mechanism import Mechanism
+from executive.robots.mechanism import Mechanism, base_joints, grounded
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from executive.robots.vetting import vet
@@ -168,12 +168,13 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
     ``srdf`` is by default the file of the same stem beside it, if there is one; ``named`` is the path of the URDF to
     write into the robot file.
     """
-    mechanism = Mechanism(urdf)
+    still = grounded(urdf)
+    mechanism = Mechanism(still)
     beside = urdf.with_suffix(".srdf")
     source = srdf if srdf is not None else beside if beside.is_file() else None
     srdf_content = read_srdf(source, mechanism) if source is not None else None
     vet(urdf)
-    world = PlanningWorld(Scene(()), RobotBody(urdf, CameraModel(mechanism.root)))
+    world = PlanningWorld(Scene(()), RobotBody(still, CameraModel(mechanism.root)))
     unused = srdf_content.unused if srdf_content is not None else ()
     try:
         return _Maker(Draft(urdf, unused=unused), mechanism, srdf_content, world).make(named or urdf.name)
@@ -248,7 +249,7 @@ class _Maker:
             return True, f"{wheels[0]} turns a wheel"
         if "base_footprint" in self.mechanism.links:
             return True, "base_footprint is the frame of mobile bases (REP 120)"
-        free = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
+        free = base_joints(read_urdf(self.draft.urdf))
         if free:
             return True, f"{free[0]} moves freely"
         return False, "no wheel in the URDF, false if it stands on a base that drives"

@@ -208,6 +208,13 @@ class Urdf:
     gaps: tuple[Diagnostic, ...] = ()
     """Errors in masses, materials and the name of the robot, which have no shape or pose."""
 
+    def joint(self, name: str) -> Joint:
+        """Find a joint by its name. Raises KeyError."""
+        found = next((joint for joint in self.joints if joint.name == name), None)
+        if found is None:
+            raise KeyError(f"{self.path.name} has no joint {name!r}")
+        return found
+
     def plain(self) -> Element:
         """Copy what the format knows, without extensions; joints have the type, axis and limits that were read."""
         robot = _plain(self.tree)
