@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from executive.robots import anatomy
-from executive.robots.anatomy import Limb
+from executive.robots.anatomy import TURNS, Anatomy, Limb, is_arm
 from executive.robots.hand_shape import HandShape, shape_of
 from executive.robots.mechanism import Mechanism, base_joints, grounded
 from executive.robots.robot import CARRYING
@@ -48,8 +48,6 @@ USUAL_OPENING = 0.07
 """Example of an opening where it is missing [m]."""
 USUAL_LIMITS = {"revolute": (-2.9, 2.9), "prismatic": (0.0, 0.3)}
 """Example of a range where the URDF's is implausible [rad, m]."""
-TURNS = 8 * np.pi
-"""A greater range of a revolute joint is presumed to be an error [rad]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
 
 
@@ -195,7 +193,9 @@ class _Maker:
 
     def __init__(self, draft: Draft, mechanism: Mechanism, srdf: Srdf | None, world: PlanningWorld) -> None:
         self.draft, self.mechanism, self.srdf, self.world = draft, mechanism, srdf, world
+        self.anatomy = Anatomy(mechanism)
         self.limbs = self._limbs()
+        self.lift = anatomy.lift(mechanism, [limb.hand for limb in self.limbs])
         self.movers = {name for limb in self.limbs for name in mechanism.movers(limb.hand)}
         """Joints that move a hand, those of a torso included."""
 
@@ -203,6 +203,8 @@ class _Maker:
         first = self.draft.table()
         first.add("name", read_urdf(self.draft.urdf).tree.get("name") or self.draft.urdf.stem)
         first.add("urdf", urdf)
+        if self.lift is not None:
+            first.add("torso", self.lift.name, "raises the arms")
         if self.srdf is not None and self.srdf.touching:
             first.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
         self._base()
@@ -211,8 +213,7 @@ class _Maker:
         for limb in self.limbs:
             self._arm(limb, names)
         if not self.limbs:
-            what = f"no chain of {anatomy.LEAST_ARM} or more joints ends in a hand: the robot cannot reach anything"
-            self.draft.table("arms", "arm").add("tip", self.mechanism.root, what, Status.MISSING)
+            self._no_arm()
         self._camera()
         self._speeds()
         self._postures()
@@ -222,10 +223,9 @@ class _Maker:
         """Find the arms: those that end at end effectors of the SRDF, else those of the kinematic tree."""
         end_effectors = self.srdf.end_effectors if self.srdf is not None else ()
         at_end_effectors = (
-            anatomy.limb_of(self.mechanism, one.parent_link, one.parent_group or one.name) for one in end_effectors
+            self.anatomy.limb_of(one.parent_link, one.parent_group or one.name) for one in end_effectors
         )
-        arms = [limb for limb in at_end_effectors if limb is not None] or list(anatomy.limbs(self.mechanism))
-        return [limb for limb in arms if anatomy.is_arm(limb)]
+        return [limb for limb in at_end_effectors if limb is not None and is_arm(limb)] or self.anatomy.arms
 
     # The base
 
@@ -244,9 +244,11 @@ class _Maker:
         if self.srdf is not None and self.srdf.base_joint is not None:
             kind = self.srdf.base_joint
             return kind in ("planar", "floating"), f"the virtual joint of the SRDF is {kind}"
-        wheels = anatomy.wheels(self.mechanism)
+        wheels, legs = self.anatomy.wheels, self.anatomy.legs
         if wheels:
-            return True, f"{wheels[0]} turns a wheel"
+            return True, f"{wheels[0].name} turns a wheel"
+        if legs:
+            return True, f"legs carry it, from {legs[0].name} on: it is moved as a whole, and its legs stay as they are"
         if "base_footprint" in self.mechanism.links:
             return True, "base_footprint is the frame of mobile bases (REP 120)"
         free = base_joints(read_urdf(self.draft.urdf))
@@ -275,13 +277,13 @@ class _Maker:
     def _arm(self, limb: Limb, names: list[str]) -> None:
         shape, side = (
             shape_of(limb, self.mechanism, self.world),
-            anatomy.side(self.mechanism, limb, is_alone=len(self.limbs) == 1),
+            anatomy.side(self.mechanism, limb, self.limbs),
         )
         name = re.sub(r"[^A-Za-z0-9_-]", "_", side or limb.name or "arm")
         names.append(name)
         name += f"_{names.count(name)}" if names.count(name) > 1 else ""
         table = self.draft.table("arms", name)
-        chain = f"{len(limb.joints)} joints, {limb.joints[0].name} to {limb.joints[-1].name}"
+        chain = f"{len(limb.joints)} joints, {limb.joints[0].name} to {limb.joints[-1].name}{self._torso_of(limb)}"
         if side is not None:
             table.add("side", side, "from its names, or the position of its shoulder")
         table.add("tip", shape.tip, chain)
@@ -304,6 +306,20 @@ class _Maker:
                 why = f"the URDF's range, {joint.lower:g} to {joint.upper:g}, is implausible"
                 usual = USUAL_LIMITS[joint.kind]
                 self.draft.table("joints", joint.name).add("limits", usual, why, Status.MISSING)
+
+    def _torso_of(self, limb: Limb) -> str:
+        """Word which joints are above an arm; "" if there are none."""
+        above = [name for name in self.mechanism.movers(limb.joints[0].parent) if name != (self.lift and self.lift.name)]
+        return f"; {' to '.join(dict.fromkeys((above[0], above[-1])))} above it" if above else ""
+
+    def _no_arm(self) -> None:
+        """Say what was found in place of arms."""
+        deepest = max(self.mechanism.links, key=lambda link: len(self.mechanism.movers(link)))
+        found = len(self.mechanism.movers(deepest))
+        what = f"no chain of {anatomy.LEAST_ARM} or more joints ends in a hand: the robot cannot reach anything"
+        if found:
+            what += f"; most joints, {found}, move {deepest}: state tip = \"{deepest}\" if that is a hand"
+        self.draft.table("arms", "arm").add("tip", deepest, what, Status.MISSING)
 
     def _gripper(self, name: str, shape: HandShape) -> None:
         table = self.draft.table("arms", name, "gripper")
@@ -330,7 +346,7 @@ class _Maker:
     # Head
 
     def _camera(self) -> None:
-        arms = [joint.name for limb in self.limbs for joint in limb.joints]
+        arms = [joint.name for limb in self.limbs for joint in limb.joints if joint is not self.lift]
         link, table = anatomy.camera(self.mechanism, arms), self.draft.table("camera")
         if link is None:
             what = "no link of the body or head is named like a camera; without one the robot needs --trust-map"

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.robots.anatomy import TOOL, Limb
+from executive.robots.anatomy import Limb, is_tool
 from executive.robots.mechanism import Mechanism
 from executive.robots.robot import Axis
 from planlang.geometry import Array
@@ -260,7 +260,7 @@ class _Hand:
     def _tip(self, grip: Array | None) -> tuple[str, Axis | None]:
         """Choose the tip link, and the grip point in its frame: a tool link near the grip point, else the hand."""
         group = self.mechanism.rigid_with(self.limb.hand)
-        tools = [link for link in group if TOOL.search(link)]
+        tools = [link for link in group if is_tool(link)]
         if grip is None:
             return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
         distances = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
