@@ -89,7 +89,7 @@ class Anatomy:
         limbs = self._limbs(self.mechanism.root, ())
         joints = next((limb.joints for limb in limbs if movers[-1] in limb.joints), tuple(movers))
         fingers = tuple(joint for joint in self.moving_below(link) if not self._is_passive(joint))
-        hand = fingers[0].parent if fingers else link
+        hand = self._palm(fingers) if fingers else link
         return Limb(tuple(joint for joint in movers if joint in joints), hand, fingers, name)
 
     def moving_below(self, link: str) -> list[Joint]:
@@ -130,7 +130,7 @@ class Anatomy:
         if not below:
             return [Limb(arm, _last(self.mechanism, link))] if len(arm) >= LEAST_ARM else []
         if len(arm) >= LEAST_ARM and (fingers := self._fingers(below, self._drawn_out(chain[0], link))):
-            return [Limb(arm, fingers[0].parent, fingers)]
+            return [Limb(arm, self._palm(fingers), fingers)]
         if not chain and len(below) == 1:
             return self._limbs(below[0].child, (below[0],))
         limbs = {joint: self._limbs_at(joint) for joint in below}
@@ -187,6 +187,11 @@ class Anatomy:
         if any(names(Part.WRIST, joint.name, joint.child) and not _grasps(joint) for joint in below):
             return ()
         return tuple(joint for joint in below if not self._is_odd(joint, below))
+
+    def _palm(self, fingers: Sequence[Joint]) -> str:
+        """Find the link that carries fingers, or the links that they hang from."""
+        parents = [joint.parent for joint in fingers if self._top[joint.parent] == self._top[fingers[0].parent]]
+        return self.mechanism.common_ancestor(parents)
 
     def _is_odd(self, joint: Joint, all_of_them: list[Joint]) -> bool:
         """Check whether a joint among fingers differs in kind and name from all others, which have names of fingers."""

@@ -17,6 +17,7 @@ class Part(Enum):
 
     WHEEL = "wheel"
     FINGER = "finger"
+    THUMB = "thumb"
     HAND = "hand"
     WRIST = "wrist"
     HEAD = "head"
@@ -33,6 +34,7 @@ _WORDS: Mapping[Part, str] = {
     r"raeder|roue|rueda|ruota|sharin",
     Part.FINGER: r"\w*finger\w*|\w*fngr\w*|\w*thumb\w*|\w*jaw\w*|\w*claw\w*|\w*knuckle\w*|phalanx|tongs?|"
     r"index|middle|ring|pinky|little|proximal|distal|daumen|doigts?|pouce|dedos?|pulgar|dit[oa]|pollice|yubi|zhi",
+    Part.THUMB: r"\w*thumb\w*|daumen|pouce|pulgar|pollice|oyayubi|th",
     Part.HAND: r"\w*grip\w*|\w*hand|hands|\w*pinch\w*|palm|grasper|clamp|"
     r"greifer\w*|pince\w*|pinza|mano|jiazhua|zhua",
     Part.WRIST: r"\w*wrist\w*|roll|rotate|rotation|twist|yaw|pitch|swivel|turn|spin",
