@@ -92,6 +92,10 @@ class Anatomy:
         hand = self._palm(fingers) if fingers else link
         return Limb(tuple(joint for joint in movers if joint in joints), hand, fingers, name)
 
+    def depth(self, joint: Joint) -> int:
+        """Count the moving joints in a row from a joint on, where most are."""
+        return 1 + self._depth[joint.child]
+
     def moving_below(self, link: str) -> list[Joint]:
         """List the joints that move parts of a link or of the links rigidly attached to it, without wheels."""
         return [joint for joint in self._below.get(self._top[link], ()) if not self._rolls(joint)]
@@ -100,7 +104,7 @@ class Anatomy:
 
     def _is_leg(self, joint: Joint) -> bool:
         """Check whether a subtree without an arm is a leg, by the names of its joints and links."""
-        subtree = [joint, *self._subtree(joint)]
+        subtree = self.subtree(joint)
         has_arm = any(joint in self.mechanism.chain(limb.hand) for limb in self.arms)
         return not has_arm and len(subtree) > 1 and any(names(Part.LEG, one.name, one.child) for one in subtree)
 
@@ -155,14 +159,15 @@ class Anatomy:
 
     def _is_separate(self, joint: Joint) -> bool:
         """Check whether a subtree without arms is a part of its own beside an arm, such as a head or a leg."""
-        carried = [joint, *self._subtree(joint)]
-        words = (Part.HEAD, Part.LEG, Part.CAMERA)
-        return self._depth[joint.child] > 0 or any(names(word, one.name, one.child) for one in carried for word in words)
+        carried, words = self.subtree(joint), (Part.HEAD, Part.LEG, Part.CAMERA)
+        return self._depth[joint.child] > 0 or any(
+            names(word, one.name, one.child) for one in carried for word in words
+        )
 
-    def _subtree(self, joint: Joint) -> list[Joint]:
-        """List all joints below a joint, fixed ones included."""
+    def subtree(self, joint: Joint) -> list[Joint]:
+        """List a joint and all joints below it, fixed ones included."""
         links = [joint.child]
-        found = []
+        found = [joint]
         for link in links:
             below = self._hung.get(link, [])
             found += below
@@ -196,11 +201,7 @@ class Anatomy:
     def _is_odd(self, joint: Joint, all_of_them: list[Joint]) -> bool:
         """Check whether a joint among fingers differs in kind and name from all others, which have names of fingers."""
         others = [one for one in all_of_them if one is not joint]
-        return (
-            len(others) > 1
-            and not _grasps(joint)
-            and all(_grasps(one) and one.kind != joint.kind for one in others)
-        )
+        return len(others) > 1 and not _grasps(joint) and all(_grasps(one) and one.kind != joint.kind for one in others)
 
     def _drawn_out(self, first: Joint, link: str) -> float:
         """Length of the chain from a joint to a link, all drawn out [m]."""

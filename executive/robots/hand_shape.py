@@ -71,8 +71,10 @@ class HandShape:
     fingers: tuple[str, ...]
     is_measured: bool
     """False if the approach is the axis of the wrist, as there are no fingers."""
-    doubts: tuple[str, ...] = ()
-    """What is implausible about it."""
+    stuck: tuple[Joint, ...] = ()
+    """Joints of fingers with an implausible range: none, without end, or too great."""
+    size: float = 0.0
+    """Greatest length of a finger [m]."""
 
 
 def shape_of(limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> HandShape:
@@ -96,7 +98,8 @@ class _Hand:
         self.thumbs = thumbs if 0 < len(thumbs) < len(self.links) and len(self.links) > 2 else set[str]()
         """Finger joints of thumbs, which oppose all others; empty for hands without one."""
         self.rest = {
-            joint.name: joint.nearest(0.0) if self.thumbs else (joint.lower + joint.upper) / 2 for joint in self.joints
+            joint.name: min(max(0.0, joint.lower), joint.upper) if self.thumbs else (joint.lower + joint.upper) / 2
+            for joint in self.joints
         }
         """Values of finger joints that are not varied: hands with a thumb are flat at zero."""
         self.wrist = self._place(limb.joints[-1].child)
@@ -121,7 +124,14 @@ class _Hand:
             self._opening(approach, closing, opened, closed) if opened else 0.0,
             tuple(dict.fromkeys(touching)),
             ahead is not None,
+            tuple(self.stuck),
+            self._size(),
         )
+
+    def _size(self) -> float:
+        """Greatest extent of a finger along an axis of the hand [m]."""
+        fingers = [one for name, one in self._points({}).items() if name != FIXED]
+        return max((float(np.ptp(one, axis=0).max()) for one in fingers), default=0.0)
 
     # Frames and points
 
@@ -170,7 +180,14 @@ class _Hand:
             return None
         ways = [way / np.linalg.norm(way) for way in ways if np.linalg.norm(way) >= LEAST_TRAVEL]
         straight = [way for one in ways if (way := self._along_an_axis(one)) is not None]
-        return straight[0] if straight else ways[0]
+        return straight[0] if straight else self._of_a_tool(ways[0])
+
+    def _of_a_tool(self, direction: Array) -> Array:
+        """Find the axis of a link named as a tool that is close to a direction; the direction if there is none."""
+        tools = [link for link in self.mechanism.rigid_with(self.limb.hand) if is_tool(link)]
+        axes = [axis * sign for link in tools for axis in self._frame(link)[:3, :3].T for sign in (1.0, -1.0)]
+        best = max(axes, key=lambda axis: round(float(axis @ direction), 6), default=direction)
+        return best if float(best @ direction) >= LOPSIDED else direction
 
     def _straightened(self, direction: Array) -> Array:
         """Snap a direction to a close axis of the hand or of the wrist's last joint; unchanged if none is close."""
@@ -247,7 +264,9 @@ class _Hand:
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
-        last = max((k for k, width in widths.items() if width <= WIDEST_GAP), default=len(STEPS) - 1)
+        wide_enough = [k for k, width in widths.items() if width <= WIDEST_GAP]
+        rank = widths.__getitem__ if self.thumbs else int
+        last = max(wide_enough, key=rank, default=len(STEPS) - 1)
         first = min((k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last), default=0)
         return steps[last], steps[first]
 
