@@ -69,8 +69,9 @@ class Anatomy:
         for joint in ordered:
             self._top[joint.child] = self._top[joint.parent] if joint.kind == "fixed" else joint.child
         for joint in reversed(ordered):
-            for known, step in ((self._length, _step(joint)), (self._depth, joint.kind != "fixed")):
-                known[joint.parent] = max(known[joint.parent], known[joint.child] + step)
+            below, above = joint.child, joint.parent
+            self._length[above] = max(self._length[above], self._length[below] + _step(joint))
+            self._depth[above] = max(self._depth[above], self._depth[below] + (joint.kind != "fixed"))
         for joint in mechanism.joints.values():
             self._hung.setdefault(joint.parent, []).append(joint)
             if joint.kind != "fixed":
@@ -159,10 +160,8 @@ class Anatomy:
 
     def _is_separate(self, joint: Joint) -> bool:
         """Check whether a subtree without arms is a part of its own beside an arm, such as a head or a leg."""
-        carried, words = self.subtree(joint), (Part.HEAD, Part.LEG, Part.CAMERA)
-        return self._depth[joint.child] > 0 or any(
-            names(word, one.name, one.child) for one in carried for word in words
-        )
+        texts = [text for one in self.subtree(joint) for text in (one.name, one.child)]
+        return self._depth[joint.child] > 0 or any(names(word, *texts) for word in (Part.HEAD, Part.LEG, Part.CAMERA))
 
     def subtree(self, joint: Joint) -> list[Joint]:
         """List a joint and all joints below it, fixed ones included."""

@@ -354,21 +354,20 @@ class _Maker:
         if shape.max_opening > WIDEST_HAND:
             doubts["max_opening"] = "wider than hands open"
         for other, twin in zip(self.limbs, shapes, strict=True):
-            kinds = [[(one.kind, one.child[-1:]) for one in each.fingers] for each in (limb, other)]
             ranges = [
-                sorted(abs(end) for one in each.fingers for end in (one.lower, one.upper)) for each in (limb, other)
+                sorted(round(abs(end), 3) for one in each.fingers for end in (one.lower, one.upper))
+                for each in (limb, other)
             ]
-            if len(kinds[0]) == len(kinds[1]) and ranges[0] == ranges[1] and shape.max_opening and twin.max_opening:
-                if abs(shape.max_opening - twin.max_opening) > UNEQUAL:
-                    reason = "the shapes of their fingertips differ"
-                    doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {reason}"
+            difference = abs(shape.max_opening - twin.max_opening)
+            if ranges[0] == ranges[1] and min(shape.max_opening, twin.max_opening) > 0 and difference > UNEQUAL:
+                reason = "the shapes of their fingers differ"
+                doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {reason}"
         return doubts
 
     def _torso_of(self, limb: Limb) -> str:
         """Word which joints are above an arm; "" if there are none."""
-        above = [
-            name for name in self.mechanism.movers(limb.joints[0].parent) if name != (self.lift and self.lift.name)
-        ]
+        lift = self.lift and self.lift.name
+        above = [name for name in self.mechanism.movers(limb.joints[0].parent) if name != lift]
         return f"; {' to '.join(dict.fromkeys((above[0], above[-1])))} above it" if above else ""
 
     def _no_arm(self) -> None:

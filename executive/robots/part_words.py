@@ -39,8 +39,8 @@ _WORDS: Mapping[Part, str] = {
     r"greifer\w*|pince\w*|pinza|mano|jiazhua|zhua",
     Part.WRIST: r"\w*wrist\w*|roll|rotate|rotation|twist|yaw|pitch|swivel|turn|spin",
     Part.HEAD: r"heads?|necks?|eyes?|kopf|hals|tete|cabeza|cuello|testa|collo|kubi|atama",
-    Part.LEG: r"legs?|foot|feet|ankles?|knees?|thighs?|calf|calves|toes?|hips?|soles?|shanks?|shins?|tibia|femur|pelvis|"
-    r"uleg|lleg|bein|fuss|knie|jambe|pied|pierna|gamba|piede|ashi",
+    Part.LEG: r"legs?|foot|feet|ankles?|knees?|thighs?|calf|calves|toes?|hips?|soles?|shanks?|shins?|"
+    r"tibia|femur|pelvis|uleg|lleg|bein|fuss|knie|jambe|pied|pierna|gamba|piede|ashi",
     Part.PASSIVE: r"lamps?|lights?|leds?|lasers?|lidars?|radars?|antennas?|cables?|hoses?|bellows|imu|camera|cam|"
     r"linkage|dummy|logo|gauge|lampe|licht|kabel",
     Part.CAMERA: r"\w*camera\w*|\w*kinect\w*|\w*realsense\w*|\w*openni\w*|\w*xtion\w*|\w*stereo\w*|\w*rgbd?|"
