@@ -185,11 +185,15 @@ class Anatomy:
             return (joint, *inner)
         fanning = [joint for joint in below if self._fans(joint)]
         if len(fanning) == 1:
-            others = max(self._weight(joint) for joint in below if joint not in fanning)
-            if self._weight(fanning[0]) > 2 * others:
+            heaviest = max(self._weight(joint) for joint in below if joint not in fanning)
+            if self._weight(fanning[0]) > 2 * heaviest:
                 return ()  # a wrist that carries a hand, beside a passive part
-        if any(names(Part.WRIST, joint.name, joint.child) and not _grasps(joint) for joint in below):
+        others = [joint for joint in below if not _grasps(joint)]
+        if any(names(Part.WRIST, joint.name, joint.child) for joint in others):
             return ()
+        carrying = [joint for joint in others if any(_grasps(one) for one in self.subtree(joint) if one.moves)]
+        if carrying and len(others) == len(below):
+            return ()  # a hand is further on
         return tuple(joint for joint in below if not self._is_odd(joint, below))
 
     def _palm(self, fingers: Sequence[Joint]) -> str:

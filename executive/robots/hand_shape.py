@@ -39,7 +39,9 @@ LEAST_OPENING = 0.01
 """Least plausible opening [m]: a smaller gap means that the fingers do not face each other."""
 GREATEST_RANGE = {"revolute": 4 * math.pi, "continuous": 0.0, "prismatic": 0.3}
 """Greatest plausible range of a finger joint, or of a motor that fingers follow [rad, m]."""
-LEAST_SHARE = 0.2
+FIRST = 0.25
+"""Fraction of the way of a joint, from a flat hand to a fist, on which its fingers come nearer to the thumb."""
+LEAST_SHARE = 0.05
 """Joints of a hand with a thumb that move it less than this fraction of the joint that moves it most spread fingers."""
 WIDEST_GAP = 0.13
 """Greatest gap to which fingers are opened [m]: wider hands collide with objects beside the grasped one."""
@@ -180,7 +182,7 @@ class _Hand:
             return None
         ways = [way / np.linalg.norm(way) for way in ways if np.linalg.norm(way) >= LEAST_TRAVEL]
         straight = [way for one in ways if (way := self._along_an_axis(one)) is not None]
-        return straight[0] if straight else self._of_a_tool(ways[0])
+        return straight[0] if straight else self._of_a_tool(ways[min(1, len(ways) - 1)])
 
     def _of_a_tool(self, direction: Array) -> Array:
         """Find the axis of a link named as a tool that is close to a direction; the direction if there is none."""
@@ -255,10 +257,11 @@ class _Hand:
             return {}, {}
         opened, closed, travels = {}, {}, {}
         for joint in self.joints:
-            low, high = (self._spread(closing, {joint.name: value}) for value in (joint.lower, joint.upper))
+            ends = [self._towards(joint, limit) for limit in (joint.lower, joint.upper)]
+            low, high = (self._spread(closing, {joint.name: value}) for value in ends)
             limits = (joint.lower, joint.upper) if low < high else (joint.upper, joint.lower)
             closed[joint.name], opened[joint.name], travels[joint.name] = *limits, abs(high - low)
-        least = max(LEAST_TRAVEL, LEAST_SHARE * max(travels.values())) if self.thumbs else LEAST_TRAVEL
+        least = LEAST_SHARE * max(travels.values()) if self.thumbs else LEAST_TRAVEL
         opening = [name for name, travel in travels.items() if travel >= least] or list(travels)
         wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
@@ -269,6 +272,11 @@ class _Hand:
         last = max(wide_enough, key=rank, default=len(STEPS) - 1)
         first = min((k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last), default=0)
         return steps[last], steps[first]
+
+    def _towards(self, joint: Joint, limit: float) -> float:
+        """Value that shows what a joint does on its way to a limit: a fist that is shut is far from its thumb."""
+        rest = self.rest[joint.name]
+        return rest + FIRST * (limit - rest) if self.thumbs else limit
 
     def _spread(self, closing: Array, values: Values) -> float:
         """Mean distance of the fingers from the wrist's axis along the closing direction, or from the thumb [m]."""
