@@ -188,6 +188,10 @@ class Joint:
         """True if it moves along or about an axis, itself or as the mimic of another joint."""
         return self.kind in KINDS[:3]
 
+    def nearest(self, position: float) -> float:
+        """Return the position within its limits that is nearest to a position [rad, m]."""
+        return min(max(position, self.lower), self.upper)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Urdf:
