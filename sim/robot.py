@@ -134,7 +134,11 @@ class Robot:
         """Joint -> indices of the joints that mimic it, with their ratios."""
         every = dict(self.joints)
         for name, followers in self.description.followers.items():
-            if name not in every:
+            if name not in every:  # it never moves, and so neither do they
+                for one in followers:
+                    bullet.resetJointState(self.uid, every[one.joint], one.offset, physicsClientId=self.client)
+                    del self.joints[one.joint], self.limits[one.joint]
+                    self.fixed.add(every[one.joint])
                 continue
             self.followers[name] = tuple((every[one.joint], one) for one in followers if one.joint in every)
             for index, one in self.followers[name]:
