@@ -138,7 +138,8 @@ class ReachabilityMap:
             if -LEVELLED / 2 <= rise <= most + LEVELLED / 2:
                 found.append((rise, level, offset))
         return tuple(
-            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset) for rise, level, offset in sorted(found)
+            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset)
+            for rise, level, offset in sorted(found)
         )
 
     @cached_property
@@ -286,7 +287,7 @@ STEPS = 12
 DAMPING = 1e-6
 STIFF = 1e-2
 """An arm that moves its tip up or down no faster than this cannot change its height [m per rad or m]."""
-NEAR = 1e-4, 5e-4
+NEAR = 1e-4, 9e-4
 """Largest error of a pose from a height of the lattice [m], and from the required rotation [rad]."""
 
 

@@ -301,7 +301,9 @@ def _normal(score: Array) -> Array:
     """Return scores in (0, 1]."""
     if not len(score):
         return score
-    full = float(np.percentile(score, USUAL_MANIPULABILITY)) or 1.0
+    full = float(np.percentile(score, USUAL_MANIPULABILITY))
+    if full == 0:  # a joint has to be at its limit for every pose: none is better than another
+        return np.ones(len(score))
     return np.asarray(np.clip(score / full, 1e-3, 1.0))
 
 

@@ -110,7 +110,9 @@ def base_joints(urdf: Urdf) -> tuple[str, ...]:
     """
     free = tuple(joint.name for joint in urdf.joints if joint.kind in ("floating", "planar"))
     shaped = {
-        link.get("name") for link in urdf.tree.findall("link") if not {"collision", "visual"}.isdisjoint(c.tag for c in link)
+        link.get("name")
+        for link in urdf.tree.findall("link")
+        if not {"collision", "visual"}.isdisjoint(c.tag for c in link)
     }
     below: dict[str, list[Joint]] = {}
     for joint in urdf.joints:

@@ -227,7 +227,9 @@ class Urdf:
         for element, joint in zip(robot.findall("joint"), self.joints, strict=True):
             element.set("type", joint.kind)
             axis, limit = element.find("axis"), element.find("limit")
-            if axis is not None:  # PyBullet has no default for an axis without direction, and slides along by its length
+            if (
+                axis is not None
+            ):  # PyBullet has no default for an axis without direction, and slides along by its length
                 stated = np.array(numbers(axis.get("xyz", DIRECTION)))
                 is_unit = abs(float(np.linalg.norm(stated)) - 1.0) < _ROUNDED
                 axis.set("xyz", axis.get("xyz", DIRECTION) if is_unit else " ".join(map(repr, joint.axis.tolist())))
