@@ -197,7 +197,10 @@ class ReachabilityMap:
         """
         places = np.asarray(points, float).reshape(-1, 3).copy()
         places[:, 2] -= self._rise(torso)
+        first, step = self._mapped
         cells = np.rint(np.clip(places / CELL, -511, 511)).astype(np.int64)
+        if step > 1:
+            cells[:, :2] = first + step * np.rint((places[:, :2] / CELL - first) / step).astype(np.int64)
         roll = np.broadcast_to(np.asarray(rolls, np.int64), (len(cells),)).copy()
         yaws = np.broadcast_to(np.asarray(headings, float), (len(cells),)).copy()
         if self.grasp is GraspClass.TOP:
@@ -209,6 +212,19 @@ class ReachabilityMap:
             return np.full(len(keys), -1, np.intp)
         at = np.minimum(np.searchsorted(self._sorted, keys), len(self) - 1)
         return np.where(self._sorted[at] == keys, at, -1).astype(np.intp)
+
+    @property
+    def spacing(self) -> float:
+        """Distance between rows in x and y [m]: more than :data:`CELL` in the maps of large arms."""
+        return CELL * self._mapped[1]
+
+    @cached_property
+    def _mapped(self) -> tuple[Array, int]:
+        """First mapped cell in x and y (2,), and the number of cells from each to the next."""
+        places = np.column_stack([self.rows[axis][:GRIDDED].astype(np.int64) for axis in "xy"])
+        if len(places) < GRIDDED or is_bound(self.arm):
+            return np.zeros(2), 1
+        return places[0].astype(float), int(np.gcd.reduce(np.abs(np.diff(places, axis=0)).ravel()))
 
     @property
     def lift(self) -> Lift | None:
@@ -278,6 +294,8 @@ def rows_of(keys: NDArray[np.int64]) -> Rows:
 
 LEVELLED = 2e-3
 """Steps of the heights of rows off the lattice's [m]; inverse kinematics moves the lift by the rest."""
+GRIDDED = 1_000
+"""Number of rows from which the spacing of a map is known."""
 POSTURES = 60_000
 """Random postures per roll."""
 SAMPLED_AT_ONCE = 10_000

@@ -27,7 +27,7 @@ SAMPLES = 400
 REACH_MARGIN = 1.02
 """Factor on that estimate, as the samples rarely contain the fully stretched arm."""
 MOST_AIMED = 3
-"""Number of joints that aim the camera, the nearest to it: tables of more take gigabytes. Others keep their position."""
+"""Number of joints that aim the camera, the nearest to it: tables of more take gigabytes. Others stay as they are."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
 

@@ -87,8 +87,8 @@ def mounted(
 ) -> Path:
     """Write a copy of a URDF, put on a base, with additional links at tool points and other ranges of joints.
 
-    Joints that move the robot as a whole are fixed in it. Returns its path. Paths of meshes are made absolute; the copy is in a folder of this process, in which no other one
-    can change it. Raises BadInput for an invalid URDF.
+    Joints that move the robot as a whole are fixed in it. Returns its path. Paths of meshes are made absolute; the copy
+    is in a folder of this process, in which no other one can change it. Raises BadInput for an invalid URDF.
     """
     content = _text(urdf, mount, tools or {}, ranges or {}).encode()
     path = process_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
