@@ -197,10 +197,10 @@ class ReachabilityMap:
         """
         places = np.asarray(points, float).reshape(-1, 3).copy()
         places[:, 2] -= self._rise(torso)
-        first, step = self._mapped
         cells = np.rint(np.clip(places / CELL, -511, 511)).astype(np.int64)
-        if step > 1:
-            cells[:, :2] = first + step * np.rint((places[:, :2] / CELL - first) / step).astype(np.int64)
+        first, steps = self._mapped
+        if steps.max() > 1:
+            cells[:, :2] = first + steps * np.rint((places[:, :2] / CELL - first) / steps).astype(np.int64)
         roll = np.broadcast_to(np.asarray(rolls, np.int64), (len(cells),)).copy()
         yaws = np.broadcast_to(np.asarray(headings, float), (len(cells),)).copy()
         if self.grasp is GraspClass.TOP:
@@ -214,17 +214,18 @@ class ReachabilityMap:
         return np.where(self._sorted[at] == keys, at, -1).astype(np.intp)
 
     @property
-    def spacing(self) -> float:
-        """Distance between rows in x and y [m]: more than :data:`CELL` in the maps of large arms."""
-        return CELL * self._mapped[1]
+    def spacing(self) -> tuple[float, float]:
+        """Distances between rows in x and y [m]: more than :data:`CELL` in the maps of large arms."""
+        x, y = (CELL * self._mapped[1]).tolist()
+        return x, y
 
     @cached_property
-    def _mapped(self) -> tuple[Array, int]:
-        """First mapped cell in x and y (2,), and the number of cells from each to the next."""
-        places = np.column_stack([self.rows[axis][:GRIDDED].astype(np.int64) for axis in "xy"])
+    def _mapped(self) -> tuple[Index, Index]:
+        """First mapped cell in x and y (2,), and the number of cells from each to the next (2,)."""
+        places = np.column_stack([self.rows[axis][:GRIDDED].astype(np.intp) for axis in "xy"])
         if len(places) < GRIDDED or is_bound(self.arm):
-            return np.zeros(2), 1
-        return places[0].astype(float), int(np.gcd.reduce(np.abs(np.diff(places, axis=0)).ravel()))
+            return np.zeros(2, np.intp), np.ones(2, np.intp)
+        return places[0], np.maximum(np.gcd.reduce(np.abs(np.diff(places, axis=0))), 1)
 
     @property
     def lift(self) -> Lift | None:

@@ -166,11 +166,15 @@ class _Lattice:
     shape: tuple[int, int, int, int]
 
     @classmethod
-    def around(cls, arm: ArmModel, grasp: GraspClass, roll: int, ends: tuple[Array, Array], thin: int) -> _Lattice:
-        """Return the lattice between the lowest and the highest cells (3,): of each ``thin``-th in x and y."""
+    def around(cls, arm: ArmModel, grasp: GraspClass, roll: int, ends: tuple[Array, Array]) -> _Lattice:
+        """Return the lattice between the lowest and the highest cells (3,), with as many poses as maps may have."""
         first, last = (np.clip(end, -FARTHEST, FARTHEST).astype(np.int64) for end in ends)
-        cells = np.array([thin, thin, 1])
-        nx, ny, nz = (int(n) for n in np.maximum((last - first) // cells + 1, 1))
+        cells = np.ones(3, np.int64)
+        shape = last - first + 1
+        while YAWS * math.prod(shape.tolist()) > MOST_POSES and shape[:2].max() > 1:
+            cells[int(np.argmax(shape[:2]))] += 1
+            shape = (last - first) // cells + 1
+        nx, ny, nz = (max(int(n), 1) for n in shape)
         return cls(grasp, arm.frame, roll, first, cells, (YAWS, nx, ny, nz))
 
     def poses(self, index: Index) -> Array:
@@ -207,13 +211,12 @@ def _lattice_rows(
     solver, rng = InverseKinematics(chain), np.random.default_rng(0)
     columns = [arm.solver.chain.names.index(name) for name in chain.names]
     tips = chain.fk(chain.sample(rng, SAMPLES))[:, :3, 3]
-    lowest, highest = np.floor(np.maximum(tips.min(axis=0), (-np.inf, -np.inf, floor)) / CELL), tips.max(axis=0) / CELL
-    ends = lowest, np.ceil(highest)
+    lowest = np.maximum(tips.min(axis=0), (-np.inf, -np.inf, floor))
+    ends = np.floor(lowest / CELL), np.ceil(tips.max(axis=0) / CELL)
     parts = []
     for number, roll in enumerate(grasp.rolls):
         own = part(share, number / len(grasp.rolls), (number + 1) / len(grasp.rolls))
-        every = math.prod(_Lattice.around(arm, grasp, roll, ends, 1).shape)
-        lattice = _Lattice.around(arm, grasp, roll, ends, math.ceil(math.sqrt(every / MOST_POSES)))
+        lattice = _Lattice.around(arm, grasp, roll, ends)
         q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng, own)
         index = np.flatnonzero(solved)
         yaw, *cells = np.unravel_index(index, lattice.shape)
