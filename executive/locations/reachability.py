@@ -138,7 +138,8 @@ class ReachabilityMap:
             if -LEVELLED / 2 <= rise <= most + LEVELLED / 2:
                 found.append((rise, level, offset))
         return tuple(
-            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset) for rise, level, offset in sorted(found)
+            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset)
+            for rise, level, offset in sorted(found)
         )
 
     @cached_property
@@ -197,6 +198,9 @@ class ReachabilityMap:
         places = np.asarray(points, float).reshape(-1, 3).copy()
         places[:, 2] -= self._rise(torso)
         cells = np.rint(np.clip(places / CELL, -511, 511)).astype(np.int64)
+        first, steps = self._mapped
+        if steps.max() > 1:
+            cells[:, :2] = first + steps * np.rint((places[:, :2] / CELL - first) / steps).astype(np.int64)
         roll = np.broadcast_to(np.asarray(rolls, np.int64), (len(cells),)).copy()
         yaws = np.broadcast_to(np.asarray(headings, float), (len(cells),)).copy()
         if self.grasp is GraspClass.TOP:
@@ -208,6 +212,20 @@ class ReachabilityMap:
             return np.full(len(keys), -1, np.intp)
         at = np.minimum(np.searchsorted(self._sorted, keys), len(self) - 1)
         return np.where(self._sorted[at] == keys, at, -1).astype(np.intp)
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distances between rows in x and y [m]: more than :data:`CELL` in the maps of large arms."""
+        x, y = (CELL * self._mapped[1]).tolist()
+        return x, y
+
+    @cached_property
+    def _mapped(self) -> tuple[Index, Index]:
+        """First mapped cell in x and y (2,), and the number of cells from each to the next (2,)."""
+        places = np.column_stack([self.rows[axis][:GRIDDED].astype(np.intp) for axis in "xy"])
+        if len(places) < GRIDDED or is_bound(self.arm):
+            return np.zeros(2, np.intp), np.ones(2, np.intp)
+        return places[0], np.maximum(np.gcd.reduce(np.abs(np.diff(places, axis=0))), 1)
 
     @property
     def lift(self) -> Lift | None:
@@ -277,6 +295,8 @@ def rows_of(keys: NDArray[np.int64]) -> Rows:
 
 LEVELLED = 2e-3
 """Steps of the heights of rows off the lattice's [m]; inverse kinematics moves the lift by the rest."""
+GRIDDED = 1_000
+"""Number of rows from which the spacing of a map is known."""
 POSTURES = 60_000
 """Random postures per roll."""
 SAMPLED_AT_ONCE = 10_000
@@ -286,7 +306,7 @@ STEPS = 12
 DAMPING = 1e-6
 STIFF = 1e-2
 """An arm that moves its tip up or down no faster than this cannot change its height [m per rad or m]."""
-NEAR = 1e-4, 5e-4
+NEAR = 1e-4, 9e-4
 """Largest error of a pose from a height of the lattice [m], and from the required rotation [rad]."""
 
 

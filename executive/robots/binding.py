@@ -312,7 +312,8 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         joint(moved, "camera.neck")
     if numbers.torso is not None:
         joint(numbers.torso, "torso")
-        if numbers.arms and not any(numbers.torso in mechanism.movers(arm.tip) for arm in numbers.arms):
+        tips = [arm.tip for arm in numbers.arms]
+        if mechanism.actuated(numbers.torso) and tips and not any(numbers.torso in mechanism.movers(t) for t in tips):
             message = f"torso: {numbers.torso} moves none of the arms"
             problems.append(error("B011", message, numbers.span("torso"), "name a joint that carries arms, or none"))
     for moved in (*numbers.limits, *numbers.ranges):

@@ -87,8 +87,8 @@ def mounted(
 ) -> Path:
     """Write a copy of a URDF, put on a base, with additional links at tool points and other ranges of joints.
 
-    Joints that move the robot as a whole are fixed in it. Returns its path. Paths of meshes are made absolute; the copy is in a folder of this process, in which no other one
-    can change it. Raises BadInput for an invalid URDF.
+    Joints that move the robot as a whole are fixed in it. Returns its path. Paths of meshes are made absolute; the copy
+    is in a folder of this process, in which no other one can change it. Raises BadInput for an invalid URDF.
     """
     content = _text(urdf, mount, tools or {}, ranges or {}).encode()
     path = process_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
@@ -110,7 +110,9 @@ def base_joints(urdf: Urdf) -> tuple[str, ...]:
     """
     free = tuple(joint.name for joint in urdf.joints if joint.kind in ("floating", "planar"))
     shaped = {
-        link.get("name") for link in urdf.tree.findall("link") if not {"collision", "visual"}.isdisjoint(c.tag for c in link)
+        link.get("name")
+        for link in urdf.tree.findall("link")
+        if not {"collision", "visual"}.isdisjoint(c.tag for c in link)
     }
     below: dict[str, list[Joint]] = {}
     for joint in urdf.joints:
