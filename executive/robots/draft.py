@@ -360,8 +360,8 @@ class _Maker:
             ]
             difference = abs(shape.max_opening - twin.max_opening)
             if ranges[0] == ranges[1] and min(shape.max_opening, twin.max_opening) > 0 and difference > UNEQUAL:
-                reason = "the shapes of their fingers differ"
-                doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {reason}"
+                advice = "compare the shapes of their fingers"
+                doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {advice}"
         return doubts
 
     def _torso_of(self, limb: Limb) -> str:
