@@ -124,7 +124,7 @@ class Contacts:
             self.watched[pair] = True
         hands = [robot.hand_of(link) for link in robot.body.hands]
         self.hands = frozenset().union(*hands)
-        self.fingers = frozenset(link for links in robot.body.hands.values() for link in links)
+        self.fingers = frozenset(robot.whole(link) for links in robot.body.hands.values() for link in links)
 
     def find(self, query: Query) -> tuple[Contact, ...]:
         """Find all contacts: of links, in the order of the URDF, then of held objects in the order of grasping."""
@@ -381,7 +381,7 @@ def watched_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
 
 
 def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
-    allowed = {frozenset(pair) for pair in robot.body.allowed}
+    allowed = {frozenset(map(robot.whole, pair)) for pair in robot.body.allowed}
     names = robot.solid_names
     pairs = [
         (a, b)

@@ -11,6 +11,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -18,14 +19,15 @@ import numpy as np
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
-from planlang.geometry.urdf import Element, Joint, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
+from sim.merging import Merged, merge_fixed
 from sim.meshes import Meshes
 
 MOST_JOINTS = 127
-"""Number of links whose poses PyBullet returns."""
+"""Number of links, beside the root, whose poses PyBullet returns."""
 _PRIMITIVES = {"box", "cylinder", "sphere", "capsule", "plane"}
 """Shapes other than meshes that PyBullet reads on every platform."""
 _SHOWN = 4
@@ -66,6 +68,8 @@ class Description:
     """Link without a parent joint."""
     followers: Mapping[str, tuple[Follower, ...]]
     """Joint -> joints that mimic it, directly or not."""
+    merged: Merged = field(default_factory=dict)
+    """Links that are parts of others for PyBullet: the other link, and the pose there."""
     diagnostics: tuple[Diagnostic, ...] = ()
     """Up to two warnings, about meshes and shapes."""
 
@@ -88,11 +92,7 @@ def read_description(path: Path) -> Description:
         return _meshless[path, urdf.content]
     if urdf.gaps:
         raise BadInput(urdf.gaps)
-    if len(urdf.joints) > MOST_JOINTS:
-        message = f"the robot has {len(urdf.joints)} joints; the simulator takes at most {MOST_JOINTS}"
-        fixed = sum(joint.kind == "fixed" for joint in urdf.joints)
-        advice = f"{fixed} of them are fixed: merge links that never move into the link that carries them"
-        raise BadInput([error("B009", message, Span(str(path), urdf.tree.line), advice if fixed else None)])
+    _check_number(urdf)
     robot = urdf.plain()
     _without_empty_shapes(robot)
     meshless = all(shape.tag in _PRIMITIVES for shape in robot.iterfind("link/*/geometry/*"))
@@ -106,15 +106,28 @@ def read_description(path: Path) -> Description:
         files = meshes.files
         if meshes.absent:
             warnings.append(_mesh_warning(meshes.absent, shapeless, path))
+    merged = merge_fixed(robot, urdf.joints, MOST_JOINTS)
     ElementTree.indent(robot)
-    description = Description(
-        path, ElementTree.tostring(robot, "unicode"), files, urdf.root, _followers(urdf.joints), tuple(warnings)
-    )
+    text = ElementTree.tostring(robot, "unicode")
+    description = Description(path, text, files, urdf.root, _followers(urdf.joints), merged, tuple(warnings))
     if meshless:
         while len(_meshless) >= MOST_KEPT:
             del _meshless[next(iter(_meshless))]
         _meshless[path, urdf.content] = description
     return description
+
+
+def _check_number(urdf: Urdf) -> None:
+    """Raise BadInput if there are too many links even if those that never move are merged."""
+    moving = [joint for joint in urdf.joints if joint.kind != "fixed"]
+    if len(moving) <= MOST_JOINTS:
+        return
+    message = f"the robot has {len(moving)} moving joints; the simulator takes at most {MOST_JOINTS}"
+    mimics = sum(joint.mimic is not None for joint in moving)
+    followers = f", {mimics} of them mimic others" if mimics else ""
+    advice = f'make those fixed (type="fixed") that no plan needs, such as wheels and fingers{followers}: '
+    advice += f"{len(moving) - MOST_JOINTS} or more"
+    raise BadInput([error("B009", message, Span(str(urdf.path), urdf.tree.line), advice)])
 
 
 @contextmanager

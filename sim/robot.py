@@ -121,6 +121,9 @@ class Robot:
             self.joints[_text(info[1])] = index
             self.limits[_text(info[1])] = (lower, upper) if lower < upper else (-float("inf"), float("inf"))
         self.link_names = {index: name for name, index in self.links.items()}
+        self._merged = {name: Pose.from_matrix(pose) for name, (_, pose) in self.description.merged.items()}
+        """Poses of merged links in those that carry them."""
+        self.links |= {name: self.links[carrier] for name, (carrier, _) in self.description.merged.items()}
         self._read_used()
 
     def _read_used(self) -> None:
@@ -131,7 +134,11 @@ class Robot:
         """Joint -> indices of the joints that mimic it, with their ratios."""
         every = dict(self.joints)
         for name, followers in self.description.followers.items():
-            if name not in every:
+            if name not in every:  # it never moves, and so neither do they
+                for one in followers:
+                    bullet.resetJointState(self.uid, every[one.joint], one.offset, physicsClientId=self.client)
+                    del self.joints[one.joint], self.limits[one.joint]
+                    self.fixed.add(every[one.joint])
                 continue
             self.followers[name] = tuple((every[one.joint], one) for one in followers if one.joint in every)
             for index, one in self.followers[name]:
@@ -145,11 +152,12 @@ class Robot:
         self._frame = self._inertial.inverse()
         self.solid = [
             index
-            for index in sorted(self.links.values())
+            for index in sorted(self.link_names)
             if bullet.getCollisionShapeData(self.uid, index, physicsClientId=self.client)
         ]
         self.solid_names = [self.link_names[index] for index in self.solid]
         self.number = {name: k for k, name in enumerate(self.solid_names)}
+        self.number |= {n: self.number[c] for n, (c, _) in self.description.merged.items() if c in self.number}
         self._above = [frozenset(self.ancestors(index)) for index in self.solid]
 
     def _known(self, posture: Mapping[str, float]) -> dict[str, float]:
@@ -159,6 +167,10 @@ class Robot:
                 f"the robot has no joint {', '.join(unknown)}; {self.body.urdf.name} has {', '.join(self.joints)}"
             )
         return {name: float(value) for name, value in posture.items()}
+
+    def whole(self, link: str) -> str:
+        """Name of the link that a link is a part of, for one that was merged: contacts are those of the whole."""
+        return self.description.merged[link][0] if link in self.description.merged else link
 
     def configuration(self) -> Configuration:
         """The configuration shown."""
@@ -201,11 +213,11 @@ class Robot:
         """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
         if link not in self.links:
             raise KeyError(f"the robot has no link {link!r}; it has {', '.join(self.links)}")
-        index = self.links[link]
-        if index < 0:
-            return Pose.planar(*self.base)
-        state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
-        return Pose(tuple(state[4]), tuple(state[5]))
+        index, pose = self.links[link], Pose.planar(*self.base)
+        if index >= 0:
+            state = bullet.getLinkState(self.uid, index, computeForwardKinematics=True, physicsClientId=self.client)
+            pose = Pose(tuple(state[4]), tuple(state[5]))
+        return pose @ self._merged[link] if link in self._merged else pose
 
     def frames(self) -> Array:
         """Frames of the solid links in the map (n, 7): positions and quaternions."""
@@ -416,7 +428,8 @@ class Robot:
         """
         back = self.link_pose(link).inverse()
         groups = [np.zeros((0, 3))]
-        for number in sorted(one for one in self.hand_of(link) if self.solid_names[one] not in without):
+        left_out = set(map(self.whole, without))
+        for number in sorted(one for one in self.hand_of(link) if self.solid_names[one] not in left_out):
             groups.append(moved((back @ self.link_pose(self.solid_names[number])).matrix(), self._spanning(number)))
         return np.concatenate(groups)
 

@@ -114,7 +114,7 @@ class InverseMap:
         away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
         self.reach = float(away.max()) if len(rows) else 0.0
         """Greatest horizontal distance of a base from a point that it reaches [m]."""
-        self._levels: dict[tuple[int, int], Rows] = {}
+        self._levels: dict[tuple[int, int, int], Rows] = {}
         self._known: dict[tuple[float, int, float, int], Rows] = {}
 
     def rows(self, z: float, roll: int, least: float, most: int) -> Rows:
@@ -128,20 +128,19 @@ class InverseMap:
 
     def _find(self, z: float, roll: int, least: float, most: int) -> Rows:
         forward = self.forward
-        parts = [self._level(forward.lowest_level - 1, roll)]  # an empty level, so that there is always a part
-        for torso in forward.heights(z):
-            rise = float(forward.lift.rise(torso)) if forward.lift is not None else 0.0
-            level = self._level(round((z - rise) / CELL), roll)
+        parts = [self._level(forward.lowest_level - 1, 0, roll)]  # an empty level, so that there is always a part
+        for torso, number, offset in forward.tiers(z):
+            level = self._level(number, offset, roll)
             count = min(int(np.searchsorted(-level.score, -least, side="right")), most)
             parts.append(replace(level.chosen(np.arange(count)), torso=np.full(count, torso)))
         joined = Rows.joined(parts)
         joined = joined.chosen(np.argsort(-joined.score, kind="stable"))
         return replace(joined, torsos=tuple(np.unique(joined.torso).tolist()))
 
-    def _level(self, level: int, roll: int) -> Rows:
-        """Select the rows of a level that a roll can use, without torso position, best first."""
-        if (level, roll) in self._levels:
-            return self._levels[level, roll]
+    def _level(self, level: int, offset: int, roll: int) -> Rows:
+        """Select the rows at an offset of a level that a roll can use, without torso position, best first."""
+        if (level, offset, roll) in self._levels:
+            return self._levels[level, offset, roll]
         forward = self.forward
         flipped = forward.grasp is GraspClass.TOP and roll == -1
         number = level - forward.lowest_level
@@ -149,6 +148,8 @@ class InverseMap:
         first, last = forward.starts[number : number + 2].tolist() if inside else (0, 0)
         rows = forward.rows[first:last]
         index = np.flatnonzero(rows["roll"] == (1 if flipped else roll))
+        if forward.raised:
+            index = index[forward.offsets[first + index] == offset]
         score = rows["score"][index].astype(float).round(6)
         order = np.argsort(-score, kind="stable")
         index, score = index[order], score[order]
@@ -167,8 +168,8 @@ class InverseMap:
         cells = np.rint(v / SPREAD).astype(np.intp)
         half = 1 << (SQUARE_BITS // 2 - 1)
         squares = (cells[:, 0] + half) * 2 * half + cells[:, 1] + half
-        self._levels[level, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares, spots)
-        return self._levels[level, roll]
+        self._levels[level, offset, roll] = Rows(v, yaw, score, first + index, np.zeros(len(index)), squares, spots)
+        return self._levels[level, offset, roll]
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}

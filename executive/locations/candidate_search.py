@@ -29,6 +29,7 @@ from executive.locations.hand_solutions import (
 )
 from executive.locations.looking_once import CachedRows, as_keys, numbered
 from executive.locations.questions import Findings, Question
+from executive.locations.reachability import CELL
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
@@ -299,7 +300,7 @@ class CandidateSearch:
                 same_class = chosen[grasps == grasp]
                 forward = self._spec.validator.inverse(arm, CLASSES[grasp]).forward
                 seeds[grasps == grasp, 0] = forward.seeds(table.rows[same_class], table.torsos[same_class])
-            slack = OFF_LATTICE if arm.lift is None else ON_LATTICE
+            slack = ON_LATTICE if arm.lift is not None and arm.lift.travel >= CELL else OFF_LATTICE
             solved = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
             self._spec.log.count_at(solved.reasons, self._bases[chosen])
             ok[mine] = [reason is None for reason in solved.reasons]

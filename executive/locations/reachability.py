@@ -23,8 +23,10 @@ a height is in the lattice, ``seeds`` gives the joint values of rows, ``find`` t
         rows = found.find(points, headings, rolls, torso)  # -1 where there is none
         q = found.seeds(rows[rows >= 0], torso)            # (m, d) in the order of the arm's joints, torso included
 
-An arm with fewer than six joints reaches almost no pose of the lattice exactly: its rows are sampled (:func:`sampled`),
-near lattice poses but not at them.
+An arm with fewer than six freedoms reaches almost no pose of the lattice exactly: its rows are sampled
+(:func:`sampled`), near lattice poses but not at them. They are at the heights of the lattice where the arm can move its
+tip up and down with the hand in the attitude of the class; where only the lift can (a SCARA, a telescope), they keep
+their height, from which the lift takes them to any height within its range.
 """
 
 from __future__ import annotations
@@ -91,8 +93,11 @@ def carried(arm: ArmModel) -> Chain:
 
 
 def is_bound(arm: ArmModel) -> bool:
-    """Check whether an arm without its lift has too few joints to reach arbitrary poses of a lattice."""
-    return arm.solver.chain.dof - (arm.lift is not None) < 6
+    """Check whether an arm without its lift has too few freedoms to reach arbitrary poses of a lattice.
+
+    The stages of a telescope are one freedom together.
+    """
+    return arm.solver.chain.mobility(still=None if arm.lift is None else arm.lift.column) < 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,16 +115,55 @@ class ReachabilityMap:
         return len(self.rows)
 
     def heights(self, z: float) -> tuple[float, ...]:
-        """List torso positions, lowest first, at which a height [m] above the floor is exactly that of some rows.
+        """List torso positions, lowest first, at which a height [m] above the floor is that of some rows.
 
-        Without a lift, (0.0,) if the nearest level has rows: targets are then up to half a cell off the lattice.
+        Without a lift, (0.0,) if the nearest level has rows: targets are then up to half a cell off the lattice. The
+        same holds for a lift that is too short to take a level of the lattice to every height.
         """
+        return tuple(torso for torso, _, _ in self.tiers(z))
+
+    def tiers(self, z: float) -> tuple[tuple[float, int, int], ...]:
+        """List torso positions as in :meth:`heights`, each with level and offset of the rows: see :attr:`offsets`."""
         if self.lift is None:
-            return (0.0,) if len(self._level(self._nearest(z))) else ()
+            level = self._nearest(z)
+            return ((0.0, level, 0),) if len(self._level(level)) else ()
         most = float(self.lift.rise(self.lift.highest))
         levels = range(math.ceil((z - most) / CELL - 1e-9), math.floor(z / CELL + 1e-9) + 1)
-        rises = [z - CELL * level for level in reversed(levels) if len(self._level(level))]
-        return tuple(float(self.lift.position(min(max(rise, 0.0), most))) for rise in rises)
+        found = [(z - CELL * level, level, 0) for level in levels if self._has(level, 0)]
+        if not len(levels):  # it rises by less than a cell
+            nearest = self._nearest(z - most / 2)
+            found = [(z - CELL * nearest, nearest, 0)] if self._has(nearest, 0) else []
+        for level, offset in self.raised:
+            rise = z - CELL * level - LEVELLED * offset
+            if -LEVELLED / 2 <= rise <= most + LEVELLED / 2:
+                found.append((rise, level, offset))
+        return tuple(
+            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset)
+            for rise, level, offset in sorted(found)
+        )
+
+    @cached_property
+    def offsets(self) -> Index:
+        """Heights of rows (n,) above their levels, in steps of :data:`LEVELLED`: 0 on the lattice."""
+        if not is_bound(self.arm) or self.lift is None:
+            return np.zeros(len(self), np.intp)
+        chain = carried(self.arm)
+        heights = chain.fk(self.postures)[self.rows["posture"], 2, 3] if len(self) else np.zeros(0)
+        return np.rint((heights - CELL * self.rows["z"]) / LEVELLED).astype(np.intp)
+
+    @cached_property
+    def raised(self) -> tuple[tuple[int, int], ...]:
+        """Level and offset of the rows that are off the lattice's heights."""
+        off = self.offsets != 0
+        pairs = np.column_stack([self.rows["z"][off], self.offsets[off]])
+        return tuple(sorted({(level, offset) for level, offset in pairs.tolist()}))
+
+    def _has(self, level: int, offset: int) -> bool:
+        """Check whether a level has rows at an offset."""
+        rows = self._level(level)
+        if not self.raised:
+            return len(rows) > 0
+        return bool((self.offsets[rows.start : rows.stop] == offset).any())
 
     def seeds(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
         """Compute joint values (m, d) of rows (m,), in the order of the arm's joints, at one torso position or (m,)."""
@@ -154,6 +198,9 @@ class ReachabilityMap:
         places = np.asarray(points, float).reshape(-1, 3).copy()
         places[:, 2] -= self._rise(torso)
         cells = np.rint(np.clip(places / CELL, -511, 511)).astype(np.int64)
+        first, steps = self._mapped
+        if steps.max() > 1:
+            cells[:, :2] = first + steps * np.rint((places[:, :2] / CELL - first) / steps).astype(np.int64)
         roll = np.broadcast_to(np.asarray(rolls, np.int64), (len(cells),)).copy()
         yaws = np.broadcast_to(np.asarray(headings, float), (len(cells),)).copy()
         if self.grasp is GraspClass.TOP:
@@ -165,6 +212,20 @@ class ReachabilityMap:
             return np.full(len(keys), -1, np.intp)
         at = np.minimum(np.searchsorted(self._sorted, keys), len(self) - 1)
         return np.where(self._sorted[at] == keys, at, -1).astype(np.intp)
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Distances between rows in x and y [m]: more than :data:`CELL` in the maps of large arms."""
+        x, y = (CELL * self._mapped[1]).tolist()
+        return x, y
+
+    @cached_property
+    def _mapped(self) -> tuple[Index, Index]:
+        """First mapped cell in x and y (2,), and the number of cells from each to the next (2,)."""
+        places = np.column_stack([self.rows[axis][:GRIDDED].astype(np.intp) for axis in "xy"])
+        if len(places) < GRIDDED or is_bound(self.arm):
+            return np.zeros(2, np.intp), np.ones(2, np.intp)
+        return places[0], np.maximum(np.gcd.reduce(np.abs(np.diff(places, axis=0))), 1)
 
     @property
     def lift(self) -> Lift | None:
@@ -232,6 +293,10 @@ def rows_of(keys: NDArray[np.int64]) -> Rows:
     return rows
 
 
+LEVELLED = 2e-3
+"""Steps of the heights of rows off the lattice's [m]; inverse kinematics moves the lift by the rest."""
+GRIDDED = 1_000
+"""Number of rows from which the spacing of a map is known."""
 POSTURES = 60_000
 """Random postures per roll."""
 SAMPLED_AT_ONCE = 10_000
@@ -239,7 +304,9 @@ SAMPLED_AT_ONCE = 10_000
 STEPS = 12
 """Newton steps of the projection of a posture."""
 DAMPING = 1e-6
-NEAR = 1e-4, 5e-4
+STIFF = 1e-2
+"""An arm that moves its tip up or down no faster than this cannot change its height [m per rad or m]."""
+NEAR = 1e-4, 9e-4
 """Largest error of a pose from a height of the lattice [m], and from the required rotation [rad]."""
 
 
@@ -282,22 +349,55 @@ def _headings(rotations: Array, grasp: GraspClass, frame: HandFrame, roll: Array
 
 
 def _projected(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array) -> Array:
-    """Project postures (n, d) to nearby ones of the class at a lattice height; those that fail are dropped."""
-    level = np.rint(chain.fk(q)[:, 2, 3] / CELL) * CELL
-    for _ in range(STEPS):
+    """Project postures (n, d) to nearby ones of the class at a lattice height; those that fail are dropped.
+
+    Where the arm cannot change the height of its tip without tilting the hand, they keep the height they have.
+    """
+    right, kept = _moved_to(chain, grasp, frame, roll, q, None)
+    right = right[kept]
+    if not len(right):
+        return right
+    level = np.rint(chain.fk(right)[:, 2, 3] / CELL) * CELL
+    at_level, kept = _moved_to(chain, grasp, frame, roll, right, level)
+    stiff = right[~kept]
+    return np.concatenate([at_level[kept], stiff[_lift(chain, stiff) < STIFF]]) if len(stiff) else at_level
+
+
+def _moved_to(
+    chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array, level: Array | None
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Move joints (n, d) until the attitude is that of the class and the tip at heights (n,) [m], if there are any.
+
+    Returns where they are then, and which of them are right.
+    """
+    first = 0 if level is not None else 1
+    moving = (chain.upper > chain.lower).astype(float)
+    for step in range(STEPS + 1):
         error = _error(chain, grasp, frame, roll, q, level)
-        jacobian = chain.jacobian(q)[:, 2:5]  # velocity upwards, turning about x and y
-        squares = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING * np.eye(3)
-        step = jacobian.transpose(0, 2, 1) @ np.linalg.solve(squares, error[:, :, None])
-        q = np.clip(q + np.clip(step[:, :, 0], -0.4, 0.4), chain.lower, chain.upper)
-    near = np.abs(_error(chain, grasp, frame, roll, q, level))
-    kept = (near[:, 0] < NEAR[0]) & (near[:, 1:].max(axis=1) < NEAR[1])
-    return np.asarray(q[kept & _level_about(chain, grasp, frame, roll, q)])
+        near = np.abs(error)
+        kept = (near[:, 0] < NEAR[0]) & (near[:, 1:].max(axis=1) < NEAR[1])
+        if kept.all() or step == STEPS:
+            break
+        jacobian = chain.jacobian(q)[:, 2 + first : 5] * moving  # velocity upwards, turning about x and y
+        squares = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING * np.eye(3 - first)
+        change = jacobian.transpose(0, 2, 1) @ np.linalg.solve(squares, error[:, first:, None])
+        q = np.clip(q + np.clip(change[:, :, 0], -0.4, 0.4), chain.lower, chain.upper)
+    return q, kept & _level_about(chain, grasp, frame, roll, q)
 
 
-def _error(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array, level: Array) -> Array:
-    """Compute errors in height [m] and in rotation about x and y [rad], (n, 3)."""
+def _lift(chain: Chain, q: Array) -> Array:
+    """Compute how fast (n,) joints can move the tip up or down, with the hand kept level, in postures (n, d)."""
+    jacobian = chain.jacobian(q)[:, 2:5] * (chain.upper > chain.lower)
+    up, turning = jacobian[:, :1], jacobian[:, 1:]
+    squares = turning @ turning.transpose(0, 2, 1) + DAMPING * np.eye(2)
+    lost = turning.transpose(0, 2, 1) @ np.linalg.solve(squares, turning @ up.transpose(0, 2, 1))
+    return np.asarray(np.linalg.norm(up[:, 0] - lost[:, :, 0], axis=1))
+
+
+def _error(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, q: Array, level: Array | None) -> Array:
+    """Compute errors in height [m], if one is required, and in rotation about x and y [rad], (n, 3)."""
     tips = chain.fk(q)
+    level = tips[:, 2, 3] if level is None else level
     required = grasp.rotations(_headings(tips[:, :3, :3], grasp, frame, roll), roll, frame)
     turn = required @ tips[:, :3, :3].transpose(0, 2, 1)
     return np.column_stack([level - tips[:, 2, 3], _log(turn)[:, :2]])

@@ -26,6 +26,8 @@ SAMPLES = 400
 """Number of random configurations from which the reach of an arm is estimated."""
 REACH_MARGIN = 1.02
 """Factor on that estimate, as the samples rarely contain the fully stretched arm."""
+MOST_AIMED = 3
+"""Number of joints that aim the camera, the nearest to it: tables of more take gigabytes. Others stay as they are."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
 
@@ -86,6 +88,11 @@ class Lift:
     highest: float
     """Joint position at which the rise is greatest [m]."""
     per_unit: float
+
+    @property
+    def travel(self) -> float:
+        """Greatest rise [m]."""
+        return float(self.rise(self.highest))
 
     def rise(self, position: ArrayLike) -> Array:
         """Convert joint positions to rises [m]."""
@@ -148,11 +155,12 @@ def gaze_of(robot: Robot) -> Gaze | None:
         return None
     posture = robot.postures.get("carrying", {})
     joints = joints_between(read_urdf(robot.urdf).joints, robot.base_link, robot.camera.link)
-    still = {joint.name: posture.get(joint.name, 0.0) for joint in joints if joint.kind != "fixed"}
+    still = {joint.name: posture.get(joint.name, joint.nearest(0.0)) for joint in joints if joint.kind != "fixed"}
     if not robot.neck:
         return Gaze.fixed(_pose(joints, still), robot.camera.forward)
-    still = {name: value for name, value in still.items() if name not in robot.neck}
-    return Gaze(robot.urdf, robot.base_link, robot.camera.link, robot.neck, robot.camera.forward, still=still)
+    aimed = robot.neck[-MOST_AIMED:]
+    still = {name: value for name, value in still.items() if name not in aimed}
+    return Gaze(robot.urdf, robot.base_link, robot.camera.link, aimed, robot.camera.forward, still=still)
 
 
 def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:
@@ -279,7 +287,8 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
         joints: dict[str, float] = {}
         if robot.torso is not None:
             low, high = world.robot.limits[robot.torso]
-            joints[robot.torso] = low + TORSO * (high - low)
+            torso = read_urdf(robot.urdf).joint(robot.torso)
+            joints[robot.torso] = low + TORSO * (high - low) if torso.kind == "prismatic" else torso.nearest(0.0)
         for arm in robot.arms:
             joints |= _best(robot, arm, joints, world, partial(report, f"carrying posture: {arm.name} arm"))
             report("", 1.0)

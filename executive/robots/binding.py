@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.robots.limbs import Limbs, renamed, with_camera_neck
-from executive.robots.mechanism import Mechanism, Naming, mounted, source_of
+from executive.robots.mechanism import Mechanism, Naming, base_joints, grounded, mounted, source_of
 from executive.robots.robot import (
     Arm,
     JointLimits,
@@ -33,9 +33,10 @@ from executive.robots.robot_file import (
 )
 from executive.robots.vetting import vet
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.files import Bundled
 from planlang.geometry.matrices import inverse, product
+from planlang.geometry.urdf import read_urdf
 from planlang.ontology import Ontology, load
 from planlang.shell import quoted
 from sim import CameraModel
@@ -202,7 +203,8 @@ def _assumed(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> 
 
 
 def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
-    mechanism = Mechanism(urdf)
+    still = grounded(urdf)
+    mechanism = Mechanism(still)
     diagnostics = list(read_description(source_of(urdf)).diagnostics)
     if numbers is None or numbers.path.parent != Bundled.ROBOT.folder or urdf != numbers.urdf:
         vet(urdf)
@@ -218,12 +220,15 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         _list_unknown(model, naming, diagnostics)
     else:
         arms = limbs.from_numbers(numbers) if numbers else ()
-    torso = limbs.torso([arm.tip for arm in arms]) or (numbers.torso if numbers and not arms else None)
+    torso = limbs.torso([arm.tip for arm in arms])
     camera = _camera(model, numbers, mechanism)
     neck = _neck(numbers, mechanism, camera, arms, torso)
     if has_errors(diagnostics):
         raise BadInput(diagnostics)
     diagnostics.extend(_assumed(model, numbers, urdf))
+    limits = _limits(numbers, mechanism, arms, torso, neck)
+    if numbers is not None and numbers.path.parent != Bundled.ROBOT.folder:
+        diagnostics.extend(_unused(numbers, arms, camera, limits))
     if model is not None:
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)
@@ -235,7 +240,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
     return Robot(
         name=numbers.name if numbers else (model.name if model else urdf.stem),
         iri=model.iri if model else None,
-        urdf=urdf,
+        urdf=still,
         base_link=mechanism.root,
         base=numbers.base if numbers else DEFAULT_BASE,
         torso=torso,
@@ -243,7 +248,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         neck=neck,
         camera=camera,
         postures=numbers.postures if numbers else {},
-        limits=_limits(numbers, mechanism, arms, torso, neck),
+        limits=limits,
         allowed_contacts=numbers.allowed_contacts if numbers else (),
         parts=parts,
         claims=claims,
@@ -251,6 +256,29 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         diagnostics=tuple(diagnostics),
         file=numbers.path if numbers is not None and model is None else None,
     )
+
+
+def _unused(
+    numbers: RobotFile, arms: tuple[Arm, ...], camera: CameraModel | None, limits: Mapping[str, JointLimits]
+) -> Iterator[Diagnostic]:
+    """Yield a warning for each part of a robot file of which nothing is used: the self-model lacks it, or no arm."""
+    bound = {arm.name: arm for arm in arms}
+    unused = {}
+    for stated in numbers.arms:
+        key, arm = f"arms.{stated.name}", bound.get(stated.name)
+        if arm is None:
+            unused[key] = "the self-model has no arm that ends there"
+        elif stated.gripper is not None and (
+            arm.gripper is None or arm.gripper.max_opening != stated.gripper.max_opening
+        ):
+            unused[f"{key}.gripper"] = "the self-model lacks its joints"
+    if numbers.camera is not None and camera is None:
+        unused["camera"] = "the self-model has no camera"
+    for joint in numbers.limits:
+        if joint not in limits:
+            unused[f"joints.{joint}"] = "no arm, gripper, torso or neck has this joint; only its limits can be set"
+    for key, why in unused.items():
+        yield warning("B011", f"{key} is not used: {why}", numbers.span(key))
 
 
 def _check_same(model: SelfModel, mechanism: Mechanism, diagnostics: list[Diagnostic]) -> None:
@@ -279,8 +307,13 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         if value not in mechanism.links:
             problems.append(error("B011", f"{key}: {name} has no link {value!r}", numbers.span(key)))
 
+    of_base = base_joints(read_urdf(source_of(mechanism.path)))
+
     def joint(value: str, key: str, position: float | None = None, *, follows: bool = False) -> None:
-        if not (mechanism.moves(value) if follows else mechanism.actuated(value)):
+        if value in of_base:
+            message, help = f"{key}: {value} moves the base, not a part of it", "[base] describes how it drives"
+            problems.append(error("B011", message, numbers.span(key), help))
+        elif not (mechanism.moves(value) if follows else mechanism.actuated(value)):
             problems.append(error("B011", f"{key}: {name} has no actuated joint {value!r}", numbers.span(key)))
         elif position is not None and mechanism.joints[value].kind != "continuous":
             lower, upper = mechanism.joints[value].lower, mechanism.joints[value].upper
@@ -305,6 +338,10 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         joint(moved, "camera.neck")
     if numbers.torso is not None:
         joint(numbers.torso, "torso")
+        tips = [arm.tip for arm in numbers.arms]
+        if mechanism.actuated(numbers.torso) and tips and not any(numbers.torso in mechanism.movers(t) for t in tips):
+            message = f"torso: {numbers.torso} moves none of the arms"
+            problems.append(error("B011", message, numbers.span("torso"), "name a joint that carries arms, or none"))
     for moved in (*numbers.limits, *numbers.ranges):
         joint(moved, f"joints.{moved}")
     for posture, positions in numbers.postures.items():

@@ -2,17 +2,12 @@
 
 Every value has a reason. Written out, it is a file for the user to complete, with missing values as comments; the same
 text serves as robot file for a robot that is given by its URDF alone.
-
-The SRDF (https://wiki.ros.org/srdf) states end effectors, named postures, the type of the base, and pairs of links
-that may touch. It is untrusted, as the URDF is, and read with the same bounds; what of its
-end effectors and postures this robot does not have is reported.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from enum import Enum
@@ -22,15 +17,15 @@ from typing import Any
 import numpy as np
 
 from executive.robots import anatomy
-from executive.robots.anatomy import Limb
+from executive.robots.anatomy import TURNS, Anatomy, Limb, is_arm
 from executive.robots.hand_shape import HandShape, shape_of
-from executive.robots.mechanism import Mechanism
+from executive.robots.mechanism import Mechanism, base_joints, grounded
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
+from executive.robots.srdf import Srdf, read_srdf
 from executive.robots.vetting import vet
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.geometry.urdf import BadXml, Element, read_tree, read_urdf
-from planlang.geometry.urdf_schema import expressions_in, numbers
+from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.geometry.urdf import Joint, read_urdf
 from planlang.records import dataclass
 from planlang.visible import visible
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
@@ -48,8 +43,16 @@ USUAL_OPENING = 0.07
 """Example of an opening where it is missing [m]."""
 USUAL_LIMITS = {"revolute": (-2.9, 2.9), "prismatic": (0.0, 0.3)}
 """Example of a range where the URDF's is implausible [rad, m]."""
-TURNS = 8 * np.pi
-"""A greater range of a revolute joint is presumed to be an error [rad]."""
+USUAL_FINGER = {"revolute": (0.0, 0.8), "continuous": (0.0, 0.8), "prismatic": (0.0, 0.04)}
+"""The same for a finger [rad, m]."""
+WIDEST_HAND = 0.3
+"""Greatest plausible opening of a hand, and length of a finger [m]."""
+LONGEST_FINGER = 3
+"""Greatest number of joints of a finger that is no doubt one."""
+UNEQUAL = 0.004
+"""Difference between the openings of a left and a right hand with equal fingers that is reported [m]."""
+PLATE = 0.01
+"""Height of the plate on which a robot with legs stands, and gap between it and the soles [m]."""
 _CARRYING = re.compile(r"carry|tuck|transport|travel|park|stow", re.IGNORECASE)
 
 
@@ -58,6 +61,7 @@ class Status(Enum):
 
     DERIVED = "derived"
     ASSUMED = "assumed"
+    DOUBTFUL = "doubtful"
     MISSING = "missing"
 
 
@@ -126,21 +130,25 @@ class Draft:
         return visible("\n".join([" ".join(head.split()), "", *lines]) + "\n")
 
     def diagnostics(self) -> list[Diagnostic]:
-        """List assumed values as notes, and missing ones as warnings, by table, after what of an SRDF is not used."""
+        """List assumed values as notes, missing and doubtful ones as warnings, after what of an SRDF is not used."""
         diagnostics = list(self.unused)
         for table in self.tables:
             subject = table.header if table.path else "the robot"
-            for status, severity, code in ((Status.ASSUMED, note, "B010"), (Status.MISSING, warning, "B016")):
+            for status, (severity, code, advice) in _REPORTED.items():
                 entries = [entry for entry in table.entries if entry.status is status]
                 if entries:
                     reasons = "; ".join(f"{entry.key}: {entry.why}" if entry.why else entry.key for entry in entries)
-                    help = (
-                        f"if it has that, state it in {subject} of the robot file" if status is Status.MISSING else None
-                    )
-                    diagnostics.append(
-                        severity(code, f"{subject} {status.value}: {reasons}", Span(str(self.urdf)), help)
-                    )
+                    message, help = f"{subject} {status.value}: {reasons}", advice and advice.format(subject)
+                    diagnostics.append(severity(code, message, Span(str(self.urdf)), help))
         return diagnostics
+
+
+_REPORTED = {
+    Status.ASSUMED: (note, "B010", None),
+    Status.MISSING: (warning, "B016", "if it has that, state it in {} of the robot file"),
+    Status.DOUBTFUL: (warning, "B017", "compare it with the robot, and correct {} of the robot file"),
+}
+"""Status of values that are reported -> severity and code of the diagnostic, and its advice about a table."""
 
 
 def toml(value: Any, *, is_key: bool = False) -> str:
@@ -168,15 +176,19 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
     ``srdf`` is by default the file of the same stem beside it, if there is one; ``named`` is the path of the URDF to
     write into the robot file.
     """
-    mechanism = Mechanism(urdf)
+    still = grounded(urdf)
+    mechanism = Mechanism(still)
     beside = urdf.with_suffix(".srdf")
     source = srdf if srdf is not None else beside if beside.is_file() else None
     srdf_content = read_srdf(source, mechanism) if source is not None else None
     vet(urdf)
-    world = PlanningWorld(Scene(()), RobotBody(urdf, CameraModel(mechanism.root)))
+    parts = Anatomy(mechanism)
+    standing = {joint.name for leg in parts.legs for joint in parts.subtree(leg)}
+    moving = [joint for joint in mechanism.joints if joint not in standing]
+    world = PlanningWorld(Scene(()), RobotBody(still, CameraModel(mechanism.root), moving=moving))
     unused = srdf_content.unused if srdf_content is not None else ()
     try:
-        return _Maker(Draft(urdf, unused=unused), mechanism, srdf_content, world).make(named or urdf.name)
+        return _Maker(Draft(urdf, unused=unused), parts, srdf_content, world).make(named or urdf.name)
     finally:
         world.close()
 
@@ -192,9 +204,11 @@ def sunk_in_floor(world: PlanningWorld) -> str:
 class _Maker:
     """Fills a draft, table by table."""
 
-    def __init__(self, draft: Draft, mechanism: Mechanism, srdf: Srdf | None, world: PlanningWorld) -> None:
-        self.draft, self.mechanism, self.srdf, self.world = draft, mechanism, srdf, world
+    def __init__(self, draft: Draft, parts: Anatomy, srdf: Srdf | None, world: PlanningWorld) -> None:
+        self.draft, self.anatomy, self.srdf, self.world = draft, parts, srdf, world
+        self.mechanism = mechanism = parts.mechanism
         self.limbs = self._limbs()
+        self.lift = anatomy.lift(mechanism, [limb.hand for limb in self.limbs])
         self.movers = {name for limb in self.limbs for name in mechanism.movers(limb.hand)}
         """Joints that move a hand, those of a torso included."""
 
@@ -202,16 +216,18 @@ class _Maker:
         first = self.draft.table()
         first.add("name", read_urdf(self.draft.urdf).tree.get("name") or self.draft.urdf.stem)
         first.add("urdf", urdf)
+        if self.lift is not None:
+            first.add("torso", self.lift.name, "raises the arms")
         if self.srdf is not None and self.srdf.touching:
             first.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
         self._base()
         self._mount()
         names: list[str] = []
-        for limb in self.limbs:
-            self._arm(limb, names)
+        shapes = [shape_of(limb, self.mechanism, self.world) for limb in self.limbs]
+        for limb, shape in zip(self.limbs, shapes, strict=True):
+            self._arm(limb, shape, names, self._doubts(limb, shape, shapes))
         if not self.limbs:
-            what = f"no chain of {anatomy.LEAST_ARM} or more joints ends in a hand: the robot cannot reach anything"
-            self.draft.table("arms", "arm").add("tip", self.mechanism.root, what, Status.MISSING)
+            self._no_arm()
         self._camera()
         self._speeds()
         self._postures()
@@ -221,10 +237,9 @@ class _Maker:
         """Find the arms: those that end at end effectors of the SRDF, else those of the kinematic tree."""
         end_effectors = self.srdf.end_effectors if self.srdf is not None else ()
         at_end_effectors = (
-            anatomy.limb_of(self.mechanism, one.parent_link, one.parent_group or one.name) for one in end_effectors
+            self.anatomy.limb_of(one.parent_link, one.parent_group or one.name) for one in end_effectors
         )
-        arms = [limb for limb in at_end_effectors if limb is not None] or list(anatomy.limbs(self.mechanism))
-        return [limb for limb in arms if anatomy.is_arm(limb)]
+        return [limb for limb in at_end_effectors if limb is not None and is_arm(limb)] or self.anatomy.arms
 
     # The base
 
@@ -243,12 +258,15 @@ class _Maker:
         if self.srdf is not None and self.srdf.base_joint is not None:
             kind = self.srdf.base_joint
             return kind in ("planar", "floating"), f"the virtual joint of the SRDF is {kind}"
-        wheels = anatomy.wheels(self.mechanism)
+        wheels, legs = self.anatomy.wheels, self.anatomy.legs
         if wheels:
-            return True, f"{wheels[0]} turns a wheel"
-        if "base_footprint" in self.mechanism.links:
-            return True, "base_footprint is the frame of mobile bases (REP 120)"
-        free = [joint.name for joint in self.mechanism.joints.values() if joint.kind in ("planar", "floating")]
+            return True, f"{wheels[0].name} turns a wheel"
+        if legs:
+            return True, f"legs carry it, from {legs[0].name} on: it is moved as a whole, and its legs stay as they are"
+        footprint = next((link for link in self.mechanism.links if link.endswith("base_footprint")), None)
+        if footprint is not None:
+            return True, f"{footprint} is the frame of mobile bases (REP 120)"
+        free = base_joints(read_urdf(self.draft.urdf))
         if free:
             return True, f"{free[0]} moves freely"
         return False, "no wheel in the URDF, false if it stands on a base that drives"
@@ -263,7 +281,15 @@ class _Maker:
 
     def _mount(self) -> None:
         sunk = sunk_in_floor(self.world)
-        if sunk or (self.limbs and not self._drives()[0]):
+        if sunk and self.anatomy.legs:
+            points = self.world.robot.ground_points()
+            size = [round(2 * float(np.abs(points[:, axis]).max()), 3) for axis in (0, 1)]
+            why = "a thin plate under its feet: so they stay, as the base moves"
+            table = self.draft.table("mount")
+            table.add("size", [*size, PLATE], why)
+            at = (0.0, 0.0, round(2 * PLATE - float(points[:, 2].min()), 3))
+            table.add("at", at, "its root link, above the soles")
+        elif sunk or (self.limbs and not self._drives()[0]):
             lowest = round(float(self.world.robot.ground_points()[:, 2].min(initial=0.0)), 3) + 0.0
             why = f"if it does not stand on the floor: what it stands on; its lowest shape is at z = {lowest}"
             size = [0.4, 0.4, max(0.6, -lowest)]
@@ -271,16 +297,13 @@ class _Maker:
 
     # Arms
 
-    def _arm(self, limb: Limb, names: list[str]) -> None:
-        shape, side = (
-            shape_of(limb, self.mechanism, self.world),
-            anatomy.side(self.mechanism, limb, is_alone=len(self.limbs) == 1),
-        )
+    def _arm(self, limb: Limb, shape: HandShape, names: list[str], doubts: Mapping[str, str]) -> None:
+        side = anatomy.side(self.mechanism, limb, self.limbs)
         name = re.sub(r"[^A-Za-z0-9_-]", "_", side or limb.name or "arm")
         names.append(name)
         name += f"_{names.count(name)}" if names.count(name) > 1 else ""
         table = self.draft.table("arms", name)
-        chain = f"{len(limb.joints)} joints, {limb.joints[0].name} to {limb.joints[-1].name}"
+        chain = f"{len(limb.joints)} joints, {limb.joints[0].name} to {limb.joints[-1].name}{self._torso_of(limb)}"
         if side is not None:
             table.add("side", side, "from its names, or the position of its shoulder")
         table.add("tip", shape.tip, chain)
@@ -290,24 +313,83 @@ class _Maker:
             table.add(
                 "tool_offset", (0.0, 0.0, 0.1), "grip point in the tip's frame, if not its origin", Status.MISSING
             )
-        table.add("hand", limb.hand, "the link that carries the fingers" if limb.fingers else "the last link")
+        carries = "the link that carries the fingers" if limb.fingers else "the last link"
+        self._add_doubtful(table, "hand", limb.hand, carries, doubts)
         status = Status.DERIVED if shape.is_measured else Status.ASSUMED
         measured = "from the wrist to the fingers" if shape.is_measured else "the axis of the last joint"
         table.add("approach", shape.approach, measured, status)
         across = "the direction in which the fingers move" if shape.opened else "perpendicular to the approach"
         table.add("closing", shape.closing, across, Status.DERIVED if shape.opened else Status.ASSUMED)
         table.add("payload", PAYLOAD, "largest mass that the hand carries [kg]", Status.ASSUMED)
-        self._gripper(name, shape)
+        self._gripper(name, shape, doubts)
         for joint in limb.joints:
             if joint.kind in ("revolute", "prismatic") and not 1e-6 < joint.upper - joint.lower < TURNS:
-                why = f"the URDF's range, {joint.lower:g} to {joint.upper:g}, is implausible"
-                usual = USUAL_LIMITS[joint.kind]
-                self.draft.table("joints", joint.name).add("limits", usual, why, Status.MISSING)
+                self._limits(joint, USUAL_LIMITS)
+        for joint in shape.stuck:
+            self._limits(joint, USUAL_FINGER)
 
-    def _gripper(self, name: str, shape: HandShape) -> None:
+    def _limits(self, joint: Joint, usual: Mapping[str, tuple[float, float]]) -> None:
+        """Say that a joint of the URDF lacks plausible limits."""
+        is_endless = joint.kind == "continuous"
+        why = f"{joint.lower:g} to {joint.upper:g}, is implausible" if not is_endless else "without end, is no finger's"
+        table = self.draft.table("joints", joint.name)
+        table.add("limits", usual[joint.kind], f"the URDF's range, {why}", Status.MISSING)
+
+    @staticmethod
+    def _add_doubtful(table: Table, key: str, value: object, why: str, doubts: Mapping[str, str]) -> None:
+        if key in doubts:
+            table.add(key, value, f"{why}; doubtful: {doubts[key]}", Status.DOUBTFUL)
+        else:
+            table.add(key, value, why)
+
+    def _doubts(self, limb: Limb, shape: HandShape, shapes: Sequence[HandShape]) -> dict[str, str]:
+        """Word what is implausible about a hand, by the key that states it."""
+        doubts = {}
+        joints = {finger.name: self.anatomy.depth(finger) for finger in limb.fingers}
+        deepest = max(joints, key=lambda name: joints[name], default="")
+        if joints and joints[deepest] > LONGEST_FINGER:
+            doubts["hand"] = f"the finger from {deepest} on has {joints[deepest]} joints, it may be an arm"
+        if shape.size > WIDEST_HAND:
+            doubts["hand"] = f"a finger is {shape.size:.2f} m long, it may be an arm"
+        if shape.max_opening > WIDEST_HAND:
+            doubts["max_opening"] = "wider than hands open"
+        for other, twin in zip(self.limbs, shapes, strict=True):
+            ranges = [
+                sorted(round(abs(end), 3) for one in each.fingers for end in (one.lower, one.upper))
+                for each in (limb, other)
+            ]
+            difference = abs(shape.max_opening - twin.max_opening)
+            if ranges[0] == ranges[1] and min(shape.max_opening, twin.max_opening) > 0 and difference > UNEQUAL:
+                advice = "compare the shapes of their fingers"
+                doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {advice}"
+        return doubts
+
+    def _torso_of(self, limb: Limb) -> str:
+        """Word which joints are above an arm; "" if there are none."""
+        lift = self.lift and self.lift.name
+        above = [name for name in self.mechanism.movers(limb.joints[0].parent) if name != lift]
+        return f"; {' to '.join(dict.fromkeys((above[0], above[-1])))} above it" if above else ""
+
+    def _carriers(self) -> Sequence[Joint]:
+        """List the joints of wheels and the uppermost ones of legs."""
+        return *self.anatomy.wheels, *self.anatomy.legs
+
+    def _no_arm(self) -> None:
+        """Say what was found in place of arms."""
+        carrying = {one.child for joint in self._carriers() for one in self.anatomy.subtree(joint)}
+        links = [link for link in self.mechanism.links if link not in carrying]
+        deepest = max(links, key=lambda link: len(self.mechanism.movers(link)))
+        found = len(self.mechanism.movers(deepest))
+        what = f"no chain of {anatomy.LEAST_ARM} or more joints ends in a hand: the robot cannot reach anything"
+        if found:
+            what += f'; most joints, {found}, move {deepest}: state tip = "{deepest}" if that is a hand'
+        self.draft.table("arms", "arm").add("tip", deepest, what, Status.MISSING)
+
+    def _gripper(self, name: str, shape: HandShape, doubts: Mapping[str, str]) -> None:
         table = self.draft.table("arms", name, "gripper")
         if not shape.opened:
-            what = "the URDF has no moving finger: without a gripper the robot cannot grasp anything"
+            found = f"finger {shape.stuck[0].name} with a plausible range" if shape.stuck else "moving finger"
+            what = f"the URDF has no {found}: without a gripper the robot cannot grasp anything"
             table.add("opened", {"finger_joint": 0.04}, what, Status.MISSING)
             table.add("closed", {"finger_joint": 0.0}, "", Status.MISSING)
             table.add("max_opening", USUAL_OPENING, "", Status.MISSING)
@@ -324,15 +406,17 @@ class _Maker:
             coarse = f"{measured}, some of whose meshes may be missing"
             table.add("max_opening", shape.max_opening, coarse, Status.ASSUMED)
         else:
-            table.add("max_opening", shape.max_opening, measured)
+            self._add_doubtful(table, "max_opening", shape.max_opening, measured, doubts)
 
     # Head
 
     def _camera(self) -> None:
-        arms = [joint.name for limb in self.limbs for joint in limb.joints]
+        arms = [joint.name for limb in self.limbs for joint in limb.joints if joint is not self.lift]
         link, table = anatomy.camera(self.mechanism, arms), self.draft.table("camera")
         if link is None:
+            on_arm = anatomy.camera(self.mechanism, ())
             what = "no link of the body or head is named like a camera; without one the robot needs --trust-map"
+            what += f"; {on_arm} does not look where a neck aims it, an arm moves it" if on_arm is not None else ""
             table.add("link", "camera_optical_frame", what, Status.MISSING)
             return
         table.add("link", link, "from its name")
@@ -366,99 +450,3 @@ class _Maker:
         table = self.draft.table("postures", name)
         for number, (joint, value) in enumerate(state.items()):
             table.add(joint, value, why if number == 0 else "")
-
-
-IGNORED_REASONS = ("Never", "Adjacent")
-"""Reasons of pairs that need no entry: they cannot touch, or are never checked."""
-
-
-@dataclass(frozen=True, slots=True)
-class EndEffector:
-    """A hand, attached to the link ``parent_link`` of an arm."""
-
-    name: str
-    parent_link: str
-    parent_group: str
-
-
-@dataclass(frozen=True, slots=True)
-class Srdf:
-    """The contents of an SRDF."""
-
-    path: Path
-    end_effectors: tuple[EndEffector, ...]
-    states: Mapping[str, Mapping[str, float]]
-    """Name -> joint positions; states of several groups under one name are merged."""
-    base_joint: str | None
-    """Type of the virtual joint between world and robot: "fixed", "planar" or "floating"."""
-    touching: tuple[tuple[str, str], ...]
-    """Pairs of links that may touch."""
-    unused: tuple[Diagnostic, ...] = ()
-    """Warnings about positions and hands that cannot be used."""
-
-
-def read_srdf(path: Path, mechanism: Mechanism) -> Srdf:
-    """Read the SRDF of a URDF. Raises BadInput (B009)."""
-    try:
-        robot = read_tree(path)
-        if robot.tag != "robot":
-            raise BadXml(f"is not SRDF: its root element is <{robot.tag}>, not <robot>", robot.line)
-        if robot.find("link") is not None:
-            raise BadXml("is not SRDF, but a URDF: it has a <link>", robot.line)
-        for what, element in expressions_in(robot):
-            line = element.line if isinstance(element, Element) else 1
-            raise BadXml(f"{what} is not expanded: write the file out with xacro first", line)
-    except BadXml as problem:
-        raise BadInput([error("B009", problem.problem, Span(str(path), problem.line))]) from None
-    states: dict[str, dict[str, float]] = {}
-    unused: list[Diagnostic] = []
-
-    def drop(element: ElementTree.Element, problem: str) -> None:
-        line = element.line if isinstance(element, Element) else 1
-        unused.append(warning("B011", f"{problem}; it is not used", Span(str(path), line)))
-
-    base = robot.find("virtual_joint")
-    of_base = None if base is None else base.get("name")
-    for state in robot.iterfind("group_state"):
-        name = state.get("name", "")
-        for joint in state.iterfind("joint"):
-            moved = joint.get("name", "")
-            why_not, value = _position(joint, mechanism)
-            if why_not and moved != of_base:
-                drop(joint, f"<group_state> {name!r}: {why_not}")
-            elif name and mechanism.actuated(moved):  # the others follow or never move
-                states.setdefault(name, {})[moved] = value
-    end_effectors = []
-    for one in robot.iterfind("end_effector"):
-        hand = EndEffector(one.get("name", ""), one.get("parent_link", ""), one.get("parent_group", ""))
-        if hand.parent_link in mechanism.links:
-            end_effectors.append(hand)
-        else:
-            drop(one, f"<end_effector> {hand.name!r}: the URDF has no link {hand.parent_link!r}")
-    return Srdf(
-        path,
-        tuple(end_effectors),
-        states,
-        base.get("type") if base is not None else None,
-        tuple(pair for pair in _touching(robot) if set(pair) <= set(mechanism.links)),
-        tuple(unused),
-    )
-
-
-def _position(stated: ElementTree.Element, mechanism: Mechanism) -> tuple[str, float]:
-    """Read the position of a joint in a state, with the reason why it cannot be taken, or ""."""
-    name, text = stated.get("name", ""), stated.get("value", "")
-    joint, values = mechanism.joints.get(name), numbers(text)
-    if joint is None:
-        return f"the URDF has no joint {name!r}", 0.0
-    if len(values) != 1:
-        return f"joint {name!r} needs a single number, not {text[:60]!r}", 0.0
-    if joint.kind in ("revolute", "prismatic") and not joint.lower <= values[0] <= joint.upper:
-        return f"joint {name!r} is at {values[0]:g}, outside its limits [{joint.lower:g}, {joint.upper:g}]", 0.0
-    return "", values[0]
-
-
-def _touching(robot: Element) -> Iterator[tuple[str, str]]:
-    for pair in robot.iterfind("disable_collisions"):
-        if pair.get("reason") not in IGNORED_REASONS:
-            yield pair.get("link1", ""), pair.get("link2", "")

@@ -1,6 +1,7 @@
 """The shape of a hand: approach and closing directions, opened and closed positions, opening width and grip point.
 
-Measured on the collision shapes of the fingers within their joint limits; without shapes, on the link origins.
+Measured on the collision shapes of the fingers within their joint limits; without shapes, on the link origins. A hand
+with a thumb closes it against all other fingers, other hands close fingers from both sides of the wrist's axis.
 """
 
 from __future__ import annotations
@@ -10,8 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.robots.anatomy import TOOL, Limb
+from executive.robots.anatomy import Limb, is_tool
 from executive.robots.mechanism import Mechanism
+from executive.robots.part_words import Part, names
 from executive.robots.robot import Axis
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
@@ -35,8 +37,12 @@ SHARE = 0.95
 """Width of the widest object that fits, as a fraction of the gap."""
 LEAST_OPENING = 0.01
 """Least plausible opening [m]: a smaller gap means that the fingers do not face each other."""
-GREATEST_RANGE = {"revolute": math.pi, "continuous": 0.0, "prismatic": 0.3}
-"""Greatest plausible range of a finger joint [rad, m]."""
+GREATEST_RANGE = {"revolute": 4 * math.pi, "continuous": 0.0, "prismatic": 0.3}
+"""Greatest plausible range of a finger joint, or of a motor that fingers follow [rad, m]."""
+FIRST = 0.25
+"""Fraction of the way of a joint, from a flat hand to a fist, on which its fingers come nearer to the thumb."""
+LEAST_SHARE = 0.05
+"""Joints of a hand with a thumb that move it less than this fraction of the joint that moves it most spread fingers."""
 WIDEST_GAP = 0.13
 """Greatest gap to which fingers are opened [m]: wider hands collide with objects beside the grasped one."""
 LEAST_CLOSED_GAP = -0.02
@@ -67,6 +73,10 @@ class HandShape:
     fingers: tuple[str, ...]
     is_measured: bool
     """False if the approach is the axis of the wrist, as there are no fingers."""
+    stuck: tuple[Joint, ...] = ()
+    """Joints of fingers with an implausible range: none, without end, or too great."""
+    size: float = 0.0
+    """Greatest length of a finger [m]."""
 
 
 def shape_of(limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> HandShape:
@@ -79,13 +89,21 @@ class _Hand:
 
     def __init__(self, limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> None:
         self.limb, self.mechanism, self.world = limb, mechanism, world
-        self.links = {joint.name: _below(mechanism, joint) for joint in limb.fingers}
-        """Finger joint -> links that move with it."""
+        self.links = {joint.name: _below(mechanism, joint, limb.fingers) for joint in limb.fingers}
+        """Finger joint -> links that move with it, without those of a finger that hangs from it."""
         inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
-        self.joints = [
-            j for j in inner if mechanism.actuated(j.name) and 0 < j.upper - j.lower <= GREATEST_RANGE[j.kind]
-        ]
-        self.middle = {joint.name: (joint.lower + joint.upper) / 2 for joint in self.joints}
+        driven = [joint for joint in inner if mechanism.actuated(joint.name)]
+        self.joints = [joint for joint in driven if 0 < joint.upper - joint.lower <= GREATEST_RANGE[joint.kind]]
+        self.stuck = [joint for joint in driven if joint not in self.joints]
+        """Finger joints whose range is implausible."""
+        thumbs = {name for name, links in self.links.items() if names(Part.THUMB, name, *links)}
+        self.thumbs = thumbs if 0 < len(thumbs) < len(self.links) and len(self.links) > 2 else set[str]()
+        """Finger joints of thumbs, which oppose all others; empty for hands without one."""
+        self.rest = {
+            joint.name: min(max(0.0, joint.lower), joint.upper) if self.thumbs else (joint.lower + joint.upper) / 2
+            for joint in self.joints
+        }
+        """Values of finger joints that are not varied: hands with a thumb are flat at zero."""
         self.wrist = self._place(limb.joints[-1].child)
 
     def shape(self) -> HandShape:
@@ -108,7 +126,14 @@ class _Hand:
             self._opening(approach, closing, opened, closed) if opened else 0.0,
             tuple(dict.fromkeys(touching)),
             ahead is not None,
+            tuple(self.stuck),
+            self._size(),
         )
+
+    def _size(self) -> float:
+        """Greatest extent of a finger along an axis of the hand [m]."""
+        fingers = [one for name, one in self._points({}).items() if name != FIXED]
+        return max((float(np.ptp(one, axis=0).max()) for one in fingers), default=0.0)
 
     # Frames and points
 
@@ -123,7 +148,7 @@ class _Hand:
     def _points(self, values: Values) -> dict[str, Array]:
         """Points (n, 3) of each finger at joint values; a hand with a single finger has the fixed jaw as well."""
         joints = self.world.robot.joints
-        posture = {name: value for name, value in {**self.middle, **values}.items() if name in joints}
+        posture = {name: value for name, value in {**self.rest, **values}.items() if name in joints}
         self.world.set_configuration(Configuration((0.0, 0.0, 0.0), posture))
         numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
         to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
@@ -142,17 +167,37 @@ class _Hand:
     # Directions
 
     def _ahead(self) -> Array | None:
-        """Direction from the wrist to the fingers (3,); None without fingers, or if they surround the wrist."""
-        points = self._points({})
+        """Direction from the wrist to the fingers (3,); None without fingers, or if they surround the wrist.
+
+        If that is oblique, the direction from the roots of the fingers to their middles: some hang below the wrist.
+        """
+        points = {name: one for name, one in self._points({}).items() if name not in self.thumbs}
         if not points:
             return None
-        middle = np.mean([one.mean(axis=0) for one in points.values()], axis=0) - self.wrist
-        if np.linalg.norm(middle) < LEAST_TRAVEL:
+        middle = np.mean([one.mean(axis=0) for one in points.values()], axis=0)
+        moving = [name for name in points if name != FIXED]
+        roots = np.mean([self._place(self.mechanism.joints[name].child) for name in moving], axis=0)
+        ways = [middle - self.wrist, middle - roots, *([roots - self.wrist] if self.thumbs else [])]
+        if np.linalg.norm(ways[0]) < LEAST_TRAVEL:
             return None
-        return self._straightened(middle / np.linalg.norm(middle))
+        ways = [way / np.linalg.norm(way) for way in ways if np.linalg.norm(way) >= LEAST_TRAVEL]
+        straight = [way for one in ways if (way := self._along_an_axis(one)) is not None]
+        return straight[0] if straight else self._of_a_tool(ways[min(1, len(ways) - 1)])
+
+    def _of_a_tool(self, direction: Array) -> Array:
+        """Find the axis of a link named as a tool that is close to a direction; the direction if there is none."""
+        tools = [link for link in self.mechanism.rigid_with(self.limb.hand) if is_tool(link)]
+        axes = [axis * sign for link in tools for axis in self._frame(link)[:3, :3].T for sign in (1.0, -1.0)]
+        best = max(axes, key=lambda axis: round(float(axis @ direction), 6), default=direction)
+        return best if float(best @ direction) >= LOPSIDED else direction
 
     def _straightened(self, direction: Array) -> Array:
         """Snap a direction to a close axis of the hand or of the wrist's last joint; unchanged if none is close."""
+        straight = self._along_an_axis(direction)
+        return direction if straight is None else straight
+
+    def _along_an_axis(self, direction: Array) -> Array | None:
+        """Find the axis of the hand or of the wrist's last joint that is close to a direction; None if none is."""
         wrist = self._last_axis()
         best = max([*np.eye(3), wrist], key=lambda axis: round(abs(float(axis @ direction)), 6))
         cosine = float(best @ direction)
@@ -160,7 +205,7 @@ class _Hand:
             return np.asarray(best * math.copysign(1.0, cosine))
         cosine = float(wrist @ direction)
         is_likely = len(self.links) == 1 and abs(cosine) >= LOPSIDED
-        return wrist * math.copysign(1.0, cosine) if is_likely else direction
+        return wrist * math.copysign(1.0, cosine) if is_likely else None
 
     def _last_axis(self) -> Array:
         last = self.limb.joints[-1]
@@ -174,8 +219,13 @@ class _Hand:
         return -axis if outwards < -1e-6 else axis
 
     def _closing(self, approach: Array) -> Array:
-        """Direction (3,), perpendicular to the approach, in which the fingers move most."""
+        """Direction (3,), perpendicular to the approach, in which the fingers move most, or from them to the thumb."""
         best = np.zeros(3)
+        if self.thumbs:
+            fingers, thumb = self._middles(self._points({}))
+            across = thumb - fingers - approach * float((thumb - fingers) @ approach)
+            if np.linalg.norm(across) > LEAST_TRAVEL:
+                return self._across(across, approach)
         for joint in self.joints:
             ends = [self._points({joint.name: value}) for value in (joint.lower, joint.upper)]
             for finger in self.links:
@@ -185,9 +235,19 @@ class _Hand:
                     best = travel
         if np.linalg.norm(best) < LEAST_TRAVEL:
             best = min(np.eye(3)[[1, 0, 2]], key=lambda axis: round(abs(float(axis @ approach)), 6))
-        across = self._straightened(best / np.linalg.norm(best))
+        return self._across(best, approach)
+
+    def _across(self, direction: Array, approach: Array) -> Array:
+        """Unit vector (3,) along a direction, if it is close to an axis along that, perpendicular to the approach."""
+        across = self._straightened(direction / np.linalg.norm(direction))
         across = across - approach * float(across @ approach)
         return np.asarray(across / np.linalg.norm(across))
+
+    def _middles(self, points: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Middles (3,) of the fingers and of the thumb."""
+        fingers = [one.mean(axis=0) for name, one in points.items() if name not in self.thumbs]
+        thumbs = [one.mean(axis=0) for name, one in points.items() if name in self.thumbs]
+        return np.asarray(np.mean(fingers, axis=0)), np.asarray(np.mean(thumbs, axis=0))
 
     # Opening
 
@@ -197,20 +257,32 @@ class _Hand:
             return {}, {}
         opened, closed, travels = {}, {}, {}
         for joint in self.joints:
-            low, high = (self._spread(closing, {joint.name: value}) for value in (joint.lower, joint.upper))
+            ends = [self._towards(joint, limit) for limit in (joint.lower, joint.upper)]
+            low, high = (self._spread(closing, {joint.name: value}) for value in ends)
             limits = (joint.lower, joint.upper) if low < high else (joint.upper, joint.lower)
             closed[joint.name], opened[joint.name], travels[joint.name] = *limits, abs(high - low)
-        opening = [name for name, travel in travels.items() if travel >= LEAST_TRAVEL] or list(travels)
+        least = LEAST_SHARE * max(travels.values()) if self.thumbs else LEAST_TRAVEL
+        opening = [name for name, travel in travels.items() if travel >= least] or list(travels)
         wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
-        last = max((k for k, width in widths.items() if width <= WIDEST_GAP), default=len(STEPS) - 1)
+        wide_enough = [k for k, width in widths.items() if width <= WIDEST_GAP]
+        rank = widths.__getitem__ if self.thumbs else int
+        last = max(wide_enough, key=rank, default=len(STEPS) - 1)
         first = min((k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last), default=0)
         return steps[last], steps[first]
 
+    def _towards(self, joint: Joint, limit: float) -> float:
+        """Value that shows what a joint does on its way to a limit: a fist that is shut is far from its thumb."""
+        rest = self.rest[joint.name]
+        return rest + FIRST * (limit - rest) if self.thumbs else limit
+
     def _spread(self, closing: Array, values: Values) -> float:
-        """Mean distance of the fingers from the wrist's axis along the closing direction [m]."""
+        """Mean distance of the fingers from the wrist's axis along the closing direction, or from the thumb [m]."""
+        if self.thumbs:
+            fingers, thumb = self._middles(self._points(values))
+            return float(np.linalg.norm(fingers - thumb)) / 2
         middles = [float(closing @ (one.mean(axis=0) - self.wrist)) for one in self._points(values).values()]
         return float(np.mean(np.abs(middles)))
 
@@ -226,20 +298,27 @@ class _Hand:
             width = gap[1] - gap[0]
         return round(SHARE * width, 3) if width >= LEAST_OPENING else 0.0
 
-    def _gap(self, approach: Array, closing: Array, values: Values) -> tuple[float, float] | None:
-        """Interval of the gap between the fingertips along the closing direction [m]; None if all are on one side."""
-        points = list(self._points(values).values())
-        end = max(float((one @ approach).max()) for one in points)
-        middles = [float((one @ closing).mean()) for one in points]
-        middle = sum(middles) / 2 if len(self.links) == 1 else float(closing @ self.wrist)
-        inner: tuple[list[float], list[float]] = [], []
-        for one, centre in zip(points, middles, strict=True):
-            across = one @ closing
-            front = across[one @ approach >= end - FRONT]
-            if len(front):
-                is_beyond = centre > middle
-                inner[is_beyond].append(float(front.min() if is_beyond else front.max()))
-        return (max(inner[0]), min(inner[1])) if inner[0] and inner[1] else None
+    def _gap(self, approach: Array, closing: Array, values: Values) -> tuple[float, float, float] | None:
+        """Interval of the gap between the fingertips along the closing direction, and where it ends along the approach.
+
+        In metres; None if all fingers are on one side.
+        """
+        points = self._points(values)
+        middles = {name: float((one @ closing).mean()) for name, one in points.items()}
+        middle = sum(middles.values()) / 2 if len(self.links) == 1 else float(closing @ self.wrist)
+        sides: tuple[list[Array], list[Array]] = [], []
+        for name, one in points.items():
+            sides[name in self.thumbs if self.thumbs else middles[name] > middle].append(one)
+        if not all(sides):
+            return None
+        ends = [max(float((one @ approach).max()) for one in side) for side in sides]
+        end = min(ends) if self.thumbs else max(ends)
+        inner: list[list[float]] = []
+        for side, innermost in zip(sides, (np.max, np.min), strict=True):
+            along = [one @ approach for one in side]
+            fronts = [(one @ closing)[(at >= end - FRONT) & (at <= end)] for one, at in zip(side, along, strict=True)]
+            inner.append([float(innermost(front)) for front in fronts if len(front)])
+        return (max(inner[0]), min(inner[1]), end) if inner[0] and inner[1] else None
 
     # Where it grips
 
@@ -247,10 +326,10 @@ class _Hand:
         """Find the grip point (3,) between the tips of the closed fingers."""
         points = np.concatenate(list(self._points(closed).values()))
         along = points @ approach
-        end, start = float(along.max()), float(along.min())
-        depth = end - min(PAD, (end - start) / 2)
         gap = self._gap(approach, closing, closed)
-        middle = float(closing @ self.wrist) if gap is None else sum(gap) / 2
+        end, start = float(along.max()) if gap is None else gap[2], float(along.min())
+        depth = end - min(PAD, (end - start) / 2)
+        middle = float(closing @ self.wrist) if gap is None else sum(gap[:2]) / 2
         third = np.cross(approach, closing)
         height = float((points[along >= end - FRONT] @ third).mean())
         wrist = float(third @ self.wrist)
@@ -260,7 +339,7 @@ class _Hand:
     def _tip(self, grip: Array | None) -> tuple[str, Axis | None]:
         """Choose the tip link, and the grip point in its frame: a tool link near the grip point, else the hand."""
         group = self.mechanism.rigid_with(self.limb.hand)
-        tools = [link for link in group if TOOL.search(link)]
+        tools = [link for link in group if is_tool(link)]
         if grip is None:
             return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
         distances = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
@@ -275,9 +354,10 @@ def _axis(values: Iterable[float]) -> Axis:
     return x, y, z
 
 
-def _below(mechanism: Mechanism, joint: Joint) -> Sequence[str]:
-    """List the links that move with a joint."""
+def _below(mechanism: Mechanism, joint: Joint, fingers: Sequence[Joint]) -> Sequence[str]:
+    """List the links that move with the joint of a finger, without those of other fingers."""
     links = [joint.child]
     for link in links:
-        links += [one.child for one in mechanism.joints.values() if one.parent == link]
+        below = (one for one in mechanism.joints.values() if one.parent == link and one not in fingers)
+        links += [one.child for one in below]
     return links

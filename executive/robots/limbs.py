@@ -19,6 +19,8 @@ from planlang.geometry.matrices import inverse, moved, product, rotated
 
 FINGER = 0.05
 """Least length of a finger, used if its frame is not behind the tip frame [m]."""
+UPWARDS = 0.5
+"""Least sine of the angle between a torso's slide and the floor."""
 _TOOL = re.compile(r"tool|tcp|grip_?point|grasp", re.IGNORECASE)
 
 
@@ -145,14 +147,21 @@ class Limbs:
     # From either
 
     def torso(self, tips: Sequence[str]) -> str | None:
-        """Find the prismatic joint that carries all arms: the last shared one before any other kind of joint."""
+        """Find the joint that carries all arms: the one that is stated, else the last slide upwards before others.
+
+        Slides along the floor, such as those of a telescope, are parts of an arm.
+        """
+        if self.numbers is not None and self.numbers.torso is not None:
+            return self.numbers.torso
         leading = []
         for tip in tips:
             slides = []
             for name in self.mechanism.movers(tip):
-                if self.mechanism.joints[name].kind != "prismatic":
+                joint = self.mechanism.joints[name]
+                if joint.kind != "prismatic":
                     break
-                slides.append(name)
+                if abs((self.mechanism.frame(joint.child)[:3, :3] @ joint.axis)[2]) > UPWARDS:
+                    slides.append(name)
             leading.append(slides)
         shared = [name for name in leading[0] if all(name in slides for slides in leading)] if leading else []
         return shared[-1] if shared else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
@@ -18,12 +19,17 @@ from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
 from planlang.geometry.mesh import mesh_places
-from planlang.geometry.urdf import Element, Joint, displacement, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, displacement, read_urdf
 from planlang.records import dataclass
 from planlang.temporary import process_folder
 
 BASE, MOUNT = "mobile_base", "mobile_base_mount"
 """Link and joint of an added base."""
+LEVEL = 0.01
+"""Largest sine of the angle between a direction along the floor and the floor."""
+FREELY = 4.0
+"""Least travel along the floor of a joint that is no machine's rail [m]."""
+_ODOMETRY = re.compile(r"odom|mobile|virtual|dummy|planar|footprint", re.IGNORECASE)
 
 
 class NotInstalled(Exception):
@@ -81,14 +87,55 @@ def mounted(
 ) -> Path:
     """Write a copy of a URDF, put on a base, with additional links at tool points and other ranges of joints.
 
-    Returns its path. Paths of meshes are made absolute; the copy is in a folder of this process, in which no other one
-    can change it. Raises BadInput for an invalid URDF.
+    Joints that move the robot as a whole are fixed in it. Returns its path. Paths of meshes are made absolute; the copy
+    is in a folder of this process, in which no other one can change it. Raises BadInput for an invalid URDF.
     """
     content = _text(urdf, mount, tools or {}, ranges or {}).encode()
     path = process_folder() / f"{urdf.stem}-{hashlib.sha256(content).hexdigest()[:32]}.urdf"
     path.write_bytes(content)
     _copied[path] = source_of(urdf)
     return path
+
+
+def grounded(urdf: Path) -> Path:
+    """Return the path of a URDF in which no joint moves the robot as a whole: a copy if some do, fixed there."""
+    return mounted(urdf, None) if base_joints(read_urdf(urdf)) else urdf
+
+
+def base_joints(urdf: Urdf) -> tuple[str, ...]:
+    """List the joints that stand for the motion of the base: it drives, so they are no joints of an arm.
+
+    These are joints of the types floating and planar, and odometry: joints above the first link with a shape that slide
+    along the floor in two directions, or along one and turn, over metres or by their names.
+    """
+    free = tuple(joint.name for joint in urdf.joints if joint.kind in ("floating", "planar"))
+    shaped = {
+        link.get("name")
+        for link in urdf.tree.findall("link")
+        if not {"collision", "visual"}.isdisjoint(c.tag for c in link)
+    }
+    below: dict[str, list[Joint]] = {}
+    for joint in urdf.joints:
+        below.setdefault(joint.parent, []).append(joint)
+    link, pose, slides, turns = urdf.root, np.eye(4), list[tuple[Joint, Array]](), list[Joint]()
+    while link not in shaped and len(onwards := [one for one in below.get(link, ()) if one.child in below]) == 1:
+        (joint,) = onwards
+        pose = product(pose, joint.origin)
+        axis = pose[:3, :3] @ joint.axis
+        if joint.moves and joint.kind == "prismatic" and abs(axis[2]) < LEVEL:
+            slides.append((joint, axis))
+        elif joint.moves and joint.kind != "prismatic" and abs(axis[2]) > 1.0 - LEVEL:
+            turns.append(joint)
+        elif joint.moves:
+            break
+        link = joint.child
+    travels = [joint.upper - joint.lower for joint, _ in slides]
+    is_named = any(_ODOMETRY.search(name) for joint, _ in slides for name in (joint.name, joint.child))
+    crosses = len(slides) > 1 and abs(slides[0][1] @ slides[1][1]) < 1.0 - LEVEL
+    drives = crosses or (len(slides) == 1 and len(turns) > 0)
+    if drives and (is_named or min(travels) >= (FREELY if crosses else 5 * FREELY)):
+        return (*free, *(joint.name for joint, _ in slides), *(joint.name for joint in turns))
+    return free
 
 
 def source_of(urdf: Path) -> Path:
@@ -103,8 +150,11 @@ def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], range
         resolved = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if resolved is not None:
             mesh.set("filename", str(resolved.resolve()))
+    of_base = base_joints(read_urdf(urdf))
     for joint in robot.findall("joint"):
-        if joint.get("name") in ranges:
+        if joint.get("name") in of_base:
+            joint.set("type", "fixed")
+        elif joint.get("name") in ranges:
             _limit(joint, *ranges[joint.get("name", "")])
     if mount is not None:
         _put_on(robot, mount)

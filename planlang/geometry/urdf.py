@@ -153,6 +153,8 @@ DIRECTION = "1 0 0"
 """Axis of a joint that states none."""
 _SHOWN = 4
 """Names shown in a message."""
+_ROUNDED = 1e-3
+"""Error in the length of an axis that comes from rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +190,10 @@ class Joint:
         """True if it moves along or about an axis, itself or as the mimic of another joint."""
         return self.kind in KINDS[:3]
 
+    def nearest(self, position: float) -> float:
+        """Return the position within its limits that is nearest to a position [rad, m]."""
+        return min(max(position, self.lower), self.upper)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Urdf:
@@ -208,14 +214,25 @@ class Urdf:
     gaps: tuple[Diagnostic, ...] = ()
     """Errors in masses, materials and the name of the robot, which have no shape or pose."""
 
+    def joint(self, name: str) -> Joint:
+        """Find a joint by its name. Raises KeyError."""
+        found = next((joint for joint in self.joints if joint.name == name), None)
+        if found is None:
+            raise KeyError(f"{self.path.name} has no joint {name!r}")
+        return found
+
     def plain(self) -> Element:
         """Copy what the format knows, without extensions; joints have the type, axis and limits that were read."""
         robot = _plain(self.tree)
         for element, joint in zip(robot.findall("joint"), self.joints, strict=True):
             element.set("type", joint.kind)
             axis, limit = element.find("axis"), element.find("limit")
-            if axis is not None:  # PyBullet has no default for an axis without direction
-                axis.attrib.setdefault("xyz", DIRECTION)
+            if (
+                axis is not None
+            ):  # PyBullet has no default for an axis without direction, and slides along by its length
+                stated = np.array(numbers(axis.get("xyz", DIRECTION)))
+                is_unit = abs(float(np.linalg.norm(stated)) - 1.0) < _ROUNDED
+                axis.set("xyz", axis.get("xyz", DIRECTION) if is_unit else " ".join(map(repr, joint.axis.tolist())))
             if joint.kind in ("revolute", "prismatic") and _limits(limit) != (joint.lower, joint.upper):
                 limit = ElementTree.SubElement(element, "limit") if limit is None else limit
                 limit.attrib |= {"lower": repr(joint.lower), "upper": repr(joint.upper)}

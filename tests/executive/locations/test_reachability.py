@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.locations import reachability_maps
 from executive.locations.base_candidates import InverseMap
-from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, sampled
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, is_bound, sampled
 from executive.locations.reachability_maps import build_map, bundled_file, map_key, packed, reachability_map, unpacked
 from executive.motion import Chain, InverseKinematics
 from executive.robots.arms import ArmModel, HandFrame, lift_of
@@ -35,6 +35,13 @@ SCARA = [
     ("turn", "revolute", "0 0 1", "0.1 0 0", "-2", "2"),
     ("elbow", "revolute", "0 0 1", "0.2 0 0", "-2", "2"),
     ("wrist", "revolute", "0 0 1", "0.2 0 0", "-2", "2"),
+]
+STAGES = [(f"stage_{k}", "prismatic", "0 -1 0", "0 0 0", "0", "0.13") for k in range(4)]
+TELESCOPE = [("mast", "prismatic", "0 0 1", "0 0.1 0.2", "0", "1"), *STAGES]
+WRIST = [
+    ("yaw", "revolute", "0 0 1", "0.08 0 0.02", "-1.7", "3"),
+    ("pitch", "revolute", "0 1 0", "0 0 0", "-0.6", "1.57"),
+    ("roll", "revolute", "1 0 0", "0.05 0 0", "-3", "3"),
 ]
 GANTRY = [
     ("ahead", "prismatic", "1 0 0", "0.2 0 0.3", "0", "0.1"),
@@ -194,6 +201,91 @@ def test_neither_has_one_of_few_joints(tmp_path: Path, monkeypatch: pytest.Monke
         for grasp, roll in kinds
     ]
     assert [kind for kind, number in zip(kinds, found, strict=True) if number] == [(GraspClass.SIDE, 1)]
+
+
+def at_height(height: float, lift: float = 0.5) -> list[tuple[str, ...]]:
+    """The SCARA with its post mounted at a height [m], and another travel of the lift [m]."""
+    return [("post", "prismatic", "0 0 1", f"0 0 {height}", "0", f"{lift}"), *SCARA[1:]]
+
+
+@pytest.fixture
+def few_postures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sample a twentieth of the postures."""
+    for name in ("POSTURES", "SAMPLED_AT_ONCE"):
+        monkeypatch.setattr(f"executive.locations.reachability.{name}", 3000)
+
+
+@settings(max_examples=12)
+@given(height=st.floats(0.1, 0.9), share=st.floats(0.0, 1.0))
+def test_a_lift_takes_an_arm_that_cannot_rise_itself_to_every_height_from_any_mount(
+    tmp_path_factory: pytest.TempPathFactory, height: float, share: float
+) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("POSTURES", "SAMPLED_AT_ONCE"):
+            patch.setattr(f"executive.locations.reachability.{name}", 3000)
+        arm = arm_of(tmp_path_factory.mktemp("scara"), at_height(height), torso="post")
+        found = build_map(arm, GraspClass.SIDE)
+    usual = 1640
+    assert abs(len(found) - usual) < 0.02 * usual, "the height of the mount does not matter"
+    z = height + 0.5 * share
+    rows = InverseMap(found).rows(z, 1, 0.0, 1_000_000)
+    assert len(rows.row) == len(found)
+    tips = arm.solver.chain.fk(found.seeds(rows.row[:50], rows.torso[:50]))
+    np.testing.assert_allclose(tips[:, 2, 3], z, atol=1.1e-3)
+
+
+def test_heights_out_of_the_lift_s_range_have_no_rows(tmp_path: Path, few_postures: None) -> None:
+    found = build_map(arm_of(tmp_path, at_height(0.43), torso="post"), GraspClass.SIDE)
+    assert [bool(found.heights(z)) for z in (0.42, 0.43, 0.441, 0.93, 0.94)] == [False, True, True, True, False]
+
+
+def test_a_lift_shorter_than_a_cell_reaches_all_heights_between(tmp_path: Path) -> None:
+    lifted = [("lift", "prismatic", "0 0 1", "0.1 0 0.5", "0", "0.02"), *JOINTS[1:]]
+    found = build_map(arm_of(tmp_path, lifted, torso="lift"), GraspClass.TOP)
+    lowest, highest = CELL * found.lowest_level, CELL * int(found.rows["z"][-1])
+    assert highest - lowest > 0.2
+    assert all(found.heights(z) for z in np.arange(lowest, highest + 0.02, 0.005).tolist())
+
+
+def test_the_stages_of_a_telescope_are_one_freedom(tmp_path: Path, few_postures: None) -> None:
+    arm = arm_of(tmp_path, [*TELESCOPE, WRIST[0]], torso="mast")
+    assert arm.solver.chain.mobility() == 3
+    assert is_bound(arm)
+    found = build_map(arm, GraspClass.SIDE)
+    assert len(found) > 200
+    tips = found.arm.solver.chain.fk(found.seeds(np.arange(len(found)), 0.3))
+    wrist = tips[:, 1, 3] - 0.06 * tips[:, 1, 0] + 0.52 - 0.1
+    assert wrist.min() < 0.02, "all out"
+    assert wrist.max() > 0.5, "all in"
+    assert found.rows["score"].min() < 0.2 < 0.9 < found.rows["score"].max(), "postures differ in worth"
+
+
+def test_a_telescope_with_a_wrist_of_three_reaches_from_the_side_above_and_between(
+    tmp_path: Path, few_postures: None
+) -> None:
+    arm = arm_of(tmp_path, [*TELESCOPE, *WRIST], torso="mast")
+    assert (arm.solver.chain.dof, arm.solver.chain.mobility()) == (8, 5)
+    for grasp in GraspClass:
+        found = build_map(arm, grasp)
+        assert len(found) > 100, "also from above, where the pitch of 1.57 is all but a right angle"
+        rows = some(found, 20)
+        poses = found.arm.solver.chain.fk(found.seeds(rows, 0.5))
+        np.testing.assert_allclose(poses[:, 2, 0], -math.sin(grasp.pitch), atol=1e-3)
+
+
+def test_of_the_poses_around_a_large_arm_fewer_are_mapped_and_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rail = [("rail", "prismatic", "1 0 0", "0 0 0.5", "-20", "20"), *JOINTS[1:]]
+    monkeypatch.setattr(reachability_maps, "MOST_POSES", 30_000)
+    found = build_map(arm_of(tmp_path, rail), GraspClass.TILTED)
+    assert 1000 < len(found) < 60_000
+    assert found.spacing[0] > 5 * CELL > found.spacing[1], "thinner along the rail"
+    assert np.abs(found.rows["x"]).max() <= 500
+    rows = some(found)
+    poses, headings = found.poses(rows), found.rows["yaw"][rows] * (2 * np.pi / 24)
+    aside = poses[:, :3, 3] + [0.3 * found.spacing[0], -0.3 * found.spacing[1], 0.0]
+    assert (found.find(aside, headings, found.rows["roll"][rows]) == rows).all()
 
 
 def refused(what: str, share: float) -> None:
