@@ -35,8 +35,8 @@ Maps = Mapping[GraspClass, ReachabilityMap]
 
 TESTED = 300
 """Number of reachable poses of an arm at which contact with the robot's own body is tested."""
-OFTEN = 0.5
-"""Share of them above which that is worth a warning."""
+SELDOM, OFTEN = 0.01, 0.5
+"""Shares of them above which it is worth naming the link in the way, and a warning."""
 MUG = (0.08, 0.08, 0.1)
 """Extents of a mug [m]."""
 DOORS = tuple(round(0.4 + 0.05 * step, 2) for step in range(33))
@@ -55,6 +55,8 @@ SAME = 0.002
 """Difference of two openings that does not count [m]."""
 STILL = 1e-6
 """Range below which a joint does not move [rad, m]."""
+_FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
+"""Grasp directions in words."""
 _SIDES = re.compile(r"left|right|(?<![a-z])[lr](?![a-z])", re.IGNORECASE)
 
 
@@ -68,6 +70,11 @@ class Reach:
     """Height above the floor of the lowest pose of the hand [m]; None without any."""
     highest: float | None
 
+    def __str__(self) -> str:
+        """Say it: "18,767 from above at 0.2-0.91 m"."""
+        heights = "" if self.lowest is None else f" at {self.lowest:g}-{self.highest:g} m"
+        return f"{self.poses:,} {_FROM[self.grasp]}{heights}"
+
 
 @dataclass(frozen=True, slots=True)
 class OwnBody:
@@ -77,6 +84,11 @@ class OwnBody:
     """0..1, of the poses beside the base."""
     link: str | None
     """The link that is in the way most often."""
+
+    def __str__(self) -> str:
+        """Say it: "in the way of 12 % of that, mostly mobile_base"."""
+        is_worth = self.link is not None and self.share >= SELDOM
+        return f"in the way of {_percent(self.share)} of that" + (f", mostly {self.link}" if is_worth else "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +102,20 @@ class ArmReach:
 
 @dataclass(frozen=True, slots=True)
 class Doorways:
-    """Widths of the narrowest doorways through which a robot drives in its carrying posture [m]; None: none of 2 m."""
+    """Widths of the narrowest doorways through which a robot drives in its carrying posture [m]; None: over 2 m."""
 
     empty: float | None
     with_mug: float | None
     """The same with a mug in the hand; None also if no hand holds one."""
     held_by: str | None
     """The arm with the mug."""
+
+    def __str__(self) -> str:
+        """Say it: "0.75 m wide, with a mug in the left hand 0.8 m"."""
+        said = "over 2 m" if self.empty is None else f"{self.empty:g} m wide"
+        if self.held_by is None:
+            return said
+        return f"{said}, with a mug in the hand {'over 2 m' if self.with_mug is None else f'{self.with_mug:g} m'}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,6 +158,10 @@ def capabilities_of(
         world.close()
     advice = (*_still_joints(robot), *long, *_openings(robot, held), *_unequal(robot), *_out_of_reach(reaches))
     return Capabilities(held, reaches, None if robot.base.fixed else _doorways(robot), advice)
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 # Reach
@@ -305,7 +328,7 @@ def _out_of_reach(reaches: Sequence[ArmReach]) -> Iterator[Advice]:
         if not any(reach.poses for reach in one.reaches):
             yield Advice(f"the {one.arm} arm reaches nothing", f"tip, approach and closing in {table}")
         elif own.share > OFTEN and own.link is not None:
-            what = f"the robot's own {own.link} is in the way of the {one.arm} arm in {own.share:.0%} of places"
+            what = f"the robot's own {own.link} is in the way of the {one.arm} arm in {_percent(own.share)} of places"
             if own.link == BASE:
                 yield Advice(what, "a lower or narrower size, or an at nearer to its edge, in [mount]")
             else:

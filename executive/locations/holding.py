@@ -85,10 +85,6 @@ class Hold:
     widths: tuple[float, ...]
     how: str
 
-    def __str__(self) -> str:
-        """Say it: "boxes 2-8 cm between two fingers"."""
-        return f"{self.kind} {ranges(self.widths)} {self.how}" if self.widths else f"no {self.kind}"
-
 
 @dataclass(frozen=True, slots=True)
 class Holding:
@@ -103,6 +99,17 @@ class Holding:
     """Link that the fingers need as a counterpart, and that is none of the gripper's fingers."""
     touching: tuple[str, str] | None = None
     """Links of the open hand that touch each other, so that no grasp is free of contact."""
+
+    def __str__(self) -> str:
+        """Say it: "boxes 2-8 cm, cylinders 2-7 cm between two fingers; no bowls"."""
+        ways = dict.fromkeys(hold.how for hold in self.planned if hold.widths)
+        held = (
+            ", ".join(f"{hold.kind} {ranges(hold.widths)}" for hold in self.planned if hold.widths and hold.how == how)
+            for how in ways
+        )
+        said = [f"{things} {how}" for things, how in zip(held, ways, strict=True)]
+        none = [f"no {hold.kind}" for hold in self.planned if not hold.widths]
+        return "; ".join([*said, " and ".join(none)] if none and said else said or ["nothing"])
 
     def widest(self, *, closed: bool = False) -> float:
         """Return the width of the widest box or cylinder [m]; 0 if there is none."""
