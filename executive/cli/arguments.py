@@ -276,9 +276,9 @@ class InspectArguments(Arguments):
 
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
     urdf: Urdf = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the reach of the arms, as PNG or SVG.")] = (
-        None
-    )
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the robot, its hands and its reach, as PNG or SVG.")
+    ] = None
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),

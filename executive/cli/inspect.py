@@ -65,8 +65,7 @@ def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspect
         drawn = drawn_in(world)
         replace(record, lambda path: save_reach_recording(path, drawn, models, maps))
     if picture is not None:
-        radius = robot.base.radius
-        replace(picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
+        replace(picture, lambda path: save_reach_picture(path, robot, world, models, maps))
     can = capabilities_of(robot, models, maps, progress_of(arguments))
     lacking = [*_lacking(bare), *filter(None, [sunk_in_floor(world)])]
     lines = [*_body_lines(robot, file), *doorway_lines(can)]
