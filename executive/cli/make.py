@@ -39,7 +39,7 @@ def command(arguments: MakeArguments) -> Answer:
     text = draft.text()
     if output is not None:
         write_text(output, text)
-    can = capabilities_of(carrying, (), {}, progress_of(arguments))
+    can = capabilities_of(carrying, report=progress_of(arguments))
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
     data |= {"arms": [{"name": arm.name, **holds_data(can, arm)} for arm in robot.arms], **capability_data(can)}
     diagnostics = (*draft.diagnostics(), *robot.diagnostics)

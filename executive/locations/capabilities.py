@@ -14,13 +14,13 @@ from itertools import combinations
 
 import numpy as np
 
-from executive.locations.holding import Holding, holdings
+from executive.locations.holding import Holding, holdings, trial_things
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.motion import Boxes, Grid
 from executive.motion.clearance import Outline, outlines
 from executive.motion.drivable import drivable, free_poses
 from executive.robots import Arm, Robot
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, arm_models
 from executive.robots.mechanism import BASE, Mechanism
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
@@ -37,14 +37,12 @@ TESTED = 300
 """Number of reachable poses of an arm at which contact with the robot's own body is tested."""
 SELDOM, OFTEN = 0.01, 0.5
 """Shares of them above which it is worth naming the link in the way, and a warning."""
-MUG = (0.08, 0.08, 0.1)
-"""Extents of a mug [m]."""
 DOORS = tuple(round(0.4 + 0.05 * step, 2) for step in range(33))
 """Widths of doorways that are tried [m]."""
 DOOR_HEIGHT, WALL = 2.0, 0.1
 """Height of these doorways, and thickness of their wall [m]."""
-ROOM = 2.5
-"""Half the side of the place in which a robot drives through a doorway, beyond its own radius [m]."""
+BEYOND, BESIDE = 0.2, 0.3
+"""Distances that a robot drives from the wall, beyond its own radius, and at most from the middle of a doorway [m]."""
 OFF_GRID = 0.025
 """Offset of a doorway from the grid of poses: the worst one [m]."""
 WIDEST = 0.3
@@ -55,6 +53,7 @@ SAME = 0.002
 """Difference of two openings that does not count [m]."""
 STILL = 1e-6
 """Range below which a joint does not move [rad, m]."""
+_MUG = Body("mug", Pose((0.0, 5.0, 0.05)), (0.08, 0.08, 0.1), BodyShape.CYLINDER, type="Cup", movable=True)
 _FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
 """Grasp directions in words."""
 _SIDES = re.compile(r"left|right|(?<![a-z])[lr](?![a-z])", re.IGNORECASE)
@@ -142,22 +141,28 @@ class Capabilities:
 
 
 def capabilities_of(
-    robot: Robot, models: Sequence[ArmModel], maps: Mapping[str, Maps], report: Report = unreported
+    robot: Robot, models: Sequence[ArmModel] = (), maps: Mapping[str, Maps] | None = None, report: Report = unreported
 ) -> Capabilities:
-    """Find out what a robot with a carrying posture can do; without ``maps`` of its arms nothing about its reach."""
-    held = holdings(robot, report)
-    world = PlanningWorld(Scene(()), robot.body())
+    """Find out what a robot with a carrying posture can do; without ``maps`` of its arms nothing about its reach.
+
+    ``models`` are those of its arms, if they are known.
+    """
+    bodies = [body for pair in trial_things().values() for body in pair]
+    world = PlanningWorld(Scene((_MUG, *bodies)), robot.body())
     try:
+        models = models or arm_models(robot, world)
+        known = maps or {}
         reaches = tuple(
-            ArmReach(arm.name, _reaches(maps[arm.name]), _own_body(robot, arm, maps[arm.name], world))
+            ArmReach(arm.name, _reaches(known[arm.name]), _own_body(robot, arm, known[arm.name], world))
             for arm in models
-            if arm.name in maps
+            if arm.name in known
         )
-        long = tuple(_too_long(robot, world))
+        long, held = tuple(_too_long(robot, world)), holdings(robot, models, world, report)
+        doorways = None if robot.base.fixed else _doorways(robot, world)
     finally:
         world.close()
     advice = (*_still_joints(robot), *long, *_openings(robot, held), *_unequal(robot), *_out_of_reach(reaches))
-    return Capabilities(held, reaches, None if robot.base.fixed else _doorways(robot), advice)
+    return Capabilities(held, reaches, doorways, advice)
 
 
 def _percent(share: float) -> str:
@@ -208,39 +213,33 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
 # Doorways
 
 
-def _doorways(robot: Robot) -> Doorways:
-    """Drive through doorways in the carrying posture, with empty hands and with a mug in the first hand."""
+def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
+    """Drive through doorways in the present posture, with empty hands and with a mug in the first hand."""
     arm = next((arm for arm in robot.arms if arm.gripper is not None), None)
-    mug = Body("mug", Pose((0.0, 0.0, -1.0)), MUG, BodyShape.CYLINDER, type="Cup", movable=True)
-    world = PlanningWorld(Scene((mug,)), robot.body())
-    try:
-        empty = _narrowest(world, outlines(world.outlines()))
-        if arm is None:
-            return Doorways(empty, None, None)
-        world.set_pose("mug", Pose(world.link_pose(arm.tip).position))
-        world.attach(arm.hand_link, "mug")
-        x, y, z = world.pose("mug").position
-        turns = np.arange(8) * (np.pi / 4)
-        around = np.array([x, y]) + MUG[0] / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
-        shapes = outlines((*world.outlines(), (z - MUG[2] / 2, z + MUG[2] / 2, outline_of(around))))
-        return Doorways(empty, _narrowest(world, shapes), arm.name)
-    finally:
-        world.close()
+    empty = _narrowest(world, outlines(world.outlines()))
+    if arm is None:
+        return Doorways(empty, None, None)
+    world.set_pose(_MUG.name, Pose(world.link_pose(arm.tip).position))
+    world.attach(arm.hand_link, _MUG.name)
+    x, y, z = world.pose(_MUG.name).position
+    turns = np.arange(8) * (np.pi / 4)
+    around = np.array([x, y]) + _MUG.size[0] / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
+    shapes = outlines((*world.outlines(), (z - _MUG.size[2] / 2, z + _MUG.size[2] / 2, outline_of(around))))
+    return Doorways(empty, _narrowest(world, shapes), arm.name)
 
 
 def _narrowest(world: PlanningWorld, shapes: tuple[Outline, ...]) -> float | None:
     """Find the narrowest doorway through which a robot drives, by the flood with which plans look for ways [m]."""
     silhouette = world.silhouette()
-    half = ROOM + max((radius for _, _, radius in silhouette), default=0.0)
-    grid = Grid.over((-half, -half), (half, half))
-    goal = np.array([[half - ROOM / 2, 0.0, 0.0]])
+    away = BEYOND + max((radius for _, _, radius in silhouette), default=0.0)
+    grid = Grid.over((-away, -BESIDE), (away, BESIDE))
+    start, goal = (grid.resolution - away, 0.0, 0.0), np.array([[away - grid.resolution, 0.0, 0.0]])
     for width in DOORS:
-        middles = [(0.0, OFF_GRID + sign * (width / 2 + half), DOOR_HEIGHT / 2) for sign in (1, -1)]
-        sizes = [(WALL, 2 * half, DOOR_HEIGHT)] * 2
+        middles = [(0.0, OFF_GRID + sign * (width / 2 + away), DOOR_HEIGHT / 2) for sign in (1, -1)]
         lintel, above = (0.0, OFF_GRID, 1.5 * DOOR_HEIGHT), (WALL, width, DOOR_HEIGHT)
-        walls = Boxes.around(map(Pose, (*middles, lintel)), [*sizes, above])
+        walls = Boxes.around(map(Pose, (*middles, lintel)), [*[(WALL, 2 * away, DOOR_HEIGHT)] * 2, above])
         free = free_poses(grid, walls, silhouette, shapes)
-        if drivable((ROOM / 2 - half, 0.0, 0.0), grid, free)(goal)[0]:
+        if drivable(start, grid, free)(goal)[0]:
             return width
     return None
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from functools import partial
+from functools import cache, partial
 from itertools import combinations, pairwise
 from operator import itemgetter
 from pathlib import Path
@@ -25,7 +25,7 @@ from executive.locations.hand_solutions import HandHits, HandSolution, Trial, un
 from executive.locations.rejections import Rejections
 from executive.maps import SemanticMap
 from executive.robots import Arm, Robot
-from executive.robots.arms import ArmModel, arm_models
+from executive.robots.arms import ArmModel
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
@@ -36,7 +36,7 @@ from planlang.ontology.triples import Triples
 from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration, Touch
 from planlang.records import dataclass
-from sim import Body, BodyShape, PlanningWorld, Scene
+from sim import Body, BodyShape, PlanningWorld
 
 WIDTHS = tuple(centimetres / 100 for centimetres in range(2, 13))
 """Widths of the test things [m]."""
@@ -46,7 +46,7 @@ BOWL = 0.5
 """Height of a bowl as a share of its diameter."""
 STAND = (0.3, 0.3, 0.7)
 """Extents of the stand under each thing [m]."""
-APART, FIRST = 1.0, 4.0
+APART, FIRST = 1.0, 5.0
 """Distance between stands, and of the first ones from the robot [m]."""
 NEAR = 0.5
 """Distance from a thing within which other bodies count [m]."""
@@ -128,33 +128,28 @@ def ranges(widths: Sequence[float]) -> str:
     return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs) + " cm"
 
 
-def holdings(robot: Robot, report: Report = unreported) -> tuple[Holding, ...]:
-    """Close the hands of a robot on the test things; a hand is not tested twice. ``report`` gets the progress."""
-    if not any(arm.gripper for arm in robot.arms):
-        return ()
-    things = _things()
-    world = PlanningWorld(Scene(tuple(body for pair in things.values() for body in pair)), robot.body())
-    try:
-        belief = Belief(SemanticMap(None, _nothing(), (), ()), world, trusts_map=True)
-        models = arm_models(robot, world)
-        scene = PlanningScene(world, robot, belief, models, None)
-        found: list[Holding] = []
-        for arm, model in zip(robot.arms, models, strict=True):
-            if arm.gripper is not None:
-                share = partial(report, f"closing the hand of the {arm.name} arm on test things")
-                found.append(_Hand(arm, model, scene, things).holding(share))
-                report("", 1.0)
-        return tuple(found)
-    finally:
-        world.close()
+def holdings(
+    robot: Robot, models: Sequence[ArmModel], world: PlanningWorld, report: Report = unreported
+) -> tuple[Holding, ...]:
+    """Close the hands of a robot on the test things, which ``world`` contains. ``report`` gets the progress."""
+    belief = Belief(SemanticMap(None, _nothing(), (), ()), world, trusts_map=True)
+    scene = PlanningScene(world, robot, belief, models, None)
+    found: list[Holding] = []
+    for arm, model in zip(robot.arms, models, strict=True):
+        if arm.gripper is not None:
+            share = partial(report, f"closing the hand of the {arm.name} arm on test things")
+            found.append(_Hand(arm, model, scene).holding(share))
+            report("", 1.0)
+    return tuple(found)
 
 
 def _nothing() -> Ontology:
     return Ontology([Reading(Document(Path(), None, ""), Triples(""), ())])
 
 
-def _things() -> dict[tuple[Kind, float], tuple[Body, Body]]:
-    """Make the test things, each with the stand that it is on."""
+@cache
+def trial_things() -> Mapping[tuple[Kind, float], tuple[Body, Body]]:
+    """Make the test things, each with the stand that it is on, far from the robot."""
     things = {}
     for row, kind in enumerate(Kind):
         for column, width in enumerate(WIDTHS):
@@ -180,14 +175,9 @@ class _Pinch:
 class _Hand:
     """One hand with the test things, at a posture of the arm far from the robot's body."""
 
-    def __init__(
-        self,
-        arm: Arm,
-        model: ArmModel,
-        scene: PlanningScene,
-        things: Mapping[tuple[Kind, float], tuple[Body, Body]],
-    ) -> None:
-        self.arm, self.model, self.scene, self.world, self.things = arm, model, scene, scene.world, things
+    def __init__(self, arm: Arm, model: ArmModel, scene: PlanningScene) -> None:
+        self.arm, self.model, self.scene, self.world = arm, model, scene, scene.world
+        self.things = trial_things()
         self.branches = _branches(Mechanism(scene.robot.urdf), arm)
         self.q = self._stretched()
         joints = dict(zip(model.joints, map(float, self.q), strict=True))
