@@ -37,6 +37,8 @@ TESTED = 300
 """Number of reachable poses of an arm at which contact with the robot's own body is tested."""
 SELDOM, OFTEN = 0.01, 0.5
 """Shares of them above which it is worth naming the link in the way, and a warning."""
+MOSTLY = 0.8
+"""Share of an arm's reach over the base that is worth a warning."""
 DOORS = tuple(round(0.4 + 0.05 * step, 2) for step in range(33))
 """Widths of doorways that are tried [m]."""
 DOOR_HEIGHT, WALL = 2.0, 0.1
@@ -77,17 +79,20 @@ class Reach:
 
 @dataclass(frozen=True, slots=True)
 class OwnBody:
-    """The part of an arm's reach in which it touches the robot's own body."""
+    """The parts of an arm's reach that are over the base, and in which it touches the robot's own body."""
 
+    over: float
+    """Share of the poses in which the hand is over the base, where things rarely are, 0..1."""
     share: float
-    """0..1, of the poses beside the base."""
+    """Share of the others in which the arm touches the robot's own body, 0..1."""
     link: str | None
     """The link that is in the way most often."""
 
     def __str__(self) -> str:
-        """Say it: "in the way of 12 % of that, mostly mobile_base"."""
+        """Say it: "below 9 % of that, in the way of 12 % of the rest, mostly mobile_base"."""
         is_worth = self.link is not None and self.share >= SELDOM
-        return f"in the way of {_percent(self.share)} of that" + (f", mostly {self.link}" if is_worth else "")
+        said = f"below {_percent(self.over)} of that, in the way of {_percent(self.share)} of the rest"
+        return f"{said}, mostly {self.link}" if is_worth else said
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +194,7 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
     solid, now = world.robot.solid_names, world.configuration().joints
     own = frozenset[int]().union(*(world.robot.moved_by(name) for name in arm.joints if name != robot.torso))
     links = {solid[number] for number in own}
-    tested, blocked = 0, Counter[str]()
+    tested, inside, blocked = 0, 0, Counter[str]()
     rng = np.random.default_rng(0)
     for found in maps.values():
         rows = found.rows
@@ -197,6 +202,7 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
         rise = 0.0 if arm.lift is None else float(arm.lift.rise(torso))
         away = np.hypot(rows["x"], rows["y"]) * CELL > robot.base.radius
         beside = np.flatnonzero(away & (rows["z"] * CELL + rise >= 0.0))
+        inside += int((~away).sum())
         some = np.sort(rng.permutation(len(beside))[: TESTED // len(maps)])
         for q in found.seeds(beside[some], torso):
             joints = {**now, **dict(zip(arm.joints, map(float, q), strict=True))}
@@ -207,7 +213,8 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
             if (hit := next(hits, None)) is not None:
                 blocked[hit] += 1
     link = min(blocked, key=lambda name: (-blocked[name], name), default=None)
-    return OwnBody(blocked.total() / max(tested, 1), link)
+    total = sum(map(len, maps.values()))
+    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), link)
 
 
 # Doorways
@@ -326,6 +333,11 @@ def _out_of_reach(reaches: Sequence[ArmReach]) -> Iterator[Advice]:
         table, own = f"[arms.{one.arm}]", one.own_body
         if not any(reach.poses for reach in one.reaches):
             yield Advice(f"the {one.arm} arm reaches nothing", f"tip, approach and closing in {table}")
+        elif own.over > MOSTLY:
+            what = f"{_percent(own.over)} of the reach of the {one.arm} arm is over the robot's own base"
+            yield Advice(
+                what, "a narrower size, or an at nearer to its edge, in [mount], or a smaller radius in [base]"
+            )
         elif own.share > OFTEN and own.link is not None:
             what = f"the robot's own {own.link} is in the way of the {one.arm} arm in {_percent(own.share)} of places"
             if own.link == BASE:
