@@ -303,7 +303,10 @@ def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
         what = f"{one} and {other} touch when {hand} is open, so it grasps nothing"
         yield Advice(what, f"allowed_contacts = [{pair}]")
     elif not planned and not closed:
-        yield Advice(f"the fingers of {hand} close on nothing", f"opened, closed and fingers in {table}, tip, approach")
+        yield Advice(
+            f"the fingers of {hand} close on no box or cylinder",
+            f"opened, closed and fingers in {table}, tip, approach",
+        )
     elif holding.palm is not None and not planned:
         fingers = ", ".join(f'"{link}"' for link in (*arm.gripper.finger_links, holding.palm))
         what = f"{hand} holds things of up to {closed:g} m between its finger and {holding.palm}, which is no finger"

@@ -178,7 +178,7 @@ class _Hand:
     def __init__(self, arm: Arm, model: ArmModel, scene: PlanningScene) -> None:
         self.arm, self.model, self.scene, self.world = arm, model, scene, scene.world
         self.things = trial_things()
-        self.branches = _branches(Mechanism(scene.robot.urdf), arm)
+        self.branches = self._branches()
         self.q = self._stretched()
         joints = dict(zip(model.joints, map(float, self.q), strict=True))
         self.tip = self.world.link_pose(arm.tip, Configuration(_BASE, joints)).matrix()
@@ -195,6 +195,20 @@ class _Hand:
                 closed[kind][width] = pinch
         palms = [one.palm for found in closed.values() for one in found.values() if one.palm is not None]
         return Holding(self.arm.name, _holds(planned), _holds(closed), _usual(palms), self._touching())
+
+    def _branches(self) -> dict[str, str]:
+        """Map the links of moving fingers to names of their fingers, which contain "thumb" for a thumb."""
+        robot, arm, mechanism = self.world.robot, self.arm, Mechanism(self.scene.robot.urdf)
+        assert arm.gripper is not None
+        moving = frozenset[int]().union(*map(robot.moved_by, arm.gripper.joints))
+        branches = {robot.solid_names[number]: robot.solid_names[number] for number in sorted(moving)}
+        for joint in mechanism.fingers(arm.hand_link):
+            links = [joint.child]
+            for link in links:
+                links += [one.child for one in mechanism.joints.values() if one.parent == link]
+            is_thumb = any(THUMB in link.lower() for link in links)
+            branches |= dict.fromkeys(links, f"{THUMB} {joint.name}" if is_thumb else joint.name)
+        return branches
 
     # The hand in the air
 
@@ -297,7 +311,9 @@ class _Hand:
         if any(thumbs):
             return f"between thumb and {_counted(len(other if thumbs[0] else one))}"
         few, many = sorted((len(one), len(other)))
-        return "between two fingers" if many == 1 else f"between {_counted(few)} and {_counted(many)}"
+        if few == many > 1 and len(one | other) > 2:  # the links of a linkage are no fingers of their own
+            return "between its fingers"
+        return "between two fingers" if len(one | other) == 2 else f"between {_counted(few)} and {_counted(many)}"
 
 
 def _counted(fingers: int) -> str:
@@ -332,18 +348,6 @@ def _sides(touches: Sequence[Touch], least: float) -> tuple[list[Touch], list[To
 def _alike(one: Touch, touches: Sequence[Touch]) -> list[Touch]:
     """List a touch, then the others on the same side."""
     return [one, *(other for other in touches if other is not one and np.dot(other.normal, one.normal) >= AGREE)]
-
-
-def _branches(mechanism: Mechanism, arm: Arm) -> dict[str, str]:
-    """Map the links of the fingers to names of their fingers, which contain "thumb" for a thumb."""
-    branches = {link: link for link in (arm.gripper.finger_links if arm.gripper else ())}
-    for joint in mechanism.fingers(arm.hand_link):
-        links = [joint.child]
-        for link in links:
-            links += [one.child for one in mechanism.joints.values() if one.parent == link]
-        is_thumb = any(THUMB in link.lower() for link in links)
-        branches |= dict.fromkeys(links, f"{THUMB} {joint.name}" if is_thumb else joint.name)
-    return branches
 
 
 def _holds(found: Mapping[Kind, Mapping[float, _Pinch]]) -> tuple[Hold, ...]:
