@@ -269,7 +269,7 @@ class ReplayArguments(TaskArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class InspectArguments(Arguments):
-    """Show a robot's chains, joints, limits and postures, the reach of its arms, and what is missing.
+    """Show a robot's joints and postures, what its hands hold, its reach and doorways, and what is missing.
 
     Exit code 3 if the robot has no arm.
     """
