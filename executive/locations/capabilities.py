@@ -307,10 +307,13 @@ def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
             f"the fingers of {hand} close on no box or cylinder",
             f"opened, closed and fingers in {table}, tip, approach",
         )
-    elif holding.palm is not None and not planned:
+    elif not planned and holding.palm is not None:
         fingers = ", ".join(f'"{link}"' for link in (*arm.gripper.finger_links, holding.palm))
         what = f"{hand} holds things of up to {closed:g} m between its finger and {holding.palm}, which is no finger"
         yield Advice(what, f"fingers = [{fingers}] in {table}")
+    elif not planned:
+        what = f"the fingers of {hand} close on things of up to {closed:g} m, of which no plan grasps any"
+        yield Advice(what, f"tip, approach and closing in [arms.{arm.name}], max_opening in {table}")
     elif closed > planned + CELL / 2 and opening < closed:
         what = f"the fingers of {hand} hold things of up to {closed:g} m, and plans grasp up to {opening:g} m"
         yield Advice(what, f"max_opening = {closed:g} in {table}")
