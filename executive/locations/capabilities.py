@@ -51,6 +51,8 @@ WIDEST = 0.3
 """Greatest plausible opening of a hand [m]."""
 LONGEST = 0.4
 """Greatest plausible distance of a finger's end from the grip point [m]."""
+WIDER, NARROWER = 0.015, 0.02
+"""Differences between what plans grasp, and what fingers hold or a hand is said to open, that count [m]."""
 SAME = 0.002
 """Difference of two openings that does not count [m]."""
 STILL = 1e-6
@@ -311,13 +313,13 @@ def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
         fingers = ", ".join(f'"{link}"' for link in (*arm.gripper.finger_links, holding.palm))
         what = f"{hand} holds things of up to {closed:g} m between its finger and {holding.palm}, which is no finger"
         yield Advice(what, f"fingers = [{fingers}] in {table}")
+    elif closed > planned + WIDER and opening < closed:
+        what = f"the fingers of {hand} hold things of up to {closed:g} m, and plans grasp up to {opening:g} m"
+        yield Advice(what, f"max_opening = {closed:g} in {table}")
     elif not planned:
         what = f"the fingers of {hand} close on things of up to {closed:g} m, of which no plan grasps any"
         yield Advice(what, f"tip, approach and closing in [arms.{arm.name}], max_opening in {table}")
-    elif closed > planned + CELL / 2 and opening < closed:
-        what = f"the fingers of {hand} hold things of up to {closed:g} m, and plans grasp up to {opening:g} m"
-        yield Advice(what, f"max_opening = {closed:g} in {table}")
-    elif opening > planned + 2 * CELL:
+    elif opening > planned + NARROWER:
         what = f"{hand} is said to open {opening:g} m, and it takes things of up to {planned:g} m"
         yield Advice(what, f"max_opening in {table}, or a tip nearer to the fingertips in [arms.{arm.name}]")
 
