@@ -313,20 +313,31 @@ class SceneCollisions:
 
         ``fingers``: their positions before, by default fully open.
         """
-        fingers = arm.openings.widest if fingers is None else fingers
         gripper = self._robot.arm(arm.name).gripper
-        if gripper is None:
-            return None
-        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= fingers
-        stopped = self._close(base, joints, _closing(gripper, fingers), around)
-        if isinstance(stopped, str):
+        joints = self.closed(base, arm, q, around, arm.openings.widest if fingers is None else fingers)
+        if gripper is None or joints is None:
             return None
         point = pinched(self._world.touches(gripper.finger_links, Configuration(base, joints)))
         if point is None or (distance := self._distance(around, point)) > MEANT:
             return None
         others = (body.name for body in self._world.scene.bodies if body.graspable and body.name != around)
-        return None if any(self._distance(name, point) < distance for name in others) else stopped
+        if any(self._distance(name, point) < distance for name in others):
+            return None
+        return {name: joints[name] for name in gripper.joints}
+
+    def closed(
+        self, base: BasePose, arm: ArmModel, q: Array, around: str, fingers: Fingers
+    ) -> Mapping[str, float] | None:
+        """Compute all joint positions with fingers, first at ``fingers``, closed until they touch a body.
+
+        None if another body stops them.
+        """
+        gripper = self._robot.arm(arm.name).gripper
+        if gripper is None:
+            return None
+        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
+        joints |= fingers
+        return None if isinstance(self._close(base, joints, _closing(gripper, fingers), around), str) else joints
 
     def _distance(self, name: str, point: Array) -> float:
         """Compute the distance of a map point (3,) from a body or its handles [m]."""

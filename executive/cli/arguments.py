@@ -270,16 +270,16 @@ class ReplayArguments(TaskArguments):
 
 @dataclass(frozen=True, kw_only=True)
 class InspectArguments(Arguments):
-    """Show a robot's chains, joints, limits and postures, the reach of its arms, and what is missing.
+    """Show a robot's joints and postures, what its hands hold, its reach and doorways, and what is missing.
 
     Exit code 3 if the robot has no arm.
     """
 
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
     urdf: Urdf = None
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the reach of the arms, as PNG or SVG.")] = (
-        None
-    )
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the robot, its hands and its reach, as PNG or SVG.")
+    ] = None
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),

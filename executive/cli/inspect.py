@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import InspectArguments
+from executive.cli.capabilities import capability_data, doorway_lines, holding_lines, holds_data, warning_lines
 from executive.cli.console import progress_of
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.inputs import check_files, refuse
-from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.capabilities import ArmReach, Capabilities, capabilities_of
+from executive.locations.reachability import CELL, YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map
 from executive.pictures.drawn import drawn_in, missing
 from executive.pictures.reach_picture import save_reach_picture
@@ -25,11 +27,6 @@ from sim import PlanningWorld, Scene
 
 USEFUL = ("carrying", "prepare_grasp", "handover")
 """Postures that plans and the executive use."""
-
-_FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
-"""Grasp directions in words."""
-
-Maps = Mapping[GraspClass, ReachabilityMap]
 
 
 def command(arguments: InspectArguments) -> Answer:
@@ -68,19 +65,21 @@ def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspect
         drawn = drawn_in(world)
         replace(record, lambda path: save_reach_recording(path, drawn, models, maps))
     if picture is not None:
-        radius = robot.base.radius
-        replace(picture, lambda path: save_reach_picture(path, robot.name, models, maps, radius))
+        replace(picture, lambda path: save_reach_picture(path, robot, world, models, maps))
+    can = capabilities_of(robot, models, maps, progress_of(arguments))
     lacking = [*_lacking(bare), *filter(None, [sunk_in_floor(world)])]
-    lines = [*_body_lines(robot, file)]
-    for arm in robot.arms:
-        lines += _arm_lines(robot, arm, maps[arm.name], bounds)
+    lines = [*_body_lines(robot, file), *doorway_lines(can)]
+    for arm, reach in zip(robot.arms, can.reaches, strict=True):
+        lines += _arm_lines(robot, arm, reach, can, bounds)
     lines += ["postures"]
     lines += [f"  {name}: {_positions(joints)}" for name, joints in robot.postures.items()]
     lines += ["missing", *(f"  {what}" for what in lacking or ["nothing"])]
-    arms = [_arm_data(arm, maps) for arm in robot.arms]
+    lines += warning_lines(can)
+    arms = [_arm_data(arm, reach, can) for arm, reach in zip(robot.arms, can.reaches, strict=True)]
     data: dict[str, Any] = {"robot": robot.name, "file": str(file), "urdf": str(robot.urdf), "arms": arms}
     data |= {"torso": robot.torso, "neck": list(robot.neck), "camera": robot.camera.link if robot.camera else None}
     data |= {"postures": {name: dict(joints) for name, joints in robot.postures.items()}, "missing": lacking}
+    data |= capability_data(can)
     code = ExitCode.DONE if robot.arms else ExitCode.MISSING_CAPABILITY
     return Answer(code, robot.diagnostics, text="\n".join(lines), data=data)
 
@@ -109,23 +108,29 @@ def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
     yield f"  camera: {camera}"
 
 
-def _arm_lines(robot: Robot, arm: Arm, maps: Maps, bounds: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-    """Describe an arm: hand and gripper, joints with limits, and the number of reachable poses by grasp."""
+def _arm_lines(
+    robot: Robot, arm: Arm, reach: ArmReach, can: Capabilities, bounds: Mapping[str, tuple[float, float]]
+) -> Iterator[str]:
+    """Describe an arm: hand and what it holds, joints with limits, and reachable poses by grasp."""
     yield f"{_named(arm)}, from {arm.base_link} to {arm.tip}"
     approach, closing = (" ".join(f"{value:g}" for value in axis) for axis in (arm.approach, arm.closing))
     opening = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
     yield f"  hand: {arm.hand_link}, approaches along {approach}, closes along {closing}, {opening}"
+    yield from holding_lines(can, arm)
     for joint in (*([robot.torso] if robot.torso else []), *arm.joints):
         lower, upper = bounds.get(joint, (-math.inf, math.inf))
         limits = robot.limits[joint]
         yield f"  {joint:32} {lower:8.3f} .. {upper:8.3f}   at most {limits.speed:g} per second"
-    reached = ", ".join(f"{len(found):,} {_FROM[grasp]}" for grasp, found in maps.items())
-    yield f"  reach, on a grid of {100 * CELL:g} cm and {360 // YAWS} degrees: {reached}"
+    yield f"  reach, on a grid of {100 * CELL:g} cm and {360 // YAWS} degrees: {', '.join(map(str, reach.reaches))}"
+    yield f"  own body: {reach.own_body}"
 
 
-def _arm_data(arm: Arm, maps: Mapping[str, Maps]) -> dict[str, Any]:
-    reached = {grasp.value: len(found) for grasp, found in maps[arm.name].items()}
-    return {"name": arm.name, "tip": arm.tip, "joints": list(arm.joints), "reachable": reached}
+def _arm_data(arm: Arm, reach: ArmReach, can: Capabilities) -> dict[str, Any]:
+    reached = {one.grasp.value: one.poses for one in reach.reaches}
+    heights = {one.grasp.value: [one.lowest, one.highest] for one in reach.reaches if one.poses}
+    own = {"share": round(reach.own_body.share, 3), "link": reach.own_body.link}
+    data = {"name": arm.name, "tip": arm.tip, "joints": list(arm.joints), "reachable": reached, "heights": heights}
+    return data | {"own_body": own, "opening": arm.gripper.max_opening if arm.gripper else None} | holds_data(can, arm)
 
 
 def _positions(joints: Mapping[str, float]) -> str:

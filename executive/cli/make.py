@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from executive.cli.arguments import MakeArguments
+from executive.cli.capabilities import capability_data, capability_lines, holds_data
 from executive.cli.console import progress_of, waiting
 from executive.commands.answers import Answer
 from executive.commands.inputs import check_files, refuse
+from executive.locations.capabilities import capabilities_of
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
@@ -29,15 +31,18 @@ def command(arguments: MakeArguments) -> Answer:
     with waiting(arguments, lambda: f"reading {urdf.name}"):
         draft = draft_of(urdf, srdf, named=os.path.relpath(urdf, folder))
         robot = bind_draft(draft, folder / f"{urdf.stem}.toml")
+    carrying = with_carrying(robot, report=progress_of(arguments))
     if robot.arms and CARRYING not in robot.postures:
         table = draft.table("postures", CARRYING)
-        for joint, value in with_carrying(robot, report=progress_of(arguments)).postures[CARRYING].items():
+        for joint, value in carrying.postures[CARRYING].items():
             table.add(joint, value, "" if table.entries else "hands level, close to the body, without contact")
     text = draft.text()
     if output is not None:
         write_text(output, text)
+    can = capabilities_of(carrying, report=progress_of(arguments))
     data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
+    data |= {"arms": [{"name": arm.name, **holds_data(can, arm)} for arm in robot.arms], **capability_data(can)}
     diagnostics = (*draft.diagnostics(), *robot.diagnostics)
     use = f"planlang robot inspect {quoted(output)} shows what the robot can do, and what it lacks"
-    made = f"{output}: {robot.name}\n{use}"
-    return Answer(diagnostics=diagnostics, text=text if output is None else made, data=data)
+    made = [f"{output}: {robot.name}", *capability_lines(can), use]
+    return Answer(diagnostics=diagnostics, text=text if output is None else "\n".join(made), data=data)

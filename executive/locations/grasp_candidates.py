@@ -148,8 +148,10 @@ class GraspCandidates(Columns):
         if self.spans is None or not openings.fingers or not len(self):
             return [self] if len(self) else []
         numbers = openings.around(self.spans)
+        middles = openings.middles(self.spans[:, 0])
+        beside = self if not middles.any() else replace(self, points=self.points - rotated(self.rotations, middles))
         first = dict.fromkeys(numbers[np.argsort(-self.weights.round(6), kind="stable")].tolist())
-        return [replace(self.chosen(numbers == number), fingers=openings.fingers[number]) for number in first]
+        return [replace(beside.chosen(numbers == number), fingers=openings.fingers[number]) for number in first]
 
 
 class Hand(NamedTuple):

@@ -102,6 +102,8 @@ def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene
     handled = scene.bodies.is_graspable(term.body) or scene.arms.is_held(term.body)
     meaning = RELATIONS[term.name].hand
     assert meaning is not None, f"{term.name} means nothing for a hand"
+    if len(arm.openings.jaw) and meaning.sense in (Sense.GRASP_POINT, Sense.REACH, Sense.PRE_GRASP) and held is None:
+        points = points + rotated(rotations, arm.openings.middles(np.array([narrowest(block)]))[0])
     match meaning.sense:
         case Sense.REACH if scene.bodies.is_person(term.body):
             zone = scene.bodies.zone(term.body)

@@ -226,6 +226,10 @@ class Trial:
         """Explain why the arm cannot perform the solution; None if it can."""
         return _in_collision(self.touched(self.solution.joints)) or self.stopped_on_the_way()
 
+    def fails_to_grip(self) -> Reason | None:
+        """Explain why the fingers cannot grip the thing where the hand is; None if they can."""
+        return self._slips() or _in_collision(self._stops_closing())
+
     def stopped_on_the_way(self) -> Reason | None:
         """Explain why the arm cannot move from pose to pose, or the fingers cannot grip; None if they can."""
         if (slips := self._slips()) is not None:

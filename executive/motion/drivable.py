@@ -145,7 +145,7 @@ def free_cells(grid: Grid, boxes: Boxes, silhouette: Sequence[Band], slack: floa
     for centre, half, yaw in zip(boxes.centres, boxes.half_extents, boxes.yaws.tolist(), strict=True):
         radii = [r for low, high, r in silhouette if centre[2] - half[2] < high and centre[2] + half[2] > low]
         radius = max(radii, default=0.0) - slack
-        if radius <= 0.0:
+        if not radii or radius <= 0.0:  # the lintel over a doorway takes no clearance
             continue
         c, s = math.cos(yaw), math.sin(yaw)
         reach = np.array([abs(c) * half[0] + abs(s) * half[1], abs(s) * half[0] + abs(c) * half[1]]) + radius

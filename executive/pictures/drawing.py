@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path as File
 from xml.sax.saxutils import escape
 
+import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from planlang.outputs import MARK
@@ -118,6 +122,17 @@ class Sheet:
         self.image.paste(other.image.crop((0, 0, width, height)), at)
         place = f'x="{at[0]}" y="{at[1]}" width="{width}" height="{height}"'
         self.pen.elements += [f"<svg {place}>", *other.pen.elements, "</svg>"]
+
+    def picture(self, at: tuple[int, int], pixels: NDArray[np.uint8]) -> None:
+        """Draw a picture (height, width, 3) with its upper left corner at a point."""
+        image = Image.fromarray(pixels)
+        width, height = image.width * FINE, image.height * FINE
+        self.image.paste(image.resize((width, height), Image.Resampling.BICUBIC), at)
+        content = BytesIO()
+        image.save(content, format="PNG")
+        source = f"data:image/png;base64,{base64.b64encode(content.getvalue()).decode('ascii')}"
+        place = f'x="{at[0]}" y="{at[1]}" width="{width}" height="{height}"'
+        self.pen.elements.append(f'<image {place} href="{source}"/>')
 
     def text(self, at: Point, text: str, size: int, colour: Colour = INK, anchor: str = "la") -> None:
         """Draw a line of text; ``anchor`` is a text anchor of Pillow."""

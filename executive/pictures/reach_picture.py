@@ -1,4 +1,4 @@
-"""Picture of the reachability maps of a robot's arms, from above and from the side."""
+"""Picture of a robot: its body and hands, and the reachability maps of its arms, from above and from the side."""
 
 from __future__ import annotations
 
@@ -10,13 +10,19 @@ import numpy as np
 
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, blended
+from executive.pictures.rendering import Image
+from executive.pictures.robot_picture import hand_picture, robot_picture
+from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from sim import PlanningWorld
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
 METRE, MARGIN, TITLE, CAPTION, LABELS = 130, 22, 104, 24, 16
 """Pixels per metre; margin, heights of title and captions, and room for numbers at the axes [pixels]."""
+BODY, HAND = 420, 300
+"""Sides of the pictures of the robot and of its hands [pixels]."""
 SPARE = 0.1
 """Margin of the panels around their contents [m]."""
 SCALE: tuple[Colour, ...] = ((59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
@@ -25,9 +31,10 @@ _GROUND, _LINE, _FRAME, _BASE = (247, 247, 244), (222, 222, 217), (170, 170, 165
 
 
 def save_reach_picture(
-    path: Path, name: str, models: Sequence[ArmModel], maps: Mapping[str, Maps], radius: float
+    path: Path, robot: Robot, world: PlanningWorld, models: Sequence[ArmModel], maps: Mapping[str, Maps]
 ) -> None:
-    """Write a PNG of the maps of a robot's arms; ``radius`` is that of its base [m]. Raises OSError."""
+    """Write a PNG or SVG of a robot and the maps of its arms; opens its hands in ``world``. Raises OSError."""
+    radius = robot.base.radius
     points = [maps[model.name][grasp].rows for model in models for grasp in GraspClass]
     ends = []
     for axis in ("x", "y", "z"):
@@ -35,7 +42,9 @@ def save_reach_picture(
         low, high = (float(coordinates.min()), float(coordinates.max())) if len(coordinates) else (0.0, 0.0)
         base = 0.0 if axis == "z" else radius
         ends.append((min(low, -base) - SPARE, max(high, base) + SPARE))
-    _Drawing(name, models, maps, radius, ends).sheet.save(path)
+    body = robot_picture(robot, world, (BODY, BODY))
+    hands = [(arm.name, hand_picture(robot, arm, world, (HAND, HAND))) for arm in robot.arms]
+    _Drawing(robot.name, models, maps, radius, ends, [("", body), *hands]).sheet.save(path)
 
 
 class _Drawing:
@@ -46,36 +55,54 @@ class _Drawing:
         maps: Mapping[str, Maps],
         radius: float,
         ends: Sequence[tuple[float, float]],
+        pictures: Sequence[tuple[str, Image]],
     ) -> None:
         self.radius = radius
         self.x, self.y, self.z = ends
         deep, wide, tall = (METRE * (high - low) for low, high in ends)
         column = wide + deep + 2 * (LABELS + MARGIN)
         row = CAPTION + max(deep, tall) + LABELS + MARGIN
-        width = max(MARGIN + len(GraspClass) * column, 760)
-        self.sheet = Sheet(width, TITLE + len(models) * row + MARGIN)
-        self._title(name, models)
+        width = max(
+            MARGIN + len(GraspClass) * column, 2 * MARGIN + sum(image.shape[1] + MARGIN for _, image in pictures)
+        )
+        top = CAPTION + BODY + MARGIN
+        self.sheet = Sheet(width, top + TITLE + len(models) * row + MARGIN)
+        self._pictures(name, pictures)
+        self._title(name, models, top)
         for number, model in enumerate(models):
             for index, grasp in enumerate(GraspClass):
-                corner = (MARGIN + index * column, TITLE + number * row)
+                corner = (MARGIN + index * column, top + TITLE + number * row)
                 self._pair(corner, model, grasp, maps[model.name][grasp])
 
-    def _title(self, name: str, models: Sequence[ArmModel]) -> None:
-        sheet, left = self.sheet, MARGIN * FINE
-        sheet.text((left, 14 * FINE), f"{name}: reach of its hands", 19)
+    def _pictures(self, name: str, pictures: Sequence[tuple[str, Image]]) -> None:
+        """Draw the pictures of the robot and its hands in a row."""
+        left = MARGIN
+        for title, image in pictures:
+            said = f"{title} hand, open" if title else name
+            self.sheet.text((left * FINE, 14 * FINE), said, 14 if title else 19)
+            self.sheet.picture((left * FINE, (CAPTION + MARGIN) * FINE), image)
+            left += image.shape[1] + MARGIN
+        legend = (
+            "x red, y green, z blue; fingers orange; between the fingers the greatest opening, from the camera its view"
+        )
+        self.sheet.text(((2 * MARGIN + BODY) * FINE, (CAPTION + BODY) * FINE), legend, 13, FAINT)
+
+    def _title(self, name: str, models: Sequence[ArmModel], top: float) -> None:
+        sheet, left, above = self.sheet, MARGIN * FINE, top * FINE
+        sheet.text((left, above + 14 * FINE), f"{name}: reach of its hands", 19)
         text = f"reachable headings of the hand, out of {YAWS}:"
-        sheet.text((left, 46 * FINE), text, 13, FAINT)
+        sheet.text((left, above + 46 * FINE), text, 13, FAINT)
         at = left + 370 * FINE
-        sheet.text((at - 8 * FINE, 46 * FINE), "1", 13, FAINT, "ra")
-        sheet.scale((at, 47 * FINE), (160 * FINE, 12 * FINE), SCALE)
-        sheet.text((at + 168 * FINE, 46 * FINE), str(YAWS), 13, FAINT)
+        sheet.text((at - 8 * FINE, above + 46 * FINE), "1", 13, FAINT, "ra")
+        sheet.scale((at, above + 47 * FINE), (160 * FINE, 12 * FINE), SCALE)
+        sheet.text((at + 168 * FINE, above + 46 * FINE), str(YAWS), 13, FAINT)
         lifts = [model.lift for model in models if model.lift is not None]
         rise = max((float(lift.rise(lift.highest)) for lift in lifts), default=0.0)
         lifted = f"; torso at its lowest: it raises all of this by up to {rise:.2f} m" if rise else ""
         text = f"red: the base and the shoulder; axes in metres{lifted}"
-        sheet.text((left, 64 * FINE), text, 13, FAINT)
+        sheet.text((left, above + 64 * FINE), text, 13, FAINT)
         text = "joint limits only: collisions, also with the robot itself, are checked for each base pose later"
-        sheet.text((left, 82 * FINE), text, 13, FAINT)
+        sheet.text((left, above + 82 * FINE), text, 13, FAINT)
 
     def _pair(self, corner: tuple[float, float], model: ArmModel, grasp: GraspClass, reach: ReachabilityMap) -> None:
         """Draw the view from above and the view from the side of one map."""

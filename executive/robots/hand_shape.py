@@ -124,7 +124,7 @@ class _Hand:
             opened,
             closed,
             self._opening(approach, closing, opened, closed) if opened else 0.0,
-            tuple(dict.fromkeys(touching)),
+            tuple(dict.fromkeys((*touching, *(self._jaw(approach) if opened else ())))),
             ahead is not None,
             tuple(self.stuck),
             self._size(),
@@ -319,6 +319,18 @@ class _Hand:
             fronts = [(one @ closing)[(at >= end - FRONT) & (at <= end)] for one, at in zip(side, along, strict=True)]
             inner.append([float(innermost(front)) for front in fronts if len(front)])
         return (max(inner[0]), min(inner[1]), end) if inner[0] and inner[1] else None
+
+    def _jaw(self, approach: Array) -> list[str]:
+        """List the links on which a single finger closes: those of the palm that reach as far forward as it does."""
+        if len(self.links) != 1:
+            return []
+        end = max(float((one @ approach).max()) for name, one in self._points({}).items() if name != FIXED)
+        numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
+        palm = [link for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
+        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        points = self.world.robot.points([numbers[link] for link in palm])
+        along = (float((moved(to_hand, one) @ approach).max()) for one in points)
+        return [link for link, front in zip(palm, along, strict=True) if front >= end - FRONT]
 
     # Where it grips
 

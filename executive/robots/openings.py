@@ -6,7 +6,7 @@ Gaps are measured on the shapes of the fingers at some openings from closed to o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
@@ -26,6 +26,8 @@ TIGHT = 0.008
 """Least such clearance, used where wider fingers do not fit between the object's neighbours [m]."""
 SPARE = 0.002
 """Clearance, both sides together, below which open fingers may penetrate an object [m]."""
+BESIDE = 0.003
+"""Distance of an object from a jaw that does not move, when the opposite finger closes on it [m]."""
 STEPS = 21
 """Number of measured openings, from closed to opened."""
 SECTIONS = np.linspace(-0.1, 0.1, 21)
@@ -47,6 +49,19 @@ class Openings:
     """Gap between the fingers at each opening and section (n, s) [m]; infinite where there are no fingers."""
     ends: Array = field(default_factory=lambda: np.zeros(0))
     """Distance of the fingertips in front of the grip point at each opening (n,) [m]: it varies if fingers rotate."""
+
+    jaw: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """For fingers that close on a jaw that does not move: a point on it, and its normal, in the tip frame (2, 3)."""
+
+    def middles(self, widths: Array) -> Array:
+        """Compute where the middles of objects of widths (m,) [m] are between the fingers, in the tip frame (m, 3) [m].
+
+        At the grip point; beside a jaw that does not move where fingers close on one.
+        """
+        if not len(self.jaw):
+            return np.zeros((len(widths), 3))
+        halves = np.where(np.isfinite(widths), widths, 0.0) / 2
+        return np.asarray(self.jaw[0] + (halves[:, None] + BESIDE) * self.jaw[1])
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -136,36 +151,70 @@ def openings_of(arm: Arm, world: PlanningWorld) -> Openings:
         return Openings()
     gripper = arm.gripper
     fingers = tuple(_between(gripper, share) for share in np.linspace(0.0, 1.0, STEPS).tolist())
-    measured = [_measured(arm, gripper, dict(one), world) for one in fingers]
+    moving = frozenset[int]().union(*map(world.robot.moved_by, gripper.joints))
+    still = frozenset(world.robot.solid_names) - {world.robot.solid_names[number] for number in moving}
+    measured = [_measured(arm, gripper, dict(one), world, still) for one in fingers]
     world.link_pose(arm.tip)  # puts the robot back into its own configuration
-    gaps, ends = np.stack([gaps for gaps, _ in measured]), np.array([end for _, end in measured])
-    return Openings(fingers, gaps if np.isfinite(gaps).any() else np.zeros_like(gaps), ends)
+    gaps, ends = np.stack([one.gaps for one in measured]), np.array([one.end for one in measured])
+    jaw = measured[-1].jaw
+    return Openings(fingers, gaps if np.isfinite(gaps).any() else np.zeros_like(gaps), ends, jaw)
 
 
 def _between(gripper: Gripper, share: float) -> Fingers:
     return tuple((name, (1.0 - share) * gripper.closed[name] + share * gripper.opened[name]) for name in gripper.joints)
 
 
-def _measured(arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: PlanningWorld) -> tuple[Array, float]:
-    """Measure the gap at each section (s,) [m], and how far fingers reach in front of the grip point [m].
+@dataclass(frozen=True, slots=True)
+class _Gap:
+    """Gap at each section (s,) [m], how far fingers reach in front of the grip point [m], and a still jaw (2, 3)."""
 
-    The gap is twice the least distance of any finger from the plane in the middle of the hand.
+    gaps: Array
+    end: float
+    jaw: Array
+
+
+def _measured(
+    arm: Arm, gripper: Gripper, joints: Mapping[str, float], world: PlanningWorld, still: Collection[str]
+) -> _Gap:
+    """Measure the gap between fingers at joint values; ``still`` are the links that they do not move.
+
+    The gap is twice the least distance of any finger from the plane in the middle of the hand; with a still jaw it is
+    the distance of the moving fingers from it.
     """
     configuration = Configuration((0.0, 0.0, 0.0), joints)
     to_tip = inverse(world.link_pose(arm.tip, configuration).matrix())
     numbers = {name: number for number, name in enumerate(world.robot.solid_names)}
     axes = np.stack([arm.approach, arm.closing], axis=1)
     least, end = np.full(len(SECTIONS), np.inf), 0.0
+    outlined = {}
     for link in gripper.finger_links:
         if link not in numbers:
             continue
         frame = to_tip @ world.link_pose(link, configuration).matrix()
-        outlines = [_outline(frame @ hull.pose.matrix(), hull, axes) for hull in world.robot.hulls(numbers[link])]
+        outlined[link] = [_outline(frame @ hull.pose.matrix(), hull, axes) for hull in world.robot.hulls(numbers[link])]
+    jaws = [one for link, outlines in outlined.items() if link in still for one in outlines]
+    if jaws and len(jaws) < sum(map(len, outlined.values())):
+        moving = [one for link, outlines in outlined.items() if link not in still for one in outlines]
+        return _from_jaw(arm, jaws, moving)
+    for outlines in outlined.values():
         side = float(np.sign(np.concatenate(outlines)[:, 1].mean()))
         for outline in outlines:
             least = np.minimum(least, _sections(outline * [1.0, side]))
             end = max(end, float(outline[:, 0].max()))
-    return np.asarray(2 * np.maximum(least, 0.0)), end
+    return _Gap(np.asarray(2 * np.maximum(least, 0.0)), end, np.zeros((0, 3)))
+
+
+def _from_jaw(arm: Arm, jaws: Sequence[Array], moving: Sequence[Array]) -> _Gap:
+    """Measure the gap between the outlines of still jaws and those of moving fingers."""
+    apart = np.concatenate(moving)[:, 1].mean() - np.concatenate(jaws)[:, 1].mean()
+    side = 1.0 if apart > 0 else -1.0
+    inner = np.min([_sections(one * [1.0, side]) for one in moving], axis=0)
+    outer = -np.min([_sections(one * [1.0, -side]) for one in jaws], axis=0)
+    surface = outer[len(SECTIONS) // 2]
+    normal = side * np.asarray(arm.closing)
+    jaw = np.array([surface * normal, normal]) if np.isfinite(surface) else np.zeros((0, 3))
+    gaps = np.where(np.isfinite(outer), np.maximum(inner - outer, 0.0), np.inf)
+    return _Gap(gaps, max(0.0, float(np.concatenate(moving)[:, 0].max())), jaw)
 
 
 def _outline(at: Array, hull: ConvexSolid, axes: Array) -> Array:

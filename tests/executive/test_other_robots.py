@@ -190,7 +190,9 @@ def test_a_robot_on_a_mount_is_told_by_the_file_that_the_user_named() -> None:
     assert "arm, from panda_link0 to panda_grasptarget" in lines
     (reach,) = (line for line in lines if line.startswith("  reach"))
     assert re.fullmatch(
-        r"  reach, on a grid of 5 cm and 15 degrees: \S+ grasps from the side, \S+ tilted ones, \S+ from above", reach
+        r"  reach, on a grid of 5 cm and 15 degrees: \S+ grasps from the side at \S+ m, \S+ tilted ones at \S+ m, "
+        r"\S+ from above at \S+ m",
+        reach,
     )
 
 
@@ -204,6 +206,8 @@ def test_it_tells_chains_limits_postures_and_draws_what_the_arms_reach(tmp_path:
     blue = (pixels[..., 2] > 120) & (pixels[..., 0] < 110) & (pixels[..., 1] < 140)
     assert yellow.sum() > 100, "places that are reached with many headings"
     assert blue.sum() > 1000, "places that are reached with few"
+    orange = (np.abs(pixels.astype(int) - (235, 150, 60)) < 60).all(axis=2)
+    assert orange.sum() > 1000, "the fingers of its hands"
 
 
 def test_what_a_robot_lacks_is_listed(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def main() -> None:
         run_plan_file(replace(SERVED, environment=raised_bottle(folder), seed=0, report=folder / "failed.html"))
         PageRun(TUTORIAL.read_text(encoding="utf-8"), folder).run()
         made = folder / "fetch_screwdriver"
-        for file in ("own_room.png", "own_robot.png", "own_robot_husky.png"):
+        for file in ("own_room.png", "own_robot.png", "own_robot_husky.png", "own_robot_inspect.png"):
             shutil.copy(made / file, CHECKOUT / "docs" / "images" / file)
         for file, page, scheme, actions in (
             ("own_robot_report.png", "fetch_screwdriver/run.html", "light", ("#aim", "t=18")),

@@ -130,3 +130,13 @@ def test_base_that_stands_between_two_things_gets_out_as_it_came() -> None:
     start, goal = (3.12, 3.0, 0.0), (1.0, 5.0, math.pi)
     check = touching(sides, base)
     assert not any(check(*pose) for pose in tight(start, goal, sides, base))
+
+
+def test_a_lintel_over_a_doorway_takes_no_room() -> None:
+    sides = [Pose((3.0, y, 1.0)) for y in (1.25, 4.75)]
+    lintel = Pose((3.0, 3.0, 2.5))
+    boxes = Boxes.around([*sides, lintel], [(0.1, 2.5, 2.0), (0.1, 2.5, 2.0), (0.1, 1.0, 1.0)])
+    there = np.array([[5.0, 3.0, 0.0]])
+    assert reached((1.0, 3.0, 0.0), boxes, disc(), -SPARE)(there)[0]
+    lower = Boxes.around([*sides, Pose((3.0, 3.0, 1.0))], [(0.1, 2.5, 2.0), (0.1, 2.5, 2.0), (0.1, 1.0, 1.0)])
+    assert not reached((1.0, 3.0, 0.0), lower, disc(), -SPARE)(there)[0]
