@@ -33,7 +33,7 @@ from executive.robots.robot_file import (
 )
 from executive.robots.vetting import vet
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.files import Bundled
 from planlang.geometry.matrices import inverse, product
 from planlang.geometry.urdf import read_urdf
@@ -226,6 +226,9 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
     if has_errors(diagnostics):
         raise BadInput(diagnostics)
     diagnostics.extend(_assumed(model, numbers, urdf))
+    limits = _limits(numbers, mechanism, arms, torso, neck)
+    if numbers is not None and numbers.path.parent != Bundled.ROBOT.folder:
+        diagnostics.extend(_unused(numbers, arms, camera, limits))
     if model is not None:
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)
@@ -245,7 +248,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         neck=neck,
         camera=camera,
         postures=numbers.postures if numbers else {},
-        limits=_limits(numbers, mechanism, arms, torso, neck),
+        limits=limits,
         allowed_contacts=numbers.allowed_contacts if numbers else (),
         parts=parts,
         claims=claims,
@@ -253,6 +256,29 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         diagnostics=tuple(diagnostics),
         file=numbers.path if numbers is not None and model is None else None,
     )
+
+
+def _unused(
+    numbers: RobotFile, arms: tuple[Arm, ...], camera: CameraModel | None, limits: Mapping[str, JointLimits]
+) -> Iterator[Diagnostic]:
+    """Yield a warning for each part of a robot file of which nothing is used: the self-model lacks it, or no arm."""
+    bound = {arm.name: arm for arm in arms}
+    unused = {}
+    for stated in numbers.arms:
+        key, arm = f"arms.{stated.name}", bound.get(stated.name)
+        if arm is None:
+            unused[key] = "the self-model has no arm that ends there"
+        elif stated.gripper is not None and (
+            arm.gripper is None or arm.gripper.max_opening != stated.gripper.max_opening
+        ):
+            unused[f"{key}.gripper"] = "the self-model lacks its joints"
+    if numbers.camera is not None and camera is None:
+        unused["camera"] = "the self-model has no camera"
+    for joint in numbers.limits:
+        if joint not in limits:
+            unused[f"joints.{joint}"] = "no arm, gripper, torso or neck has this joint; only its limits can be set"
+    for key, why in unused.items():
+        yield warning("B011", f"{key} is not used: {why}", numbers.span(key))
 
 
 def _check_same(model: SelfModel, mechanism: Mechanism, diagnostics: list[Diagnostic]) -> None:

@@ -360,8 +360,8 @@ class _Maker:
             ]
             difference = abs(shape.max_opening - twin.max_opening)
             if ranges[0] == ranges[1] and min(shape.max_opening, twin.max_opening) > 0 and difference > UNEQUAL:
-                reason = "the shapes of their fingers differ"
-                doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {reason}"
+                advice = "compare the shapes of their fingers"
+                doubts["max_opening"] = f"the other hand, with equal joints, opens {twin.max_opening:g} m: {advice}"
         return doubts
 
     def _torso_of(self, limb: Limb) -> str:
@@ -370,9 +370,15 @@ class _Maker:
         above = [name for name in self.mechanism.movers(limb.joints[0].parent) if name != lift]
         return f"; {' to '.join(dict.fromkeys((above[0], above[-1])))} above it" if above else ""
 
+    def _carriers(self) -> Sequence[Joint]:
+        """List the joints of wheels and the uppermost ones of legs."""
+        return *self.anatomy.wheels, *self.anatomy.legs
+
     def _no_arm(self) -> None:
         """Say what was found in place of arms."""
-        deepest = max(self.mechanism.links, key=lambda link: len(self.mechanism.movers(link)))
+        carrying = {one.child for joint in self._carriers() for one in self.anatomy.subtree(joint)}
+        links = [link for link in self.mechanism.links if link not in carrying]
+        deepest = max(links, key=lambda link: len(self.mechanism.movers(link)))
         found = len(self.mechanism.movers(deepest))
         what = f"no chain of {anatomy.LEAST_ARM} or more joints ends in a hand: the robot cannot reach anything"
         if found:

@@ -164,7 +164,7 @@ def test_equal_hands_with_other_fingertips_are_named(tmp_path: Path) -> None:
         parts.fixed(f"right_finger{finger}", parts.link(f"right_pad{finger}", (0.02, 0.016, 0.02)), (0.0, y, 0.08))
     _, draft = drafted(parts, tmp_path)
     assert "[arms.left.gripper] doubtful: max_opening" in doubts(draft)
-    assert "the other hand, with equal joints, opens 0.086 m: the shapes of their fingers differ" in doubts(draft)
+    assert "the other hand, with equal joints, opens 0.086 m: compare the shapes of their fingers" in doubts(draft)
 
 
 def test_a_finger_that_hangs_from_the_other_one_is_a_finger(tmp_path: Path) -> None:

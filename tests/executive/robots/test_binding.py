@@ -15,6 +15,7 @@ from robot_files import BASE, PANDA_ARM
 from executive.motion import Chain
 from executive.robots import Robot, bind_robot, robots
 from executive.robots.mechanism import Mount, NotInstalled, mounted, packaged
+from planlang import files
 from planlang.designators import Device
 from planlang.diagnostics import BadInput
 from planlang.geometry import Pose
@@ -363,3 +364,27 @@ def test_errors_in_the_source_of_a_urdf_are_reported(lines: str, said: str, tmp_
     (tmp_path / "robot.toml").write_text(f'name = "mine"\n{lines}\n{base}')
     with pytest.raises(BadInput, match=said):
         bind_robot(tmp_path / "robot.toml")
+
+
+@pytest.mark.parametrize(
+    ("stated", "unused"),
+    [
+        ('[arms.third]\ntip = "base_link"', "arms.third is not used: the self-model has no arm that ends there"),
+        (
+            "[joints.rotor]\nspeed = 1\nacceleration = 1\njerk = 1",
+            "joints.rotor is not used: no arm, gripper, torso or neck",
+        ),
+        ("", None),
+    ],
+)
+def test_each_part_of_a_robot_file_is_used_or_named(stated: str, unused: str | None, tmp_path: Path) -> None:
+    folder = files.bundled("ontologies") / "robots"
+    rotor = (
+        '<link name="rotor_link"/><joint name="rotor" type="continuous"><parent link="base_link"/>'
+        '<child link="rotor_link"/><axis xyz="0 0 1"/></joint></robot>'
+    )
+    (tmp_path / "amigo.urdf").write_text((folder / "amigo.urdf").read_text().replace("</robot>", rotor))
+    shutil.copy(folder / "amigo.omn", tmp_path)
+    (tmp_path / "amigo.toml").write_text(f"{(folder / 'amigo.toml').read_text()}\n{stated}\n")
+    found = [one for one in bind_robot(tmp_path / "amigo.toml").diagnostics if one.code == "B011"]
+    assert [one.message.startswith(unused or "") for one in found] == ([] if unused is None else [True])
