@@ -122,7 +122,7 @@ class GraspCandidates(Columns):
         """List these and their variants for tight places: other grip points, then narrower openings as well."""
         if self.spans is None or not openings.fingers or not len(self):
             return [self]
-        tight = openings.fingers[int(openings.around(self.spans, TIGHT).max())]
+        tight = openings.fingers[int(openings.around(self.spans, TIGHT, is_round=self.step > 0).max())]
         narrow = [] if tight == self.fingers else [replace(self, fingers=tight, weights=TIGHTER * self.weights)]
         return [variant for one in (self, *narrow) for variant in (one, *one._turned(), *one._elsewhere())]
 
@@ -147,7 +147,7 @@ class GraspCandidates(Columns):
         """Split by the finger opening that the thing requires, the best candidate's first."""
         if self.spans is None or not openings.fingers or not len(self):
             return [self] if len(self) else []
-        numbers = openings.around(self.spans)
+        numbers = openings.around(self.spans, is_round=self.step > 0)
         middles = openings.middles(self.spans[:, 0])
         beside = self if not middles.any() else replace(self, points=self.points - rotated(self.rotations, middles))
         first = dict.fromkeys(numbers[np.argsort(-self.weights.round(6), kind="stable")].tolist())

@@ -270,8 +270,19 @@ class _Hand:
         wide_enough = [k for k, width in widths.items() if width <= WIDEST_GAP]
         rank = widths.__getitem__ if self.thumbs else int
         last = max(wide_enough, key=rank, default=len(STEPS) - 1)
-        first = min((k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last), default=0)
-        return steps[last], steps[first]
+        return steps[last], steps[self._shut(widths, last)]
+
+    def _shut(self, widths: Mapping[int, float], last: int) -> int:
+        """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again."""
+        narrower = [k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last]
+        if self.thumbs or len(self.links) == 1:
+            return min(narrower, default=0)
+        shut = last
+        for k in sorted(narrower, reverse=True):
+            if k < shut - 1 or widths[k] > widths[shut] + LEAST_TRAVEL:
+                break
+            shut = k
+        return shut if shut < last else 0
 
     def _towards(self, joint: Joint, limit: float) -> float:
         """Value that shows what a joint does on its way to a limit: a fist that is shut is far from its thumb."""

@@ -83,14 +83,17 @@ class Openings:
         """Gaps of the fully opened fingers at each section [m], rounded so that equal hands have equal ones."""
         return tuple(self.gaps[-1].round(4).tolist()) if self.fingers else ()
 
-    def around(self, spans: Array, room: float = ROOM) -> NDArray[np.intp]:
+    def around(self, spans: Array, room: float = ROOM, *, is_round: bool = False) -> NDArray[np.intp]:
         """Find the indices (m,) of the narrowest openings for objects; the widest one if none is wide enough.
 
         ``spans`` (m, 2) are the objects' widths in the closing direction, and how far they extend behind the grip point
-        [m]; ``room`` is the clearance, both sides together [m].
+        [m]; ``room`` is the clearance, both sides together [m]. What ``is_round`` also extends behind it as a circle.
         """
         is_beside = -spans[:, 1:] - 1e-9 <= SECTIONS
         fits = ~is_beside[:, None] | (self.gaps >= spans[:, None, :1] + room)
+        if is_round:  # fingers that narrow towards the palm may touch it there
+            circle = 2 * np.sqrt(np.maximum((spans[:, :1] / 2) ** 2 - np.minimum(SECTIONS, 0.0) ** 2, 0.0))
+            fits &= (circle == 0.0)[:, None] | (self.gaps >= circle[:, None] + SPARE)
         is_wide_enough: NDArray[np.bool_] = np.asarray(fits.all(axis=2))
         is_wide_enough[:, -1] = True
         return np.asarray(is_wide_enough.argmax(axis=1), np.intp)
