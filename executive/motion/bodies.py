@@ -34,6 +34,8 @@ CELLS = 16_000
 """Approximate number of cells into which the box around a shape is divided to measure its slack.
 
 The slack comes out too large by half the diagonal of a cell: 5 mm for a link of 10 by 10 by 30 cm."""
+MOST_DISTANCES = 4_000_000
+"""Distances of points from planes that are computed at once: 32 MB."""
 FLAT = 1e-7
 """Distance from a face within which points count as on it [m]; rounding of coordinates of some metres is smaller."""
 MOST_POINTS, DIRECTIONS = 1_500, 600
@@ -63,7 +65,11 @@ class Faces:
 
     def depths(self, places: Array) -> Array:
         """Compute depths of points (m, 3) inside (m,) [m]; negative outside, where they are only bounds."""
-        return np.asarray((self.offsets - np.einsum("mk,fk->mf", places, self.normals)).min(axis=1))
+        at_once = max(1, MOST_DISTANCES // max(len(self.offsets), 1))  # detailed meshes have 20,000 faces
+        parts = [places[first : first + at_once] for first in range(0, max(len(places), 1), at_once)]
+        return np.concatenate(
+            [(self.offsets - np.einsum("mk,fk->mf", part, self.normals)).min(axis=1) for part in parts]
+        )
 
     def surface(self, spacing: float) -> Array:
         """Sample points (m, 3) such that no point of the surface is farther than ``spacing`` [m] from one."""
