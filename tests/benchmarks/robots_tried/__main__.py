@@ -67,7 +67,9 @@ def tried(robots: Robots, folder: Path, jobs: int, seconds: int, pictures: Path 
 
     stage("draft", DRAFTING, list(rows))
     stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
-    able = [name for name, row in rows.items() if any((a["opening"] or 0) > OPENS for a in row.get("arms", {}).values())]
+    able = [
+        name for name, row in rows.items() if any((a["opening"] or 0) > OPENS for a in row.get("arms", {}).values())
+    ]
     stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=6.0 * seconds), able)
     return list(rows.values())
 

@@ -20,19 +20,20 @@ def page(rows: Sequence[Row]) -> Iterator[str]:
     able = [row for row in rows if _widest(row) > OPENS]
     done = [row for row in rows if row.get("reached")]
     ended = [row for row in rows if "cpu" in row]
-    costs = f"{max((row['cpu'] for row in ended), default=0):.0f} s and {max((row['memory'] for row in ended), default=0)} MB"
+    seconds, memory = (max((row[key] for row in ended), default=0) for key in ("cpu", "memory"))
     yield (
         f"{len(rows)} robots of {len(makers)} makers: {len(right)} are drafted as their sources say; "
         f"{len(done)} of the {len(able)} with a hand that opens over {100 * OPENS:.0f} cm bring the bottle. "
-        f"Drafting one takes {costs} at most."
+        f"Drafting one takes {seconds:.0f} s of CPU and {memory} MB at most."
     )
     wrong = Counter(kind for row in rows for kind in dict.fromkeys(kind for kind, _ in row.get("differs") or ()))
     if wrong:
         yield ""
         yield f"Differences: {', '.join(f'{kind} of {number}' for kind, number in wrong.most_common())} robots."
     yield ""
-    yield "| robot | package | base | torso | arms: tip, opening [m] | camera | reach | agrees | CPU, memory | brings it |"
-    yield "|---|---|---|---|---|---|---|---|---|---|"
+    heads = ("robot", "package", "base", "torso", "tips, openings [m]", "camera", "reach", "agrees", "CPU", "brings it")
+    yield f"| {' | '.join(heads)} |"
+    yield "|---" * len(heads) + "|"
     yield from map(_line, rows)
     yield ""
     for row in rows:
