@@ -64,26 +64,6 @@ class Mesh:
         return ".obj", "\n".join([*lines, ""]).encode()
 
 
-def mesh_places(urdf: Path, name: str) -> list[Path]:
-    """List the paths at which a mesh named in a URDF may be, whether they exist or not.
-
-    ``package://p/rest`` may be p/rest in the URDF's folder or one above it, rest in one of these folders if its name is
-    p, or else rest in the URDF's folder or the one above it: copies of packages are often renamed. Other names are
-    relative to the URDF.
-    """
-    scheme = re.match(r"(package|model|file)://", name)
-    rest = name[scheme.end() :] if scheme else name
-    folder = urdf.resolve().parent
-    if scheme and scheme[1] != "file":
-        package, _, inner = rest.partition("/")
-        return [
-            place
-            for above in (folder, *folder.parents)
-            for place in (above / rest, *([above / inner] if above.name == package else []))
-        ] + [folder / inner, folder.parent / inner]
-    return [folder / rest]
-
-
 def mesh_content(path: Path) -> bytes:
     """Read a mesh file; raises OSError if that is impossible, :class:`BadMesh` if it is too large."""
     with open_regular(path) as file:
