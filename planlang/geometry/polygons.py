@@ -46,7 +46,15 @@ def triangles(counts: Faces, corners: Faces, points: Array) -> Faces:
         rings = corners[(ends[which] - count)[:, None] + np.arange(count)]
         rows = first[which][:, None] + np.arange(count - 2)
         found[rows] = np.stack([np.broadcast_to(rings[:, :1], rows.shape), rings[:, 1:-1], rings[:, 2:]], axis=-1)
-        concave = np.flatnonzero(_are_concave(points[rings])) if count > 3 else ()
+        if count == 3:
+            continue
+        turns = _turns(points[rings])
+        concave = np.flatnonzero((turns < -FLAT).any(axis=1))
+        if count == 4:  # a fan from the corner that turns the other way
+            start = turns[concave].argmin(axis=1)[:, None]
+            a, b, c, d = np.take_along_axis(rings[concave], (start + np.arange(4)) % 4, axis=1).T
+            found[rows[concave]] = np.stack([np.column_stack([a, b, c]), np.column_stack([a, c, d])], axis=1)
+            continue
         for k in concave:
             effort += count**2
             if effort > MOST_EARS or (flat := _flat(points[rings[k]])) is None:
@@ -166,10 +174,10 @@ def _flat(ring: Array) -> Array | None:
     return (ring / size) @ np.stack(_axes(normal)).T if np.abs(normal).max() > FLAT else None
 
 
-def _are_concave(rings: Array) -> Array:
-    """Check which polygons (k, n, 3) turn the other way at a corner."""
+def _turns(rings: Array) -> Array:
+    """Return how polygons (k, n, 3) turn at their corners (k, n), relative to their areas; negative: the other way."""
     normals = _normal(rings)
     before, ahead = rings - np.roll(rings, 1, axis=1), np.roll(rings, -1, axis=1) - rings
-    turns = (np.cross(before, ahead) * normals[:, None]).sum(axis=2)
-    wrong: Array = (turns < -FLAT * (normals**2).sum(axis=1)[:, None]).any(axis=1)
-    return wrong
+    across = (np.cross(before, ahead) * normals[:, None]).sum(axis=2)
+    turns: Array = across / np.maximum((normals**2).sum(axis=1), 1e-300)[:, None]
+    return turns
