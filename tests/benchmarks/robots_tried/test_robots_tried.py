@@ -90,12 +90,12 @@ def test_a_robot_is_drafted_compared_and_drawn_and_a_broken_one_is_a_line(folder
 def test_what_does_not_agree_is_said(folder: Path) -> None:
     truth = truth_of({"urdf": "", "fixed": True, "lift": "column", "camera": ["eye"], "arms": [
         {"hand": "wrist", "joints": 5, "opening": 0.1}, {"hand": "base_link", "joints": 4}]})  # fmt: skip
-    arms = {"arm": {"tip": "tool", "hand": "wrist", "opening": 0.085, "joints": 4}}
+    arms = {"arm": {"tip": "tool", "hand": "wrist", "opening": 0.085, "joints": ["a", "b", "c", "d"]}}
     urdf = folder / "small" / "urdf" / "small.urdf"
     found = dict(differences(truth, Drafted(False, "", "", arms), urdf))
     assert list(found) == ["base", "arms", "opening", "tip", "camera", "torso"]
     assert found["opening"] == "arm opens 0.085 of 0.1 m"
-    right = Drafted(True, "column", "eye", {"arm": arms["arm"] | {"joints": 5, "opening": 0.093}})
+    right = Drafted(True, "column", "eye", {"arm": arms["arm"] | {"joints": list("abcde"), "opening": 0.093}})
     assert [kind for kind, _ in differences(truth, right, urdf)] == ["tip"]
 
 

@@ -85,7 +85,7 @@ def inspected(world: Mapping[str, Any]) -> Row:
     arms: dict[str, Row] = {}
     for one in answer.data["arms"]:
         arm = next(arm for arm in robot.arms if arm.name == one["name"])
-        turning = sum(kinds.get(joint) != "prismatic" for joint in arm.joints)
+        turning = [joint for joint in arm.joints if kinds.get(joint) != "prismatic"]
         opening = arm.gripper.max_opening if arm.gripper else None
         reached = {str(key): count for key, count in one["reachable"].items()}
         arms[arm.name] = {

@@ -4,7 +4,7 @@
 ``version``; ``base`` in words and whether it is ``fixed``; ``lift``, the joint that lifts the arms, if there is one;
 ``torso``, all joints between base and arms; ``camera``, frames of which each is right, none if there is no camera;
 ``says``, the robot in words; ``mount``, what a fixed arm has to stand on [m]. For each arm: ``hand``, any link that is
-rigid with the last one; ``joints``, how many revolute joints it has; ``opening`` and its ``source``, the gap between
+rigid with the last one; ``joints``, how many of its joints turn; ``opening`` and its ``source``, the gap between
 the opened fingers [m], where something but a guess states it.
 """
 
@@ -59,7 +59,9 @@ class Drafted:
     torso: str
     camera: str
     arms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """By name: ``tip``, ``hand``, ``opening`` (None without one), ``joints`` that turn."""
+    """By name: ``tip``, ``hand``, ``opening`` (None without one), and ``joints``, the names of those that turn.
+
+    Those of a torso may be among them: planlang moves it with the arm that reaches."""
 
 
 def truth_of(table: Mapping[str, Any]) -> Truth:
@@ -80,7 +82,7 @@ def differences(truth: Truth, drafted: Drafted, urdf: Path) -> Iterator[tuple[st
         if name is None:
             yield "tip", f"no arm ends at {arm.hand}"
             continue
-        yield from _arm_differences(arm, left.pop(name), name)
+        yield from _arm_differences(arm, left.pop(name), name, truth.torso)
     for name, one in left.items():
         yield "arms", f"an arm {name} to {one['tip']}"
     if drafted.camera not in (truth.camera or ("",)):
@@ -91,9 +93,12 @@ def differences(truth: Truth, drafted: Drafted, urdf: Path) -> Iterator[tuple[st
         yield "torso", f"{drafted.torso or 'none'} instead of {truth.lift or ', '.join(truth.torso) or 'none'}"
 
 
-def _arm_differences(arm: TrueArm, drafted: Mapping[str, Any], name: str) -> Iterator[tuple[str, str]]:
-    if drafted["joints"] != arm.joints:
-        yield "arms", f"the arm {name} has {drafted['joints']} joints that turn instead of {arm.joints}"
+def _arm_differences(
+    arm: TrueArm, drafted: Mapping[str, Any], name: str, torso: tuple[str, ...]
+) -> Iterator[tuple[str, str]]:
+    count = sum(joint not in torso for joint in drafted["joints"])
+    if count != arm.joints:
+        yield "arms", f"the arm {name} has {count} joints that turn instead of {arm.joints}"
     opening = drafted["opening"]
     if arm.opening is not None and (opening is None or abs(opening - USABLE * arm.opening) > CLOSE):
         yield "opening", f"{name} opens {'unknown' if opening is None else f'{opening:.3f}'} of {arm.opening:g} m"
