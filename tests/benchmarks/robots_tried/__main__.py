@@ -59,10 +59,10 @@ def tried(robots: Robots, folder: Path, jobs: int, seconds: int, pictures: Path 
             found = {key: value for key, value in done.row.items() if key not in ("world", "repeat")}
             if found.get("outcome") == "crashed":
                 found = {"crashed": found.get("message", "its process ended")}
-            rows[name].update(found)
+            rows[name].update({"unreached": found} if job == "inspect" and "reach" not in found else found)
             print(f"{job} {name}: {done.seconds:.0f} s {_short(found)}", flush=True)
 
-        chosen = [worlds[name] | {key: rows[name].get(key) for key in ("fixed", "camera")} for name in names]
+        chosen = [worlds[name] | {key: rows[name].get(key) for key in ("fixed", "camera", "arms")} for name in names]
         sweep(chosen, f"tests.benchmarks.robots_tried.trial:{job}_job", processes=jobs, limits=limits, told=told)
 
     stage("draft", DRAFTING, list(rows))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import resource
 import time
-import tomllib
 import traceback
 from collections.abc import Callable, Mapping
 from contextlib import chdir, suppress
@@ -20,7 +19,7 @@ from PIL import Image
 from executive.cli import inspect, make
 from executive.cli.arguments import InspectArguments, MakeArguments
 from executive.pictures.scene_picture import picture
-from executive.robots import bind_robot
+from executive.robots import Robot, bind_robot
 from planlang.diagnostics import BadInput
 from planlang.geometry.urdf import read_urdf
 from sim import PyBulletWorld, Scene
@@ -70,32 +69,31 @@ def drafted(world: Mapping[str, Any]) -> Row:
     except BadInput as problem:
         return {"refused": _text(problem)}
     told = [f"{one.severity.value} {one.code}: {one.message}" for one in answer.diagnostics]
-    return {"cpu": round(time.process_time() - began, 1), "memory": _peak(), "told": told}
+    row = {"cpu": round(time.process_time() - began, 1), "memory": _peak(), "told": told}
+    return row | _compared(world, bind_robot(file))
+
+
+def _compared(world: Mapping[str, Any], robot: Robot) -> Row:
+    """Return what was drafted, and what of it differs from the truth; draws the robot."""
+    kinds = {joint.name: joint.kind for joint in read_urdf(Path(world["urdf"])).joints}
+    arms: dict[str, Row] = {}
+    for arm in robot.arms:
+        turning = [joint for joint in arm.joints if kinds.get(joint) != "prismatic"]
+        opening = arm.gripper.max_opening if arm.gripper else None
+        arms[arm.name] = {"tip": arm.tip, "hand": arm.hand_link, "opening": opening, "joints": turning}
+    found = Drafted(robot.base.fixed, robot.torso or "", robot.camera.link if robot.camera else "", arms)
+    stated = world["truth"]
+    differs = list(differences(truth_of(stated), found, Path(world["urdf"]))) if stated else None
+    _draw(robot, world["picture"])
+    return {"fixed": found.fixed, "torso": found.torso, "camera": found.camera, "arms": arms, "differs": differs}
 
 
 def inspected(world: Mapping[str, Any]) -> Row:
-    """Ask what the drafted robot can do; return that, and what of it differs from the truth."""
+    """Ask what the drafted robot reaches."""
     file = Path(world["file"])
-    robot = bind_robot(file)
-    _draw(file, world["picture"])
-    written = tomllib.loads(file.read_text(encoding="utf-8"))
-    reach = Path(world["reach"]) if world.get("reach") and robot.arms else None
+    reach = Path(world["reach"]) if world.get("reach") and world["arms"] else None
     answer = inspect.command(InspectArguments(robot=str(file), picture=reach, force=True, quiet=True))
-    kinds = {joint.name: joint.kind for joint in read_urdf(Path(world["urdf"])).joints}
-    arms: dict[str, Row] = {}
-    for one in answer.data["arms"]:
-        arm = next(arm for arm in robot.arms if arm.name == one["name"])
-        turning = [joint for joint in arm.joints if kinds.get(joint) != "prismatic"]
-        opening = arm.gripper.max_opening if arm.gripper else None
-        reached = {str(key): count for key, count in one["reachable"].items()}
-        arms[arm.name] = {
-            "tip": arm.tip, "hand": arm.hand_link, "opening": opening, "joints": turning, "reach": reached
-        }  # fmt: skip
-    fixed = bool(written.get("base", {}).get("fixed", False))
-    found = Drafted(fixed, robot.torso or "", robot.camera.link if robot.camera else "", arms)
-    stated = world["truth"]
-    differs = list(differences(truth_of(stated), found, Path(world["urdf"]))) if stated else None
-    return {"fixed": fixed, "torso": found.torso, "camera": found.camera, "arms": arms, "differs": differs}
+    return {"reach": {one["name"]: list(one["reachable"].values()) for one in answer.data["arms"]}}
 
 
 def brought(world: Mapping[str, Any]) -> Row:
@@ -159,9 +157,8 @@ def bring_job(world: Mapping[str, Any]) -> Row:
     return safely(brought, world)
 
 
-def _draw(file: Path, to: str) -> None:
+def _draw(robot: Robot, to: str) -> None:
     """Draw the robot alone, small."""
-    robot = bind_robot(file)
     world = PyBulletWorld(Scene(()), robot.body())
     try:
         image = Image.fromarray(picture(world, size=(4 * SIZE[0], 4 * SIZE[1])))
