@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product, rotation_of
 from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
@@ -104,6 +104,7 @@ def read_description(path: Path) -> Description:
         meshes = Meshes(path)
         shapeless = _replace_meshes(robot, meshes.replace)
         files = meshes.files
+        warnings += _case_notes(meshes.other_cases, path)
         if meshes.absent:
             warnings.append(_mesh_warning(meshes.absent, shapeless, path))
     merged = merge_fixed(robot, urdf.joints, MOST_JOINTS)
@@ -266,8 +267,19 @@ def _mesh_warning(absent: Mapping[str, tuple[int, str]], shapeless: Sequence[str
     if shapeless:
         links = f"{len(shapeless)} links have" if len(shapeless) != 1 else "a link has"
         message += f"; {links} no usable inertia either and get no shape: {_some(shapeless)}"
-    advice = "put the packages that hold them beside the URDF, as OBJ, DAE or STL"
+    advice = (
+        "put the packages that hold them beside the URDF, or their folders into ROS_PACKAGE_PATH; as OBJ, DAE or STL"
+    )
     return warning("B013", message, Span(str(path), next(iter(absent.values()))[0]), advice)
+
+
+def _case_notes(found: Mapping[str, tuple[int, str]], path: Path) -> Iterator[Diagnostic]:
+    """Yield a note if meshes were found under other cases: Windows does not distinguish them, ROS on Linux does."""
+    if found:
+        name, (line, there) = next(iter(found.items()))
+        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        message = f"mesh {name} is read from {there}, whose name has another case{more}"
+        yield note("B010", message, Span(str(path), line), "rename the file, or write its name as it is")
 
 
 def _some(names: Sequence[str]) -> str:

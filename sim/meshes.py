@@ -6,7 +6,8 @@ import hashlib
 from functools import lru_cache
 from pathlib import Path
 
-from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
+from planlang.geometry.mesh_paths import case_differs, mesh_places
 from planlang.geometry.urdf import Element
 
 
@@ -18,6 +19,8 @@ class Meshes:
         self.files: dict[str, bytes] = {}
         self.absent: dict[str, tuple[int, str]] = {}
         """Name of a missing or unreadable mesh -> line that names it, and the reason if the file exists."""
+        self.other_cases: dict[str, tuple[int, str]] = {}
+        """Name of a mesh whose file has another case -> line that names it, and the name of the file."""
         self._names: dict[str, str | None] = {}
 
     def replace(self, mesh: Element) -> bool:
@@ -43,6 +46,8 @@ class Meshes:
                 continue
             except OSError:
                 continue
+            if case_differs(name, place):
+                self.other_cases[name] = line, place.name
             own = hashlib.sha256(content).hexdigest()[:32] + suffix
             self.files[own] = content
             return own

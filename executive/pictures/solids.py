@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planlang.geometry import Array
+from planlang.geometry.polygons import FLAT, Faces, ears
 from planlang.records import dataclass
 
 AROUND = 24
@@ -24,9 +24,6 @@ CREASE = math.radians(50)
 """Angle between faces above which their common edge is sharp [rad]."""
 BEND = 5
 """Segments of a smooth tube between two given points."""
-FLAT = 1e-9
-"""Tolerance below which an area or a distance counts as zero."""
-Faces = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,35 +176,11 @@ def prism(outline: Sequence[Sequence[float]] | Array) -> Solid:
     if float((flat[:, 0] * following[:, 1] - flat[:, 1] * following[:, 0]).sum()) < 0:
         flat = flat[::-1]
     count = len(flat)
-    lid = np.array(_triangles(flat), np.int64)
+    lid = np.array(ears(flat), np.int64)
     here, there = np.arange(count), (np.arange(count) + 1) % count
     sides = [np.column_stack([here, there, count + there]), np.column_stack([here, count + there, count + here])]
     vertices = np.vstack([np.column_stack([flat, np.zeros(count)]), np.column_stack([flat, np.ones(count)])])
     return Solid(vertices, np.concatenate([lid[:, ::-1], lid + count, *sides]))
-
-
-def _triangles(flat: Array) -> list[tuple[int, int, int]]:
-    """Triangulate a simple polygon by ear clipping (G. H. Meisters, 1975). Raises ValueError if it crosses itself."""
-    left, found = list(range(len(flat))), []
-
-    def turn(a: int, b: int, c: int) -> float:
-        (ax, ay), (bx, by), (cx, cy) = flat[a], flat[b], flat[c]
-        return float((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
-
-    while len(left) > 3:
-        for k in range(len(left)):
-            a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
-            others = [one for one in left if one not in (a, b, c)]
-            if turn(a, b, c) <= FLAT:
-                continue
-            if any(turn(a, b, o) >= -FLAT and turn(b, c, o) >= -FLAT and turn(c, a, o) >= -FLAT for o in others):
-                continue
-            found.append((a, b, c))
-            del left[k]
-            break
-        else:
-            raise ValueError(f"the outline {flat.tolist()} crosses itself")
-    return [*found, (left[0], left[1], left[2])]
 
 
 def normals_of(vertices: Array, faces: Faces) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
-from planlang.geometry.mesh import mesh_places
+from planlang.geometry.mesh_paths import mesh_places
 from planlang.geometry.urdf import Element, Joint, Urdf, displacement, read_urdf
 from planlang.records import dataclass
 from planlang.temporary import process_folder

@@ -3,22 +3,21 @@
 A broken mesh crashes PyBullet (SIGSEGV at a missing vertex, at a malformed number, at an empty COLLADA document), so it
 only gets copies of what :func:`mesh_of` has read. Normals, colours and textures are dropped.
 
-Formats: Wavefront OBJ (1995 specification, ``v``, ``f``, ``g``, ``o``), STL (binary and text), COLLADA 1.4.1 (polygons,
-the nodes of the scene, unit and upward axis).
+Formats: Wavefront OBJ (1995 specification, ``v``, ``f``, ``g``, ``o``), STL (binary and text), COLLADA 1.4.1
+(:mod:`planlang.geometry.collada`).
 """
 
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planlang.files import LFS_POINTER, NOT_FETCHED, encoding_of, open_regular, read_at_most
-from planlang.geometry.matrices import Array, cross_matrix, moved, product
+from planlang.geometry.collada import BadCollada, shapes_of
+from planlang.geometry.matrices import Array
+from planlang.geometry.polygons import Faces, fans
 from planlang.geometry.urdf import BadXml, tree_of
 from planlang.records import dataclass
 
@@ -29,12 +28,9 @@ MOST_VERTICES = 2_000_000
 """Limit for vertices and for triangles: PyBullet needs about 100 bytes for each."""
 FARTHEST = 1e6
 """Largest coordinate; meshes drawn in millimetres stay well below."""
-DEEPEST_NODES = 100
-"""Maximum nesting of nodes in a COLLADA scene."""
 
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
 """A triangle of a binary STL file; its normal may be zero."""
-Faces = NDArray[np.int64]
 
 
 class BadMesh(Exception):
@@ -66,26 +62,6 @@ class Mesh:
             lines.append(f"o part{number}")
             lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
         return ".obj", "\n".join([*lines, ""]).encode()
-
-
-def mesh_places(urdf: Path, name: str) -> list[Path]:
-    """List the paths at which a mesh named in a URDF may be, whether they exist or not.
-
-    ``package://p/rest`` may be p/rest in the URDF's folder or one above it, rest in one of these folders if its name is
-    p, or else rest in the URDF's folder or the one above it: copies of packages are often renamed. Other names are
-    relative to the URDF.
-    """
-    scheme = re.match(r"(package|model|file)://", name)
-    rest = name[scheme.end() :] if scheme else name
-    folder = urdf.resolve().parent
-    if scheme and scheme[1] != "file":
-        package, _, inner = rest.partition("/")
-        return [
-            place
-            for above in (folder, *folder.parents)
-            for place in (above / rest, *([above / inner] if above.name == package else []))
-        ] + [folder / inner, folder.parent / inner]
-    return [folder / rest]
 
 
 def mesh_content(path: Path) -> bytes:
@@ -127,19 +103,6 @@ def _checked(mesh: Mesh) -> Mesh:
     return mesh
 
 
-def _fans(counts: Sequence[int], corners: Faces) -> Faces:
-    """Split polygons with the given ``counts`` of corners into fans of triangles (m, 3)."""
-    if len(counts) and min(counts) == max(counts) == 3:
-        return corners[: 3 * len(counts)].reshape(-1, 3)
-    found, first = [np.zeros((0, 3), np.int64)], 0
-    for count in counts:
-        ring = corners[first : first + count]
-        first += count
-        if len(ring) == count >= 3:
-            found.append(np.column_stack([np.full(count - 2, ring[0]), ring[1:-1], ring[2:]]))
-    return np.concatenate(found)
-
-
 def _read_obj(content: bytes) -> Mesh:
     vertices: list[list[float]] = []
     parts: list[tuple[list[int], list[int]]] = [([], [])]
@@ -158,7 +121,7 @@ def _read_obj(content: bytes) -> Mesh:
                 parts.append(([], []))
         if len(vertices) > MOST_VERTICES:
             break
-    faces = [_fans(counts, np.array(corners, np.int64)) for counts, corners in parts if counts]
+    faces = [fans(counts, np.array(corners, np.int64)) for counts, corners in parts if counts]
     return Mesh(np.array(vertices, float).reshape(-1, 3), tuple(part for part in faces if len(part)))
 
 
@@ -178,122 +141,10 @@ def _read_stl(content: bytes) -> Mesh:
 
 def _read_collada(content: bytes) -> Mesh:
     try:
-        root = tree_of(content, texts=True)
-    except BadXml as problem:
+        placed = list(shapes_of(tree_of(content, texts=True), MOST_VERTICES))
+    except (BadXml, BadCollada) as problem:
         raise BadMesh(str(problem)) from None
-    for element in root.iter():
-        element.tag = element.tag.rpartition(":")[2]
-    if root.tag != "COLLADA":
-        raise BadMesh(f"it is not COLLADA: its root element is <{root.tag}>")
-    shapes = {geometry.get("id", ""): _collada_shape(geometry) for geometry in root.iter("geometry")}
-    unit = root.find("asset/unit")
-    upright = np.diag([*[float(unit.get("meter", "1")) if unit is not None else 1.0] * 3, 1.0])
-    placed = [
-        (moved(matrix, shapes[name][0]), shapes[name][1])
-        for scene in root.iter("visual_scene")
-        for name, matrix in _instances(scene, upright, 0)
-        if name in shapes
-    ]
-    if not placed:  # some files have no scene, only geometries
-        placed = [(moved(upright, vertices), faces) for vertices, faces in shapes.values()]
     first = np.cumsum([0, *(len(vertices) for vertices, _ in placed)]).tolist()
     faces = [part + start for (_, part), start in zip(placed, first, strict=False) if len(part)]
     vertices = np.concatenate([np.zeros((0, 3)), *(vertices for vertices, _ in placed)])
     return Mesh(vertices, (np.concatenate(faces),) if faces else ())
-
-
-def _collada_shape(geometry: ElementTree.Element) -> tuple[Array, Faces]:
-    """Read the vertices (n, 3) and triangles (m, 3) of one geometry."""
-    mesh = geometry.find("mesh")
-    if mesh is None:
-        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
-    sources = {source.get("id", ""): source for source in mesh.findall("source")}
-    aliases = {
-        vertices.get("id", ""): entry.get("source", "").lstrip("#")
-        for vertices in mesh.findall("vertices")
-        for entry in vertices.findall("input")
-        if entry.get("semantic") == "POSITION"
-    }
-    points: list[Array] = [np.zeros((0, 3))]
-    known: dict[str, int] = {}
-    faces = [np.zeros((0, 3), np.int64)]
-    for kind in ("triangles", "polylist", "polygons"):
-        for block in mesh.findall(kind):
-            entries = block.findall("input")
-            vertex = next((entry for entry in entries if entry.get("semantic") == "VERTEX"), None)
-            if vertex is None:
-                continue
-            source = aliases.get(vertex.get("source", "").lstrip("#"), "")
-            if source not in known:
-                known[source] = sum(map(len, points))
-                points.append(_collada_points(sources.get(source)))
-            stride = 1 + max(int(entry.get("offset", "0")) for entry in entries)
-            if stride > 100:
-                raise BadMesh("the corners of its polygons have too many numbers")
-            rows = [_whole_numbers(one.text) for one in block.findall("p")]
-            numbers = np.concatenate([np.zeros(0, np.int64), *(row[: len(row) // stride * stride] for row in rows)])
-            corners = numbers.reshape(-1, stride)[:, int(vertex.get("offset", "0"))]
-            stated = block.find("vcount")
-            if kind == "polygons":
-                counts = [len(row) // stride for row in rows]
-            elif kind == "polylist" and stated is not None:
-                counts = _whole_numbers(stated.text).tolist()
-            else:
-                counts = [3] * (len(corners) // 3)
-            found = _fans(counts, corners)
-            if len(found) and (found.min() < 0 or found.max() >= len(points[-1])):
-                raise BadMesh(f"a polygon names vertex {int(found.max())}, there are {len(points[-1])}")
-            faces.append(found + known[source])
-    return np.concatenate(points), np.concatenate(faces)
-
-
-def _collada_points(source: ElementTree.Element | None) -> Array:
-    values = None if source is None else source.find("float_array")
-    if source is None or values is None:
-        raise BadMesh("its polygons have no points")
-    accessor = source.find("technique_common/accessor")
-    stride = max(3, int("3" if accessor is None else accessor.get("stride", "3")))
-    numbers = np.array((values.text or "").split()).astype(float)
-    return numbers[: len(numbers) // stride * stride].reshape(-1, stride)[:, :3]
-
-
-def _whole_numbers(text: str | None) -> Faces:
-    return np.array((text or "").split()).astype(np.int64)
-
-
-def _instances(node: ElementTree.Element, above: Array, depth: int) -> Iterator[tuple[str, Array]]:
-    """Yield the geometries of a node and its children, by name, with their transforms (4, 4)."""
-    if depth > DEEPEST_NODES:
-        raise BadMesh("the nodes of its scene are nested too deeply")
-    here = above
-    for child in node:
-        match child.tag:
-            case "matrix":
-                here = product(here, _reals(child.text, 16).reshape(4, 4))
-            case "translate" | "scale" | "rotate":
-                here = product(here, _transform(child))
-    for instance in node.findall("instance_geometry"):
-        yield instance.get("url", "").lstrip("#"), here
-    for child in node.findall("node"):
-        yield from _instances(child, here, depth + 1)
-
-
-def _transform(child: ElementTree.Element) -> Array:
-    matrix = np.eye(4)
-    if child.tag == "rotate":  # an axis and degrees
-        x, y, z, angle = _reals(child.text, 4).tolist()
-        axis = np.array([x, y, z]) / max(float(np.linalg.norm([x, y, z])), 1e-12)
-        cross, turn = cross_matrix(axis), np.radians(angle)
-        matrix[:3, :3] += cross * np.sin(turn) + product(cross, cross) * (1 - np.cos(turn))
-    elif child.tag == "translate":
-        matrix[:3, 3] = _reals(child.text, 3)
-    else:
-        matrix[:3, :3] = np.diag(_reals(child.text, 3))
-    return matrix
-
-
-def _reals(text: str | None, count: int) -> Array:
-    numbers = np.array((text or "").split()).astype(float)
-    if len(numbers) != count:
-        raise BadMesh(f"a transform has {len(numbers)} numbers instead of {count}")
-    return numbers

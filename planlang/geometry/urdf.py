@@ -270,7 +270,7 @@ def read_urdf(path: Path) -> Urdf:
     checker = _Checker(path, robot)
     root = checker.check()
     joints = _with_followed_limits({element.get("name", ""): _joint(element) for element in robot.findall("joint")})
-    found = Urdf(path, content, robot, root, joints, tuple(checker.endless()), tuple(checker.gaps))
+    found = Urdf(path, content, robot, root, joints, (*checker.endless(), *checker.colours), tuple(checker.gaps))
     while len(_kept) >= MOST_KEPT:
         del _kept[next(iter(_kept))]
     _kept[path, content] = found
@@ -365,7 +365,9 @@ def _plain(element: ElementTree.Element) -> Element:
     known = RULES[element.tag].attributes if element.tag in RULES else ()
     copied = Element(element.tag, {name: text for name, text in element.items() if name in known})
     copied.line = element.line if isinstance(element, Element) else 1
-    copied.extend(map(_plain, children_of(element)))
+    copied.extend(
+        _plain(child) for child in children_of(element) if child.tag != "color" or not any(problems_in(child))
+    )
     return copied
 
 
@@ -376,6 +378,7 @@ class _Checker:
         self.path, self.robot = path, robot
         self.found: list[Diagnostic] = []
         self.gaps: list[Diagnostic] = []
+        self.colours: list[Diagnostic] = []
 
     def check(self) -> str:
         """Run all checks and return the root link; raises BadInput."""
@@ -400,8 +403,12 @@ class _Checker:
             self._check_roots(links, above, roots)
         for problem, element in problems_in(self.robot):
             assert isinstance(element, Element)
+            span = Span(str(self.path), element.line)
+            if element.tag == "color":  # the only one that nothing but pictures need
+                self.colours.append(note("B010", f"{problem}; it is left out", span))
+                continue
             found = self.gaps if element.tag in WITHOUT_SHAPE else self.found
-            found.append(error("B009", problem, Span(str(self.path), element.line)))
+            found.append(error("B009", problem, span))
         if self.found:
             raise BadInput([*self.found, *self.gaps])
         return roots[0]

@@ -23,7 +23,8 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
 from planlang.geometry.matrices import product, rigid, rotation_of
-from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of, mesh_places
+from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of
+from planlang.geometry.mesh_paths import mesh_places
 from planlang.geometry.shapes import corners, outline_of
 from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
 from planlang.geometry.urdf_schema import numbers

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from planlang.diagnostics import BadInput
 from planlang.geometry.matrices import angles_of, rotation_of
-from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
+from planlang.geometry.mesh_paths import mesh_places
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import Description, inertia_box, read_description

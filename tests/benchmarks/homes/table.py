@@ -170,10 +170,10 @@ def _cell(text: str) -> str:
     return text.replace("|", "/").replace("\n", " ")[:160]
 
 
-def documented(page: str, text: str) -> str:
+def documented(page: str, text: str, first: str = BEGIN, last: str = END) -> str:
     """Return a page with the tables between its markers; raises ValueError if it has none."""
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
+    before, begin, rest = page.partition(first)
+    _, end, after = rest.partition(last)
     if not (begin and end):
-        raise ValueError(f"the page lacks the lines {BEGIN} and {END}")
-    return f"{before}{BEGIN}\n\n{text}\n\n{END}{after}"
+        raise ValueError(f"the page lacks the lines {first} and {last}")
+    return f"{before}{first}\n\n{text}\n\n{last}{after}"
