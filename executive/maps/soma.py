@@ -21,7 +21,8 @@ from executive.maps.measures import EXTENTS, LARGEST, lengths
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, note, unread
 from planlang.geometry import Array, Pose
-from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of, mesh_places
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
+from planlang.geometry.mesh_paths import mesh_places
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand
 from planlang.ontology.documents import Reading
 from planlang.ontology.terms import RDF, XSD
