@@ -116,13 +116,14 @@ class _Drawing:
         headings = reach.rows["yaw"].astype(int)
         shoulder = model.shoulder_low
         above = _Panel(self.sheet, (left + LABELS, top), self.y, self.x, flipped=True)
-        above.cells(y, x, headings)
+        along_x, along_y = reach.spacing
+        above.cells((y, along_y), (x, along_x), headings)
         above.axes("y, left", "x, ahead")
         above.circle(0.0, 0.0, self.radius)
         above.mark(float(shoulder[1]), float(shoulder[0]))
         width = METRE * (self.y[1] - self.y[0])
         side = _Panel(self.sheet, (left + width + MARGIN + 2 * LABELS, top), self.x, self.z)
-        side.cells(x, z, headings)
+        side.cells((x, along_x), (z, CELL), headings)
         side.axes("x, ahead", "z, up")
         side.line((-self.radius, 0.0), (self.radius, 0.0))
         side.mark(float(shoulder[0]), float(shoulder[2]))
@@ -150,16 +151,19 @@ class _Panel:
         right = self.across[1] - across if self.flipped else across - self.across[0]
         return self.left + right * METRE * FINE, self.top + (self.up[1] - up) * METRE * FINE
 
-    def cells(self, across: Array, up: Array, headings: Array) -> None:
-        """Draw grid cells, coloured by the number of distinct headings (m,) along the line of sight."""
-        entries = np.stack([np.rint(across / CELL), np.rint(up / CELL), headings], axis=1).astype(int)
+    def cells(self, across: tuple[Array, float], up: tuple[Array, float], headings: Array) -> None:
+        """Draw grid cells, coloured by the number of distinct headings (m,) along the line of sight.
+
+        ``across`` and ``up`` are their middles (m,) and their sides [m].
+        """
+        (columns, wide), (rows, high) = across, up
+        entries = np.stack([np.rint(columns / CELL), np.rint(rows / CELL), headings], axis=1).astype(int)
         cells, counts = np.unique(np.unique(entries, axis=0)[:, :2], axis=0, return_counts=True)
-        half = CELL / 2
+        half, above = (-wide if self.flipped else wide) / 2, high / 2
         for (column, row), count in zip(cells.tolist(), counts.tolist(), strict=True):
             a, b = column * CELL, row * CELL
-            box = (*self.at(a + half if self.flipped else a - half, b + half),)
-            end = self.at(a - half if self.flipped else a + half, b - half)
-            self.sheet.pen.rectangle((*box, *end), fill=blended(SCALE, (count - 1) / (YAWS - 1)))
+            box = (*self.at(a - half, b + above), *self.at(a + half, b - above))
+            self.sheet.pen.rectangle(box, fill=blended(SCALE, (count - 1) / (YAWS - 1)))
 
     def axes(self, across: str, up: str) -> None:
         """Draw a grid line every half metre, a number every metre, and the names of the axes."""
