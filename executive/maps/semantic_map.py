@@ -13,6 +13,7 @@ import numpy as np
 from executive.maps.class_names import with_known_classes
 from executive.maps.class_parts import StatedObject, parts_of_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
+from executive.maps.misspellings import misspellings
 from executive.maps.soma import in_known_words
 from executive.maps.unread import settled
 from planlang.designators import local_name, names_of, unused_name
@@ -113,7 +114,7 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
     that is a warning, and the object lacks it), or if no object has a pose and the map refers to no sensor data. Other
     numbers that cannot be read are left out, with a warning.
     """
-    notes: list[Diagnostic] = [*ontology.unread, *_unnamed_poses(ontology)]
+    notes: list[Diagnostic] = [*ontology.unread, *_unnamed_poses(ontology), *misspellings(ontology)]
     ontology = in_known_words(ontology, notes)
     things = _things(ontology)
     ontology = with_known_classes(ontology, things, notes)

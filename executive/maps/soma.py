@@ -28,6 +28,7 @@ from planlang.ontology.documents import Reading
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.triples import Triples
 from planlang.records import dataclass
+from planlang.spelling import guess
 
 SHAPES, SHAPE_OF = ("hasShape", "hasShapeRegion", "hasCollisionShape"), ("isShapeOf", "isShapeRegionOf")
 PLACES, PLACE_OF = ("hasLocalization", "hasSpaceRegion", "hasPose"), ("isLocalizationOf",)
@@ -48,6 +49,11 @@ STATES, POSITION = ("hasJointState", "hasJointPosition"), ("hasJointPosition", "
 AXES, AXIS = ("hasJointAxis",), ("hasAxisVector",)
 WORDS = (*SHAPES, *SHAPE_OF, *PLACES, *PLACE_OF, *CHILD, *CHILD_OF, *INSIDE, *ON)
 """Properties by one of which such a file is known."""
+READ = (
+    *WORDS, *REGIONS, *SIZES, *POSITIONS, *TURNS, *FRAMES, *PARTS, *WHOLES, *CHILD_OF, *PARENT, *PARENT_OF, *LIMITS,
+    *LOWER, *UPPER, *STATES, *POSITION, *AXES, *AXIS, "hasOrigin",
+)  # fmt: skip
+"""All properties that are read of such a file."""
 COMPONENTS = ("vectorX", "vectorY", "vectorZ")
 MAP_FRAMES = frozenset(("", "map", "world"))
 """Names of the frame of a map, without slashes."""
@@ -294,11 +300,25 @@ class _Restatement:
     def _joints(self) -> None:
         children: dict[str | BNode, Triple] = {}
         for joint, child, triple in self._ends(CHILD, CHILD_OF):
-            if isinstance(joint, (str, BNode)) and isinstance(child, str) and self.ontology.is_individual(child):
+            if isinstance(joint, (str, BNode)) and isinstance(child, str) and self._is_link(child, triple):
                 children.setdefault(joint, triple)
-        parents = {joint: parent for joint, parent, _ in self._ends(PARENT, PARENT_OF)}
+        parents = {}
+        for joint, parent, triple in self._ends(PARENT, PARENT_OF):
+            parents[joint] = parent
+            if isinstance(parent, str):
+                self._is_link(parent, triple)
         for joint, triple in children.items():
             self._joint(joint, str(triple.object), parents.get(joint), triple)
+
+    def _is_link(self, iri: str, source: Triple) -> bool:
+        """Check whether the map describes what a joint connects, with an error if it does not."""
+        if self.ontology.is_individual(iri):
+            return True
+        if not self.ontology.defined(iri):
+            message = f"a joint connects {local_name(iri)}, which the map does not describe"
+            near = guess(local_name(iri), (local_name(one) for one in (*self.shapes, *self.places)))
+            self.notes.append(unread("M033", message, source.span, f"{near}give it a class"))
+        return False
 
     def _joint(self, joint: str | BNode, child: str, parent: Term | None, source: Triple) -> None:
         """Restate a joint; one between a leaf and its handle is that of the leaf."""

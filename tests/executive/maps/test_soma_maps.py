@@ -248,6 +248,25 @@ def test_a_joint_of_soma_states_limits_axis_origin_and_position(tmp_path: Path) 
     assert [abs(one) for one in found.axis] == pytest.approx([0.0, 0.0, 1.0])
 
 
+@pytest.mark.parametrize(
+    ("written", "misspelt", "code", "meant"),
+    [
+        ("hasParentLink :drawer1", "hasParentLinkk :drawer1", "M036", "hasParentLink"),
+        ("hasParentLink :drawer1", "hasParentLink :drawr1", "M033", "drawer1"),
+        ("hasChildLink :door1", "hasChildLink :dor1", "M033", "door1"),
+        ("soma:hasPositionVector", "soma:hasPositonVector", "M036", "hasPositionVector"),
+    ],
+)
+def test_what_is_misspelt_in_a_map_is_an_error_that_names_what_is_meant(
+    written: str, misspelt: str, code: str, meant: str, tmp_path: Path
+) -> None:
+    assert written in KITCHEN
+    with pytest.raises(BadInput) as problem:
+        read(tmp_path, KITCHEN.replace(written, misspelt))
+    found = next(one for one in problem.value.diagnostics if one.code == code)
+    assert f"did you mean {meant}?" in (found.help or "")
+
+
 def test_a_thing_is_no_part_of_what_has_no_shape(tmp_path: Path) -> None:
     cup = placed("soma:Cup", "0.08 0.08 0.1", "1 0 0.05")
     text = f":map1 a dul:PhysicalObject ; dul:hasComponent :cup1 .\n:cup1 {cup}"

@@ -1,0 +1,36 @@
+"""Misspelt properties of a map: what they state is not read, so the map is not read as it is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from executive.maps import soma
+from executive.maps.link_names import LINKS
+from executive.maps.measures import EXTENTS
+from planlang.designators import local_name, local_part
+from planlang.diagnostics import Diagnostic, unread
+from planlang.ontology import Ontology
+from planlang.spelling import Spellings
+
+ALIKE = 0.9
+"""Least similarity (difflib) of a misspelt property and a known one: a letter too many, or two that are swapped."""
+KNOWROB = (
+    *EXTENTS, "describedInMap", "objectActedOn", "eventOccursAt", "startTime", "orientation", "translation",
+    "quaternion", "relativeTo", "properPhysicalParts", "properPhysicalPartOf", "physicalParts", "physicalPartOf",
+    "hingedTo", "connectedTo-Rigidly", "in-ContGeneric", "on-Physical", "jointPosition", "minJointValue",
+    "maxJointValue", "linkToMapFile", "pathToCadModel", "massOfObject", "weightOfObject", "areaOfObject",
+)  # fmt: skip
+"""Properties of KnowRob's maps."""
+
+
+def misspellings(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Report the properties in use that nothing declares and that are nearly those of maps, each once."""
+    words = Spellings((*KNOWROB, *LINKS, *soma.READ))
+    for iri in ontology.properties_in_use():
+        name = local_part(iri)
+        alike = words.similar(name, least=ALIKE)
+        if not alike or alike[0] == name or ontology.is_property(iri):
+            continue
+        first = next(ontology.triples(None, iri))
+        of = f" of {local_name(first.subject)}" if isinstance(first.subject, str) else ""
+        yield unread("M036", f"{name}{of} is no property that maps have", first.span, f"did you mean {alike[0]}?")
