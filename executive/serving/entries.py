@@ -31,7 +31,7 @@ MOST_LISTED = 100
 
 Limit = Annotated[int, Query(ge=1, le=MOST_LISTED)]
 IfMatch = Annotated[str | None, Header()]
-_ONTOLOGY: dict[str, Any] = {"application/rdf+xml": {}, "text/turtle": {}, "text/owl-manchester": {}}
+_ONTOLOGY: dict[str, Any] = {syntax.value: {} for syntax in Syntax}
 UPLOADED: dict[str, Any] = {"requestBody": {"required": True, "content": _ONTOLOGY}}
 
 
@@ -230,11 +230,7 @@ def digest_header(sha256: str) -> str:
     return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
 
 
-_TARGETS = {
-    Syntax.RDFXML: Target.RDFXML,
-    Syntax.TURTLE: Target.TURTLE,
-    Syntax.MANCHESTER: Target.MANCHESTER,
-}
+_WRITTEN = [syntax for syntax in Syntax if syntax.name in Target.__members__]
 
 
 def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers: Workers) -> tuple[bytes, Syntax]:
@@ -243,19 +239,19 @@ def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers
     Raises Problem if none of the available syntaxes is accepted.
     """
     for media_type in _media_types(accept):
-        for target in (syntax, *Syntax):
+        for target in (syntax, *_WRITTEN):
             family = target.value.partition("/")[0]
             if media_type in ("*/*", f"{family}/*", target.value):
                 if target is syntax:
                     return data, syntax
                 return workers.call(convert, data, uid, target), target
-    names = ", ".join(one.value for one in Syntax)
+    names = ", ".join(one.value for one in dict.fromkeys((syntax, *_WRITTEN)))
     raise Problem(HTTPStatus.NOT_ACCEPTABLE, f"Accept has to allow for one of {names}")
 
 
 def convert(data: bytes, uid: str, syntax: Syntax, _: Vocabulary) -> bytes:
     """Convert a content to another syntax. Raises BadInput."""
-    return convert_content(data, Path(uid), _TARGETS[syntax]).text.encode()
+    return convert_content(data, Path(uid), Target[syntax.name]).text.encode()
 
 
 def _media_types(accept: str | None) -> list[str]:
