@@ -104,9 +104,7 @@ OWLXML = b"""<Ontology xmlns="http://www.w3.org/2002/07/owl#" ontologyIRI="urn:o
 """
 
 
-@pytest.mark.parametrize(
-    ("data", "media_type"), [(FUNCTIONAL, "text/owl-functional"), (OWLXML, "application/owl+xml")]
-)
+@pytest.mark.parametrize(("data", "media_type"), [(FUNCTIONAL, "text/owl-functional"), (OWLXML, "application/owl+xml")])
 def test_functional_syntax_and_owlxml_are_kept_found_and_given_in_other_syntaxes(
     client: TestClient, data: bytes, media_type: str
 ) -> None:
