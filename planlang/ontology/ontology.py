@@ -54,7 +54,7 @@ def load(
     readings = read_all(Path(path), folders, builtin=builtin, also=also, content=content)
     if content is None:  # uploads name nothing in the process that serves others
         label_iris(readable_names(one.triples for one in readings if not is_bundled(one.document.path)))
-    return Ontology(readings)
+    return Ontology(readings, folders)
 
 
 class Ontology:
@@ -64,8 +64,10 @@ class Ontology:
     holds the triples of all documents.
     """
 
-    def __init__(self, readings: Sequence[Reading]) -> None:
+    def __init__(self, readings: Sequence[Reading], folders: Sequence[Path] = ()) -> None:
         self.readings = tuple(readings)
+        self.folders = tuple(folders)
+        """Folders in which files are searched that are not beside the one that names them."""
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
@@ -96,16 +98,16 @@ class Ontology:
 
     def alone(self) -> Ontology:
         """Make an ontology of the main document only."""
-        return Ontology(self.readings[:1])
+        return Ontology(self.readings[:1], self.folders)
 
     def renamed(self, names: Mapping[str, str]) -> Ontology:
         """Make a copy in which some IRIs of the main document are replaced (old -> new)."""
         main, *others = self.readings
-        return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
+        return Ontology([replace(main, triples=main.triples.renamed(names)), *others], self.folders)
 
     def extended(self, readings: Iterable[Reading]) -> Ontology:
         """Make an ontology that states more; the main document stays the first one."""
-        return Ontology([*self.readings, *readings])
+        return Ontology([*self.readings, *readings], self.folders)
 
     def to_owlready(self) -> Any:
         """Convert to a ``World`` of owlready2 with the repaired statements of all documents, without owl:imports.
