@@ -48,8 +48,8 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
             f"{len(named)} objects are links of a URDF, such as {_shown(first)}, which is not here: they have no pose"
         )
         help = (
-            f"put it beside this file or into a folder of --ontologies, as {Path(first.span.file).stem}.urdf, or import "
-            "it (owl:imports)"
+            f"put it beside this file or into a folder of --ontologies, as {Path(first.span.file).stem}.urdf, or "
+            "import it (owl:imports)"
         )
         notes.append(unread("M033", message, first.span, help))
         return ontology
@@ -62,7 +62,7 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
             f"{len(lost)} of {len(named)} objects are links without a shape in the URDF, such as {_shown(lost[0])}"
         )
         notes.append(note("M033", message, lost[0].span))
-    return Ontology(readings, ontology.folders)
+    return ontology.made_of(readings)
 
 
 def _text(stated: Triple) -> str:

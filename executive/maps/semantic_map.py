@@ -70,6 +70,13 @@ class SemanticMap:
         backwards = self.objects[::-1]  # so that the first of several objects wins
         known = {name: thing for thing in backwards for name in names_of(thing.iri)}
         known |= {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
+        others = [
+            (name, known[iri])
+            for other, iri in self.ontology.same.items()
+            if iri in known
+            for name in (other, local_name(other), *names_of(other))
+        ]
+        known = dict(others) | known
         object.__setattr__(self, "_known", known)
         object.__setattr__(self, "_kinds", {})
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})
