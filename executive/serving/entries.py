@@ -230,22 +230,19 @@ def digest_header(sha256: str) -> str:
     return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
 
 
-_WRITTEN = [syntax for syntax in Syntax if syntax.name in Target.__members__]
-
-
 def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers: Workers) -> tuple[bytes, Syntax]:
     """Convert a content to the syntax that an Accept header prefers, its own first; returns the syntax, too.
 
     Raises Problem if none of the available syntaxes is accepted.
     """
     for media_type in _media_types(accept):
-        for target in (syntax, *_WRITTEN):
+        for target in (syntax, *Syntax):
             family = target.value.partition("/")[0]
             if media_type in ("*/*", f"{family}/*", target.value):
                 if target is syntax:
                     return data, syntax
                 return workers.call(convert, data, uid, target), target
-    names = ", ".join(one.value for one in dict.fromkeys((syntax, *_WRITTEN)))
+    names = ", ".join(one.value for one in Syntax)
     raise Problem(HTTPStatus.NOT_ACCEPTABLE, f"Accept has to allow for one of {names}")
 
 

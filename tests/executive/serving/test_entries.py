@@ -112,8 +112,13 @@ def test_functional_syntax_and_owlxml_are_kept_found_and_given_in_other_syntaxes
     assert (made.status_code, made.json()["entry"]["syntax"]) == (HTTPStatus.CREATED, media_type), made.text
     content = client.get(f"{made.headers['Location']}/content")
     assert (content.content, content.headers["Content-Type"].partition(";")[0]) == (data, media_type)
-    turtle = client.get(f"{made.headers['Location']}/content", headers={"Accept": "text/turtle"})
-    assert "rdfs:subClassOf" in turtle.text
+    words = {
+        "text/turtle": "rdfs:subClassOf",
+        "text/owl-functional": "SubClassOf(",
+        "application/owl+xml": "<SubClassOf>",
+    }
+    for accepted, word in words.items():
+        assert word in client.get(f"{made.headers['Location']}/content", headers={"Accept": accepted}).text
     found = client.get("/v1/search", params={"expression": "Cup"}).json()
     assert [one["label"] for one in found["entries"]] == ["Mug"]
 
