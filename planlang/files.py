@@ -176,6 +176,10 @@ SUFFIXES = (".omn", ".owl", ".ttl", ".owl.in", ".toml")
 """Suffixes of bundled files; a user's file may have any."""
 
 
+ONTOLOGIES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf", ".ofn", ".owx")
+"""Suffixes by which ontologies are found in folders of the user."""
+
+
 def bundled(folder: str) -> Path:
     """Return the folder "ontologies" or "recipes" of this installation."""
     here = Path(__file__).resolve().parent

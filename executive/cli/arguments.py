@@ -38,6 +38,7 @@ class Syntax(Enum):
     NTRIPLES = "ntriples"
     RDFXML = "rdfxml"
     FUNCTIONAL = "functional"
+    OWLXML = "owlxml"
 
 
 class Reading(Enum):

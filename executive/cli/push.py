@@ -16,7 +16,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled, read_file
 from planlang.knowledge.answers import RefusedByChecks, Taken
 from planlang.knowledge.client import Client
-from planlang.knowledge.entries import Entry, Kind
+from planlang.knowledge.entries import Entry, Kind, Syntax
 
 _BUNDLED = {Kind.RECIPE: Bundled.RECIPE, Kind.ENVIRONMENT: Bundled.ENVIRONMENT, Kind.ROBOT: Bundled.ROBOT}
 """Kinds with bundled files, which need no path."""
@@ -98,7 +98,7 @@ def _placed(diagnostics: Iterable[Diagnostic], name: str, path: Path) -> tuple[D
     stem = "".join(name.split()).rpartition(".")[2].replace("/", "_")[:100]
 
     def placed(one: Diagnostic) -> Diagnostic:
-        if one.span is None or one.span.file not in (stem, *(f"{stem}{suffix}" for suffix in (".owl", ".ttl", ".omn"))):
+        if one.span is None or one.span.file not in (stem, *(f"{stem}{syntax.suffix}" for syntax in Syntax)):
             return one
         return replace(one, span=one.span._replace(file=str(path)))
 

@@ -108,7 +108,10 @@ class PushArguments(AuthorArguments):
     The server checks it as planlang check does; problems are shown with their place in the file.
     """
 
-    file: Annotated[str, typer.Argument(metavar="FILE", help="The ontology: RDF/XML, Turtle or Manchester syntax.")]
+    file: Annotated[
+        str,
+        typer.Argument(metavar="FILE", help="The ontology: RDF/XML, OWL/XML, Turtle, functional or Manchester syntax."),
+    ]
     kind: Annotated[KindWord, typer.Option(help="Kind of entry.", show_default=False)]
     name: Annotated[
         str, typer.Option(metavar="NAME", help="Your name for the entry; with --update, also its identifier.")

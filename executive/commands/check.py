@@ -18,7 +18,7 @@ from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
-from planlang.files import SUFFIXES, Bundled, bundled
+from planlang.files import ONTOLOGIES, Bundled, bundled
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.plan_versions import compiled_before
@@ -109,7 +109,7 @@ def _lacks_task(problem: BadInput) -> bool:
 def fixed_path(recipe: RecipeFile) -> Path:
     """Path ``NAME.fixed.EXT`` beside the recipe; for a bundled recipe, in the current folder."""
     path = recipe.path
-    suffixes = sorted(SUFFIXES, key=len, reverse=True)
+    suffixes = sorted(ONTOLOGIES, key=len, reverse=True)
     suffix = next((one for one in suffixes if path.name.endswith(one)), path.suffix)
     name = f"{path.name.removesuffix(suffix)}.fixed{suffix}"
     return Path(name) if recipe.is_bundled else path.with_name(name)

@@ -13,15 +13,13 @@ from executive.commands.map_check import contents_in_words
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, error
-from planlang.files import printable
+from planlang.files import ONTOLOGIES, printable
 from planlang.ontology import load
 from planlang.progress import Report
 from planlang.recipe import Actions
 from planlang.recipe.reading import top_tasks
 from planlang.records import dataclass
 
-SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
-"""Suffixes of recipe files."""
 MOST_FILES = 2_000
 """Maximum number of files: a larger folder is not a collection of recipes."""
 
@@ -47,7 +45,7 @@ def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> Answe
     """Compile every task of every file, reporting progress. Raises BadInput for a folder without ontologies."""
     files = list(_files(folder))
     if not files:
-        advice = f"recipes have one of the suffixes {', '.join(SUFFIXES)}"
+        advice = f"recipes have one of the suffixes {', '.join(ONTOLOGIES)}"
         raise BadInput([error("C001", f"no recipes in the folder {folder}", help=advice)])
     if len(files) > MOST_FILES:
         raise BadInput(
@@ -73,7 +71,7 @@ def _files(folder: Path) -> Iterator[Path]:
     """Yield the recipe files below a folder, by name; links to folders are not followed."""
     for here, below, names in os.walk(folder):
         below.sort()
-        yield from (Path(here, name) for name in sorted(names) if name.endswith(SUFFIXES))
+        yield from (Path(here, name) for name in sorted(names) if name.endswith(ONTOLOGIES))
 
 
 def _rows(file: Path, folder: Path, folders: Sequence[Path]) -> Iterator[Row]:

@@ -14,7 +14,7 @@ from planlang.files import read_file
 from planlang.knowledge.answers import Found, NotAsAgreed, as_json, read_as, read_found
 from planlang.knowledge.entries import Entry
 from planlang.knowledge.pulled import has_digest
-from planlang.knowledge.pulling import SUFFIXES, pull
+from planlang.knowledge.pulling import pull
 from planlang.outputs import replace
 from planlang.records import dataclass
 
@@ -66,7 +66,7 @@ class Folder:
 
     def file(self, entry: Entry) -> Path:
         """Path of an entry's content."""
-        return self.path / entry.kind.value / entry.uid / f"{entry.uid}{SUFFIXES[entry.syntax]}"
+        return self.path / entry.kind.value / entry.uid / f"{entry.uid}{entry.syntax.suffix}"
 
     def content(self, entry: Entry) -> bytes:
         """Content of an entry on the list. Raises BadInput if its file is missing or changed."""

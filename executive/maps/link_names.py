@@ -1,7 +1,8 @@
 """Maps that name links of a URDF, as those of KnowRob 2: classes in OWL, poses and shapes in the URDF.
 
 An individual with ``hasBaseLinkName`` is the object that planlang reads from that link. The map imports the URDF, or it
-lies beside the map and has its name or one stated there (``hasPersistentIdentifier`` of what ``hasDataFormat`` URDF).
+lies beside the map or in a folder of imports, and has its name or one stated there (``hasPersistentIdentifier`` of what
+``hasDataFormat`` URDF).
 """
 
 from __future__ import annotations
@@ -46,7 +47,10 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
         message = (
             f"{len(named)} objects are links of a URDF, such as {_shown(first)}, which is not here: they have no pose"
         )
-        help = f"put it beside this file, as {Path(first.span.file).stem}.urdf, or import it (owl:imports)"
+        help = (
+            f"put it beside this file or into a folder of --ontologies, as {Path(first.span.file).stem}.urdf, or "
+            "import it (owl:imports)"
+        )
         notes.append(unread("M033", message, first.span, help))
         return ontology
     linked: set[str] = set()
@@ -58,7 +62,7 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
             f"{len(lost)} of {len(named)} objects are links without a shape in the URDF, such as {_shown(lost[0])}"
         )
         notes.append(note("M033", message, lost[0].span))
-    return Ontology(readings)
+    return ontology.made_of(readings)
 
 
 def _text(stated: Triple) -> str:
@@ -73,16 +77,15 @@ def _worlds(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[Reading]:
     """Yield the readings of the URDFs that belong to the documents of an ontology."""
     stated = {str(triple.subject) for triple in ontology.using("hasDataFormat") if "urdf" in str(triple.object).lower()}
     for document in ontology.documents:
-        if not is_on_disk(document):
-            continue
+        folders = (*((document.path.parent,) if is_on_disk(document) else ()), *ontology.folders)
         ids = (one for one in ontology.using("hasPersistentIdentifier") if str(one.subject) in stated)
         own = [
             one.object.value for one in ids if isinstance(one.object, Literal) and one.span.file == str(document.path)
         ]
         uses_links = any(one.span.file == str(document.path) for one in ontology.using(*LINKS))
         for name in dict.fromkeys((*own, *((document.path.stem,) if uses_links else ()))):
-            path = document.path.parent / f"{Path(name).name.removesuffix('.urdf')}.urdf"
-            if path.is_file():
+            file = f"{Path(name).name.removesuffix('.urdf')}.urdf"
+            if path := next((folder / file for folder in folders if (folder / file).is_file()), None):
                 try:
                     yield from read_all(path, (), builtin=False)
                 except BadInput as problem:

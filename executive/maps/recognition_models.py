@@ -15,7 +15,7 @@ from executive.robots import Robot
 from executive.robots.robot import Part
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.files import SUFFIXES
+from planlang.files import ONTOLOGIES
 from planlang.ontology import Literal, Ontology, expand, load
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass
@@ -56,7 +56,7 @@ def read_given_parts(
             *folder.iterdir(),
             *(path for below in folder.iterdir() if below.is_dir() for path in below.iterdir()),
         ]
-        files = sorted(path for path in inside if path.is_file() and path.name.endswith(SUFFIXES))
+        files = sorted(path for path in inside if path.is_file() and path.name.endswith(ONTOLOGIES))
         for path in files[:MOST_FILES]:
             try:
                 given.update((one.iri, one) for one in _parts(load(path, folders=imports), path.parent, notes))

@@ -71,6 +71,13 @@ class SemanticMap:
         backwards = self.objects[::-1]  # so that the first of several objects wins
         known = {name: thing for thing in backwards for name in names_of(thing.iri)}
         known |= {thing.name: thing for thing in backwards} | {thing.iri: thing for thing in backwards}
+        others = [
+            (name, known[iri])
+            for other, iri in self.ontology.same.items()
+            if iri in known
+            for name in (other, local_name(other), *names_of(other))
+        ]
+        known = dict(others) | known
         object.__setattr__(self, "_known", known)
         object.__setattr__(self, "_kinds", {})
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})
@@ -148,13 +155,14 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
     for triple in ontology.using(*COMPONENTS, "areaOfObject"):
         length(triple, notes)  # numbers of features are used later, when a motion is grounded, and reported here
     notes += _other_frames(ontology, poses)
-    semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), (), ignore_unread)
+    diagnostics = settled(notes, ignore_unread=ignore_unread)
+    semantic_map = SemanticMap(ontology.iri, ontology, tuple(objects), tuple(diagnostics), ignore_unread)
     if not any(thing.pose for thing in objects) and not semantic_map.has_files:
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "place objects by a SemanticMapPerception with objectActedOn and eventOccursAt"
-        raise BadInput([*notes, error("M009", "not a map: nothing in this file has a pose", span, help)])
-    return replace(semantic_map, diagnostics=tuple(settled(notes, ignore_unread=ignore_unread)))
+        raise BadInput([*diagnostics, error("M009", "not a map: nothing in this file has a pose", span, help)])
+    return semantic_map
 
 
 POSES = ("orientation", "pose", "eventOccursAt")

@@ -31,7 +31,7 @@ MOST_LISTED = 100
 
 Limit = Annotated[int, Query(ge=1, le=MOST_LISTED)]
 IfMatch = Annotated[str | None, Header()]
-_ONTOLOGY: dict[str, Any] = {"application/rdf+xml": {}, "text/turtle": {}, "text/owl-manchester": {}}
+_ONTOLOGY: dict[str, Any] = {syntax.value: {} for syntax in Syntax}
 UPLOADED: dict[str, Any] = {"requestBody": {"required": True, "content": _ONTOLOGY}}
 
 
@@ -230,13 +230,6 @@ def digest_header(sha256: str) -> str:
     return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
 
 
-_TARGETS = {
-    Syntax.RDFXML: Target.RDFXML,
-    Syntax.TURTLE: Target.TURTLE,
-    Syntax.MANCHESTER: Target.MANCHESTER,
-}
-
-
 def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers: Workers) -> tuple[bytes, Syntax]:
     """Convert a content to the syntax that an Accept header prefers, its own first; returns the syntax, too.
 
@@ -255,7 +248,7 @@ def converted(data: bytes, uid: str, accept: str | None, syntax: Syntax, workers
 
 def convert(data: bytes, uid: str, syntax: Syntax, _: Vocabulary) -> bytes:
     """Convert a content to another syntax. Raises BadInput."""
-    return convert_content(data, Path(uid), _TARGETS[syntax]).text.encode()
+    return convert_content(data, Path(uid), Target[syntax.name]).text.encode()
 
 
 def _media_types(accept: str | None) -> list[str]:

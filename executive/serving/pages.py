@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from executive.serving.problems import REFUSALS, Refusal, problem_response, refusal
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic
-from planlang.knowledge.entries import Kind, Syntax
+from planlang.knowledge.entries import Kind
 
 _HERE = Path(__file__).parent
 HEADERS = {
@@ -38,8 +38,6 @@ FILES = {
 """Content and media type of the files that pages use, by name."""
 _VERSION = sha256(b"".join(content for content, _ in FILES.values())).hexdigest()[:12]
 
-_SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
-
 _templates = Environment(
     loader=FileSystemLoader(_HERE / "templates"),
     autoescape=True,
@@ -50,7 +48,6 @@ _templates = Environment(
 _templates.globals |= {"kinds": tuple(Kind), "version": _VERSION}
 _templates.filters |= {
     "local_name": local_name,
-    "suffix": _SUFFIXES.get,
     "when": lambda time: time.replace("T", " ").removesuffix("Z") + " UTC",
     "bytes": lambda size: f"{size:,} bytes" if size < 10_000 else f"{size / 1000:,.0f} kB",
 }

@@ -42,12 +42,6 @@ OUTWARD = ("objectActedOn", "relativeTo", "providesModelFor", "subClassOf")
 IMPORTS = ("O030", "O031", "O032")
 """Codes of missing imports."""
 
-_SYNTAXES = {
-    documents.Syntax.RDFXML: (Syntax.RDFXML, ".owl"),
-    documents.Syntax.TURTLE: (Syntax.TURTLE, ".ttl"),
-    documents.Syntax.MANCHESTER: (Syntax.MANCHESTER, ".omn"),
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Upload:
@@ -127,7 +121,8 @@ def load_upload(name: str, data: bytes, vocabulary: Vocabulary) -> Ontology:
 def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syntax, str]:
     stem = "".join(name.split()) or "upload"
     detected = documents.syntax_of(decode(data, stem), stem)
-    if detected not in _SYNTAXES:
+    syntax = Syntax.__members__.get(detected.name)
+    if syntax is None:
         advice = (
             "convert a world to a map in Manchester syntax with planlang convert; for a robot, upload its self-model "
             "and attach the URDF to it"
@@ -135,8 +130,7 @@ def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syn
             else "convert it first: planlang convert FILE --syntax manchester"
         )
         raise BadInput([error("K014", f"{detected.value} cannot be uploaded", Span(stem), advice)])
-    syntax, suffix = _SYNTAXES[detected]
-    file = stem.replace("/", "_")[:100] + suffix
+    file = stem.replace("/", "_")[:100] + syntax.suffix
     return load(Path(file), folders=vocabulary.folders, content=data), syntax, file
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic
-from planlang.files import bundled
+from planlang.files import ONTOLOGIES, bundled
 from planlang.knowledge.axioms import Axioms, axioms_of
 from planlang.knowledge.names import names_in
 from planlang.ontology import Ontology, load
@@ -18,7 +18,6 @@ from planlang.records import dataclass
 
 MOST_FILES = 150
 """Largest number of ontologies read from the operator's folders."""
-_SUFFIXES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf")
 ALIGNED = (SOMA, "http://knowrob.org/kb/urdf.owl#")
 """Namespaces of which soma.omn relates classes to KnowRob's."""
 
@@ -58,7 +57,7 @@ def _has_twin(ontology: Ontology, iri: str) -> bool:
 
 
 def _files(folders: Iterable[Path]) -> list[Path]:
-    found = [path for folder in folders for path in sorted(folder.iterdir()) if path.name.endswith(_SUFFIXES)]
+    found = [path for folder in folders for path in sorted(folder.iterdir()) if path.name.endswith(ONTOLOGIES)]
     return found[:MOST_FILES]
 
 

@@ -194,8 +194,9 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: 
         and (triple.object == OWL.NamedIndividual or not str(triple.object).startswith(language))
     }
     inverses = _inverses(known)
-    for triple in ontology.triples(p=OWL.sameAs):
-        for one, other in ((triple.subject, triple.object), (triple.object, triple.subject)):
+    stated_same = ((triple.subject, triple.object) for triple in ontology.triples(p=OWL.sameAs))
+    for pair in (*stated_same, *ontology.same.items()):
+        for one, other in (pair, pair[::-1]):
             if isinstance(one, str) and isinstance(other, str):
                 found.state(One(one), One(other))
     for individual in individuals:

@@ -47,11 +47,27 @@ class Kind(StrEnum):
 
 
 class Syntax(StrEnum):
-    """Media types of content."""
+    """Media types of content; the names are those of the syntaxes that can be read and written."""
 
     RDFXML = "application/rdf+xml"
     TURTLE = "text/turtle"
     MANCHESTER = "text/owl-manchester"
+    FUNCTIONAL = "text/owl-functional"
+    OWLXML = "application/owl+xml"
+
+    @property
+    def suffix(self) -> str:
+        """Suffix of a file in it."""
+        return _SUFFIXES[self]
+
+
+_SUFFIXES = {
+    Syntax.RDFXML: ".owl",
+    Syntax.TURTLE: ".ttl",
+    Syntax.MANCHESTER: ".omn",
+    Syntax.FUNCTIONAL: ".ofn",
+    Syntax.OWLXML: ".owx",
+}
 
 
 @dataclass(frozen=True, slots=True)

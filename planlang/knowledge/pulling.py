@@ -10,12 +10,11 @@ from typing import Protocol
 
 from planlang.diagnostics import BadInput, error, has_errors
 from planlang.knowledge.answers import NotAsAgreed
-from planlang.knowledge.entries import Attachment, Entry, Revision, Syntax
+from planlang.knowledge.entries import Attachment, Entry, Revision
 from planlang.knowledge.pulled import Origin, check_free, is_as_pulled, record
 from planlang.outputs import make_folder, replace
 from planlang.temporary import temporary_folder
 
-SUFFIXES = {Syntax.RDFXML: ".owl", Syntax.TURTLE: ".ttl", Syntax.MANCHESTER: ".omn"}
 MOST_FILES, LARGEST_ENTRY = 1_000, 2_000_000_000
 """Limits for the number of files of an entry and for their total size [bytes]."""
 
@@ -62,7 +61,7 @@ def _read(
 ) -> tuple[Path, dict[str, Origin]]:
     """Read the missing files of an entry to ``staged``; return the folder and the origin of each file by name."""
     now = client.revision(entry, revision)
-    content = entry.uid + SUFFIXES[entry.syntax]
+    content = entry.uid + entry.syntax.suffix
     _check_bounds(entry, content)
 
     def origin(sha256: str) -> Origin:

@@ -13,7 +13,7 @@ from planlang.ontology.canonical import CannotSay, Graph
 from planlang.ontology.expression_text import Expressions
 from planlang.ontology.expressions import Expression
 from planlang.ontology.manchester import read_manchester
-from planlang.ontology.terms import KNOWROB, OWL, VOCABULARIES
+from planlang.ontology.terms import KNOWROB, OWL, UPPER, VOCABULARIES
 
 LONGEST = 10_000
 """Longest expression [characters]."""
@@ -23,7 +23,8 @@ LONGEST_SHOWN = 100
 """Characters of an unknown name shown in a message."""
 
 _FILE = "question"
-_HEAD = "".join(f"Prefix: {prefix}: <{start}>\n" for prefix, start in VOCABULARIES.items())
+_PREFIXES = {**VOCABULARIES, **dict(zip(("soma", "dul"), UPPER, strict=True))}
+_HEAD = "".join(f"Prefix: {prefix}: <{start}>\n" for prefix, start in _PREFIXES.items())
 _FRAME = f"Ontology: <urn:{_FILE}>\nClass: <urn:{_FILE}> EquivalentTo:\n"
 _LINES_ABOVE = (_HEAD + _FRAME).count("\n")
 _LOCAL = f"urn:{_FILE}#"

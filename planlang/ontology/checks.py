@@ -441,12 +441,13 @@ def check(ontology: Declarations, paths: Iterable[Path]) -> Iterator[Diagnostic]
 
 
 def _one_of_two_names(triples: Triples, rows: range) -> Iterator[Diagnostic]:
-    """Yield a warning for individuals that are stated to be the same, if both are described."""
+    """Yield a warning for what is stated to be the same and is still two: classes, properties, nodes without names."""
     for row in [row for row in triples.by(OWL.sameAs) if row in rows][:MOST_WARNINGS]:
         one, about = triples.triple(row), map(triples.predicates.__getitem__, triples.about(triples.objects[row]))
         if one.object != one.subject and any(predicate != triples.predicates[row] for predicate in about):
             names = f"{_shown(one.subject)} and {_shown(one.object)} are stated to be the same individual"
-            yield warning("O046", f"{names}; planlang takes them for two", one.span, "use one IRI for both")
+            advice = "use one IRI for both, or owl:equivalentClass for classes"
+            yield warning("O046", f"{names}; planlang takes them for two", one.span, advice)
 
 
 def _named_objects(triples: Triples, predicate: str, rows: range) -> dict[str, int]:

@@ -18,6 +18,7 @@ from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax
 from planlang.ontology.functional_writer import functional
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
+from planlang.ontology.owlxml_writer import owlxml
 from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
@@ -30,6 +31,7 @@ class Target(Enum):
     NTRIPLES = "ntriples"
     RDFXML = "rdfxml"
     FUNCTIONAL = "functional"
+    OWLXML = "owlxml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,8 @@ def write(
             return ntriples(labelled(given, by_file=by_file)), []
         case Target.FUNCTIONAL:
             return functional(given, prefixes, by_file=by_file)
+        case Target.OWLXML:
+            return owlxml(given, prefixes, by_file=by_file)
         case Target.RDFXML:
             return rdfxml(given, prefixes, name, by_file=by_file)
 
@@ -134,6 +138,7 @@ def _compared(
         Target.MANCHESTER: "Manchester syntax",
         Target.RDFXML: "RDF/XML",
         Target.FUNCTIONAL: "functional syntax",
+        Target.OWLXML: "OWL/XML",
     }.get(target, target.value)
     if lost:
         first = min(lost, key=lambda triple: triple.span)

@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning
-from planlang.files import bundled, read_file
+from planlang.files import ONTOLOGIES, bundled, read_file
 from planlang.ontology.catalog import Catalogs
 from planlang.ontology.checks import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
@@ -60,7 +60,7 @@ _PUBLISHED = re.compile(
     r"|ontologydesignpatterns\.org|loa-cnr\.it)/"
 )
 """Addresses under which versions of SOMA and DUL are published, all with the name of the file at the end."""
-_SUFFIXES = ("", ".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf", ".ofn", ".owx", ".xml")
+_SUFFIXES = ("", *ONTOLOGIES, ".xml")
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):(//)?(.*)", re.DOTALL)
 _TEMPLATE = re.compile(r"@\w+@|\$\{[^}]*\}")
 _HEADING = re.compile(r"^[ \t]*Ontology:\s*<([^<>\s]*)>", re.MULTILINE)
@@ -259,7 +259,7 @@ def _names(name: str) -> tuple[str, ...]:
 
 
 def _stem(name: str) -> str:
-    for suffix in (".owl.in", ".owl", ".omn", ".rdf", ".xml", ".ttl", ".nt", ".ofn", ".owx"):
+    for suffix in sorted(_SUFFIXES[1:], key=len, reverse=True):
         if name.lower().endswith(suffix):
             return name[: -len(suffix)]
     return name

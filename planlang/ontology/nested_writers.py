@@ -170,9 +170,13 @@ def rdfxml(
 
 
 def _can_be_written(triple: Triple) -> bool:
+    return is_legal(triple) and _is_element(triple.predicate)
+
+
+def is_legal(triple: Triple) -> bool:
+    """Check whether XML can contain the characters of a triple."""
     terms = (triple.subject, triple.predicate, triple.object)
-    texts = [text for term in terms for text in _texts(term)]
-    return not any(_ILLEGAL.search(text) for text in texts) and _is_element(triple.predicate)
+    return not any(_ILLEGAL.search(text) for term in terms for text in _texts(term))
 
 
 def _is_element(term: Term) -> bool:

@@ -27,6 +27,7 @@ from planlang.ontology.classes import (
     unread_parts,
 )
 from planlang.ontology.documents import Document, Reading, is_bundled, read_all
+from planlang.ontology.identity import same_names
 from planlang.ontology.naming import LABELS, best_label, readable_names
 from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
 from planlang.ontology.triples import Triples
@@ -54,20 +55,34 @@ def load(
     readings = read_all(Path(path), folders, builtin=builtin, also=also, content=content)
     if content is None:  # uploads name nothing in the process that serves others
         label_iris(readable_names(one.triples for one in readings if not is_bundled(one.document.path)))
-    return Ontology(readings)
+    return Ontology(readings, folders)
 
 
 class Ontology:
     """Statements of all documents in document order, the main document first.
 
-    Methods accept classes, properties and individuals as IRI, prefixed name, or bare name of the vocabulary. ``store``
-    holds the triples of all documents.
+    Methods accept classes, properties and individuals as IRI, prefixed name, or bare name of the vocabulary.
     """
 
-    def __init__(self, readings: Sequence[Reading]) -> None:
+    def __init__(
+        self, readings: Sequence[Reading], folders: Sequence[Path] = (), same: Mapping[str, str] | None = None
+    ) -> None:
+        store = Triples.joined([reading.triples for reading in readings])
+        names = same_names(store, readings[0].document.iri)
+        self.same: Mapping[str, str] = {**(same or {}), **names}
+        """Other names of individuals (``owl:sameAs``) -> the name under which all is stated here."""
+        if names:
+            readings = [replace(one, triples=one.triples.renamed(names)) for one in readings]
+            store = Triples.joined([reading.triples for reading in readings])
+        for other, name in self.same.items():
+            if name in store.numbers:
+                store.numbers.setdefault(other, store.numbers[name])
+        self.store = store
+        """Triples of all documents."""
         self.readings = tuple(readings)
+        self.folders = tuple(folders)
+        """Folders in which files are searched that are not beside the one that names them."""
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
-        self.store = Triples.joined([reading.triples for reading in readings])
         self.kept: dict[object, Any] = {}
         """Results that callers cache for the lifetime of the ontology, under keys of their own."""
         self._main = self.store.ranges[0]
@@ -96,16 +111,20 @@ class Ontology:
 
     def alone(self) -> Ontology:
         """Make an ontology of the main document only."""
-        return Ontology(self.readings[:1])
+        return self.made_of(self.readings[:1])
 
     def renamed(self, names: Mapping[str, str]) -> Ontology:
         """Make a copy in which some IRIs of the main document are replaced (old -> new)."""
         main, *others = self.readings
-        return Ontology([replace(main, triples=main.triples.renamed(names)), *others])
+        return self.made_of([replace(main, triples=main.triples.renamed(names)), *others])
 
     def extended(self, readings: Iterable[Reading]) -> Ontology:
         """Make an ontology that states more; the main document stays the first one."""
-        return Ontology([*self.readings, *readings])
+        return self.made_of([*self.readings, *readings])
+
+    def made_of(self, readings: Sequence[Reading]) -> Ontology:
+        """Make an ontology of other readings, with the folders and the names of individuals of this one."""
+        return Ontology(readings, self.folders, self.same)
 
     def to_owlready(self) -> Any:
         """Convert to a ``World`` of owlready2 with the repaired statements of all documents, without owl:imports.

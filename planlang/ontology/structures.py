@@ -443,7 +443,7 @@ class Structures:
             if item is BROKEN:
                 return None
             parts.append(item)
-        expected = _fitted(wanted, len(parts))
+        expected = fitted(wanted, len(parts))
         if expected is None:
             shown = self._shown(word, list(map(_shown_kind, wanted.split())))
             self.fail(f"{word} has {len(parts)} part{'s' * (len(parts) != 1)}", span, f"write {shown}")
@@ -462,7 +462,7 @@ def fits(word: str, parts: Sequence[Expression], place: int | None = None) -> bo
     wanted = (EXPRESSIONS.get(word) or AXIOMS[word]).parts.removeprefix("number ")
     if place is not None:
         return _KINDS[wanted.split()[place].rstrip("+?")].fits(parts[0])
-    expected = _fitted(wanted, len(parts))
+    expected = fitted(wanted, len(parts))
     return expected is not None and all(_KINDS[kind].fits(part) for kind, part in zip(expected, parts, strict=True))
 
 
@@ -473,7 +473,7 @@ def _without_notes(items: Sequence[Any]) -> tuple[list[Annotation], list[Any]]:
 
 
 @lru_cache(1000)
-def _fitted(wanted: str, count: int) -> list[str] | None:
+def fitted(wanted: str, count: int) -> list[str] | None:
     """Repeat the kinds of parts as often as there are parts; None if there are too few or too many."""
     kinds = wanted.split()
     least = sum(not kind.endswith("?") for kind in kinds)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field
 
-from planlang.designators import GRASPS, Device, Object, Person, local_name
+from planlang.designators import GRASPS, Device, Object, Person, is_called, local_name
 from planlang.ontology import Literal, Ontology, expand, shorten
 from planlang.ontology.terms import RDFS
 from planlang.records import dataclass
@@ -129,10 +129,16 @@ class Lexicon:
         ``named``: it has no article, so the thing of that name takes precedence over the class.
         """
         said = plain(words)
-        thing, cls = self.things.get(words), self.classes.get(said)
+        thing, cls = self.thing(words), self.classes.get(said)
         if (found := (thing or cls) if named else (cls or thing)) is not None:
             return found
         return self.present.get(said, ())
+
+    def thing(self, name: str) -> Object | None:
+        """Find a thing by its name, IRI, or local name; None if there is none."""
+        known = self.things.get(name)
+        iris = ((one.iri, one) for one in self.things.values()) if known is None else ()
+        return known or next((one for iri, one in iris if iri is not None and is_called(iri, name)), None)
 
     def wording(self, what: Object) -> str | None:
         """Return the shortest words that mean exactly this designator; None if there are none."""

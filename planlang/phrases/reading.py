@@ -31,7 +31,7 @@ from planlang.phrases.lexicon import (
 )
 from planlang.relations import RELATIONS, measured
 
-_COMMENT = re.compile(r"<[^<>\s]*>|(#[^\n]*)")
+_COMMENT = re.compile(r"<[^<>\s]*>|\w[\w+.-]*://[^\s<>(),]*|(#[^\n]*)")
 
 
 def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Location:
@@ -210,7 +210,7 @@ class _Reader:
             if plain(words) not in ("", *KINDS):
                 help = f"before a class in brackets: {', '.join(KINDS)}"
                 self.wrong("P002", f"{words!r} is not a kind of thing", noun, help)
-            return kind(name, iri)
+            return (self.lexicon.thing(name) if iri is None and "/" in name else None) or kind(name, iri)
         meant = self.lexicon.meaning(words, named=named)
         if isinstance(meant, Object):
             return meant if iri is None else replace(meant, iri=iri)

@@ -67,6 +67,17 @@ def classes_of_actions(ontology: Ontology) -> Known:
     return kept(ontology, "known actions", lambda: Known(ontology.subclasses(expand("Action"))))
 
 
+def classes_beside(ontology: Ontology, iri: str) -> list[str]:
+    """Classes of actions in the namespace of an IRI."""
+    namespace = iri.removesuffix(local_name(iri))
+    return [cls for cls in ontology.subclasses(expand("Action")) if cls.startswith(namespace)]
+
+
+def nearest_action(ontology: Ontology, iri: str) -> Rename | None:
+    """Guess the class of actions that an undefined name means, preferably one of the same namespace."""
+    return Known(classes_beside(ontology, iri)).guess(iri) or classes_of_actions(ontology).guess(iri)
+
+
 def names_of_file(ontology: Ontology) -> Known:
     """Names that the main document gives a type, for guesses; made once per ontology."""
     subjects = (triple.subject for triple in ontology.triples(p=RDF.type))

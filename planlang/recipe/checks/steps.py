@@ -17,7 +17,7 @@ from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.guesses import LIKE, SURE, Known, classes_of_actions, kept
+from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, kept, nearest_action
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
 
@@ -52,7 +52,7 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             yield error("R020", message, sub_action.span, advice)
         elif not ontology.defined(iri):
             message = f"{kind} `{local_name(iri)}` of `{name}` is not defined"
-            suggestion = classes_of_actions(ontology).guess(iri) if stranger is None else None
+            suggestion = nearest_action(ontology, iri) if stranger is None else None
             if stranger is not None:
                 advice = f"did you mean `{local_name(stranger)}`, which is ordered but is not a sub-action?"
             elif suggestion:
@@ -64,7 +64,7 @@ def undefined_sub_actions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 def _is_action(checked: CheckedRecipe, iri: str) -> bool:
     ontology = checked.ontology
-    return ontology.any_is_a((iri,), ("Action", "Event")) or checked.actions.statements(iri) is not None
+    return _leads_to_actions(ontology, iri) or checked.actions.statements(iri) is not None
 
 
 @check("R024")
@@ -101,9 +101,32 @@ def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report steps that nothing performs; a process module registered by a program still may."""
     for step in checked.recipe.steps:
         is_known = checked.recipe.within is None or _is_action(checked, step.iri)
-        if step.is_abstract and is_known and not _is_performed(checked, step.action_class):
+        if not step.is_abstract or not is_known or _is_performed(checked, step.action_class):
+            continue
+        unknown = _undefined_class(checked.ontology, step.action_class)
+        if unknown is None:
             message = f"nothing performs `{step.name}` yet: it is not a primitive and has no recipe"
             yield warning("R021", message, step.span, _performers_to_add(checked, step.action_class))
+        elif unknown != step.iri:  # otherwise it is a sub-action, which is reported as such
+            message = f"nothing performs `{step.name}`: `{local_name(unknown)}` ({unknown}) is not defined"
+            near = nearest_action(checked.ontology, unknown)
+            advice = f"did you mean {near}?" if near else "name a class of actions (planlang list actions)"
+            yield error("R020", message, step.span, advice, near)
+
+
+def _undefined_class(ontology: Ontology, cls: str) -> str | None:
+    """Find the class for which a step's class is no action: a name that its vocabulary, which was read, does not have.
+
+    None if there is none. A name of a vocabulary that was not read may be one of an action.
+    """
+    if _leads_to_actions(ontology, cls):
+        return None
+    undefined = (one for one in ontology.ancestors(cls) if not ontology.defined(one))
+    return next((one for one in undefined if classes_beside(ontology, one)), None)
+
+
+def _leads_to_actions(ontology: Ontology, cls: str) -> bool:
+    return ontology.any_is_a((cls,), ("Action", "Event"))
 
 
 @check("R022", "R023")

@@ -341,6 +341,25 @@ def test_an_object_that_names_a_link_of_the_urdf_has_its_shape_and_joint(urdf: s
     assert (joint.leaf, joint.holder, joint.upper) == ("tray1", "case1", 0.3)
 
 
+def test_the_urdf_of_a_map_is_found_in_the_folders_of_imports(tmp_path: Path) -> None:
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "m.urdf").write_text(URDF)
+    (tmp_path / "m.ttl").write_text(HEAD + LINKED)
+    case = read_map(load(tmp_path / "m.ttl", folders=[folder])).find("case1")
+    assert case is not None
+    assert case.pose == Pose((2.0, 0.0, 0.4))
+
+
+def test_a_map_whose_urdf_is_absent_is_refused_for_that_alone(tmp_path: Path) -> None:
+    with pytest.raises(BadInput) as bad:
+        read(tmp_path, LINKED)
+    assert [one.code for one in bad.value.diagnostics] == ["M033"]
+    with pytest.raises(BadInput) as bad:
+        read_map(load(tmp_path / "m.ttl"), ignore_unread=True)
+    assert [(one.code, one.severity.name) for one in bad.value.diagnostics] == [("M033", "WARNING"), ("M009", "ERROR")]
+
+
 # NEEMs
 
 TRIPLES: list[dict[str, Any]] = [

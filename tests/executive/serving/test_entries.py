@@ -96,6 +96,33 @@ def test_what_the_compiler_refuses_is_not_kept_and_the_reasons_have_places(clien
     assert client.get("/v1/recipes").json()["entries"] == []
 
 
+FUNCTIONAL = b"""Prefix(:=<urn:o#>) Prefix(k:=<http://knowrob.org/kb/knowrob.owl#>)
+Ontology(<urn:o> Declaration(Class(:Mug)) SubClassOf(:Mug k:Cup))
+"""
+OWLXML = b"""<Ontology xmlns="http://www.w3.org/2002/07/owl#" ontologyIRI="urn:o">
+  <SubClassOf><Class IRI="urn:o#Mug"/><Class IRI="http://knowrob.org/kb/knowrob.owl#Cup"/></SubClassOf></Ontology>
+"""
+
+
+@pytest.mark.parametrize(("data", "media_type"), [(FUNCTIONAL, "text/owl-functional"), (OWLXML, "application/owl+xml")])
+def test_functional_syntax_and_owlxml_are_kept_found_and_given_in_other_syntaxes(
+    client: TestClient, data: bytes, media_type: str
+) -> None:
+    made = client.post("/v1/objects", params={"name": "mug"}, content=data)
+    assert (made.status_code, made.json()["entry"]["syntax"]) == (HTTPStatus.CREATED, media_type), made.text
+    content = client.get(f"{made.headers['Location']}/content")
+    assert (content.content, content.headers["Content-Type"].partition(";")[0]) == (data, media_type)
+    words = {
+        "text/turtle": "rdfs:subClassOf",
+        "text/owl-functional": "SubClassOf(",
+        "application/owl+xml": "<SubClassOf>",
+    }
+    for accepted, word in words.items():
+        assert word in client.get(f"{made.headers['Location']}/content", headers={"Accept": accepted}).text
+    found = client.get("/v1/search", params={"expression": "Cup"}).json()
+    assert [one["label"] for one in found["entries"]] == ["Mug"]
+
+
 def test_what_an_author_is_advised_is_what_an_author_can_do(client: TestClient) -> None:
     importing = b"Ontology: <urn:o> Import: <package://elsewhere/owl/mugs.owl>\nClass: <urn:o#Mug>"
     importing += b" SubClassOf: <http://knowrob.org/kb/knowrob.owl#Cup>"

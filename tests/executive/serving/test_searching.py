@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -269,3 +270,10 @@ def test_the_best_rated_come_first_if_that_is_asked_for(client: TestClient) -> N
         after = page["next"]
     assert found == ["c", "d", "b", "a"], "an entry without a rating is ranked as a middling one"
     assert client.get("/v1/search", params={"sort": "rating", "after": "cupmodel.x"}).status_code == 422
+
+
+def test_a_question_may_use_somas_words(client: TestClient) -> None:
+    take = Path(__file__).parents[1] / "maps" / "soma" / "take.ttl"
+    assert client.post("/v1/recipes?name=soma", content=take.read_bytes()).status_code == HTTPStatus.CREATED
+    for action in ("soma:PickingUp", "PickingUp", "PickingUpAnObject"):
+        assert found(client, expression=f"subAction some {action}") == ["take.soma"]

@@ -275,11 +275,23 @@ def test_a_folder_of_several_syntaxes_is_one_ontology(tmp_path: Path) -> None:
     assert ontology.is_a("http://example.org/words#Mug", "http://example.org/words#Cup")
 
 
-def test_every_axiom_survives_being_written_in_functional_syntax_and_horned_owl_reads_it_alike() -> None:
+@pytest.mark.parametrize(("target", "name"), [(Target.FUNCTIONAL, "ofn"), (Target.OWLXML, "owx")])
+def test_every_axiom_survives_being_written_and_horned_owl_reads_it_alike(target: Target, name: str) -> None:
     triples = read(f"{HEAD}{EVERY_AXIOM})\n")
-    text, lost = write(triples, Target.FUNCTIONAL, {"": T})
+    text, lost = write(triples, target, {"": T})
     assert not lost
     assert same(graph_of(read(text)), graph_of(triples))
     expected = pyhornedowl.open_ontology_from_string(f"{HEAD}{EVERY_AXIOM})\n", "ofn").get_axioms()
-    found = pyhornedowl.open_ontology_from_string(text, "ofn").get_axioms()
+    found = pyhornedowl.open_ontology_from_string(text, name).get_axioms()
     assert len(found) >= len(expected) - 1  # keys of properties and of data are one axiom
+
+
+def test_owlxml_keeps_what_characters_xml_can_have_and_says_what_it_cannot() -> None:
+    triples = read(f'{HEAD}AnnotationAssertion(rdfs:comment :a "a\r\n<b> & \\"c\\"  ")\n)')
+    text, lost = write(triples, Target.OWLXML, {"": T})
+    assert not lost
+    assert same(graph_of(read(text)), graph_of(triples))
+    illegal = read(f'{HEAD}AnnotationAssertion(rdfs:comment :a "a\x01b")\nDeclaration(Class(:C))\n)')
+    text, lost = write(illegal, Target.OWLXML, {"": T})
+    assert [one.subject for one in lost] == [f"{T}a"]
+    assert read(text)

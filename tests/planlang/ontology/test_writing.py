@@ -180,6 +180,7 @@ def test_a_text_is_told_to_be_of_the_syntax_that_it_is_written_in(target: Target
         Target.MANCHESTER: Syntax.MANCHESTER,
         Target.RDFXML: Syntax.RDFXML,
         Target.FUNCTIONAL: Syntax.FUNCTIONAL,
+        Target.OWLXML: Syntax.OWLXML,
     }
     expected = others.get(target, Syntax.TURTLE)
     converted = convert(bundled("recipes") / "serve_a_drink.omn", target)

@@ -21,6 +21,7 @@ from planlang.designators import (
     a_person,
     a_posture,
     an_object,
+    label_iris,
 )
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.files import bundled
@@ -373,3 +374,17 @@ def test_things_are_told_by_labels_and_by_what_people_call_their_class(tmp_path:
         assert read_thing(noun, lexicon) == Object(what.type), noun
     assert read_thing("the potting table", lexicon) == bench
     assert read_thing("the milk", LEXICON) == Object("Milk")  # nothing of the map is called so
+
+
+OPAQUE = f"{WARD}R7mKpW4hYn7rTz0cXlMaD3q"
+
+
+@pytest.mark.parametrize(
+    "noun", ["blue_mug", "blue mug", "R7mKpW4hYn7rTz0cXlMaD3q", OPAQUE, f"<{OPAQUE}>", f"the thing <{OPAQUE}>"]
+)
+def test_a_thing_with_an_opaque_name_is_called_by_its_label_its_name_and_its_iri(noun: str) -> None:
+    label_iris({OPAQUE: "blue_mug"})
+    mug = Object("Mug", OPAQUE)
+    lexicon = Lexicon.from_classes({"Mug": Object}, {"blue_mug": mug})
+    near, _ = read_location(f"near {noun}, and clear of the mug # where it is free", lexicon).relations
+    assert near.reference == mug

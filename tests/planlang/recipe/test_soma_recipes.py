@@ -121,7 +121,8 @@ SubClassOf(dul:Entity ObjectSomeValuesFrom(dul:hasLocation dul:Entity)))"""
 
 
 WRONG = {
-    "soma:PickUp": ("O041", "did you mean PickingUp?"),
+    "soma:PickUp": ("R020", "did you mean `PickingUp`?"),
+    "soma:Dancing": ("R020", "did you mean `Distancing`?"),
     "soma:Openning": ("R058", "did you mean `Opening`?"),
     "soma:Squeezing": ("R021", "register a process module for `Step` or `Squeezing`"),
 }
@@ -133,6 +134,22 @@ def test_an_action_of_soma_that_nothing_performs_or_that_is_not_there_is_named(n
     problems = [one for one in found(written(tmp_path, RECIPE.format(name))) if one.code == code]
     assert len(problems) == 1
     assert advice in (problems[0].help or "")
+
+
+@pytest.mark.parametrize("name", ["PickUp", "Teleporting"])
+def test_a_step_of_a_workflow_of_a_class_that_somas_vocabulary_lacks_is_refused_before_the_run(
+    name: str, tmp_path: Path
+) -> None:
+    for file in HERE.glob("*.ttl"):
+        written(tmp_path, file.read_text(), file.name)
+    flow = tmp_path / "serve_flow.ttl"
+    written(tmp_path, flow.read_text().replace(":take a soma:PickingUp", f":take a soma:{name}"), flow.name)
+    (problem,) = found(flow)
+    assert (problem.code, has_errors([problem])) == ("R020", True)
+    assert (
+        problem.message
+        == f"nothing performs `take`: `{name}` (http://www.ease-crc.org/ont/SOMA.owl#{name}) is not defined"
+    )
 
 
 NO_RECIPES = {
