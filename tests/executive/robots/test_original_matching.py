@@ -35,6 +35,8 @@ class Corpus:
             if "re_stack" not in file.name and "2011" not in file.name:
                 shutil.copy(file, folder / f"{name}.owl")
         shutil.copy(corpus / "ontologies" / "roboearth@re_stack_vitalijs.owl.in", folder / "roboearth.owl")
+        for name in ("EASE-WF", "EASE-OBJ"):  # not in the corpus; planlang's own part of them is in Manchester syntax
+            (folder / f"{name}.owl").write_text('<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#"/>')
         self.corpus = corpus
         self.graph = cache(read)
         self.robot = cache(self._robot)
