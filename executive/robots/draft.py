@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from enum import Enum
 from pathlib import Path
@@ -220,7 +220,7 @@ class _Maker:
         if self.lift is not None:
             first.add("torso", self.lift.name, "raises the arms")
         shapes = [shape_of(limb, self.mechanism, self.world) for limb in self.limbs]
-        self._contacts(first, {finger for shape in shapes for finger in shape.fingers})
+        self._contacts(first, frozenset(finger for shape in shapes for finger in shape.fingers))
         self._base()
         self._mount()
         names: list[str] = []
@@ -241,7 +241,7 @@ class _Maker:
         )
         return [limb for limb in at_end_effectors if limb is not None and is_arm(limb)] or self.anatomy.arms
 
-    def _contacts(self, table: Table, fingers: Set[str]) -> None:
+    def _contacts(self, table: Table, fingers: frozenset[str]) -> None:
         """Add pairs of links that may touch; those of ``fingers`` may in any case."""
         if self.srdf is not None and self.srdf.touching:
             table.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
