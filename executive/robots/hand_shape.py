@@ -275,13 +275,17 @@ class _Hand:
         return steps[last], steps[self._shut(widths, last)]
 
     def _shut(self, widths: Mapping[int, float], last: int) -> int:
-        """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again."""
+        """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again.
+
+        While they are far apart a step may widen the gap: another part of turning fingers is in front.
+        """
         narrower = [k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last]
         if self.thumbs or len(self.links) == 1:
             return min(narrower, default=0)
         shut = last
         for k in sorted(narrower, reverse=True):
-            if k < shut - 1 or widths[k] > widths[shut] + LEAST_TRAVEL:
+            parts_again = widths[k] > widths[shut] + LEAST_TRAVEL and widths[shut] < widths[last] / 2
+            if k < shut - 1 or parts_again:
                 break
             shut = k
         return shut if shut < last else 0
