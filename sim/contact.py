@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,10 @@ _SAMPLES = 120
 """Random postures in which pairs of links are tested: enough to recognise pairs that always touch."""
 _ALWAYS = 0.95
 """Share of the postures above which a pair overlaps by design, such as covers around a joint."""
+_MOSTLY = 0.5
+"""Share of the postures above which near links touch because their shapes are coarse."""
+_NEAR = 3
+"""Most moving joints between near links."""
 _COINCIDENT = 0.03
 """Distance within which frames of several joints form one joint, such as a shoulder [m]."""
 _pairs_of: dict[str, tuple[tuple[int, int], ...]] = {}
@@ -392,6 +397,30 @@ def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     if robot.body.posture:
         touching = {pair for pair in robot.near_pairs(pairs) if robot.depth_between(*pair) > TOLERANCE}
         pairs = [pair for pair in pairs if pair not in touching]
+    always = _often(robot, pairs, _ALWAYS)
+    return tuple(pair for pair in pairs if pair not in always)
+
+
+def coarse_pairs(robot: Robot, slides: Iterable[str]) -> list[tuple[str, str]]:
+    """List links near each other that touch in most postures, or in most of those with one of ``slides`` at its end.
+
+    Their shapes are coarser than the links, such as hulls around the parts of a wrist or of a head above a lift: as the
+    model states them, the robot could hardly move. Links that meet only when it folds are not among them.
+    """
+    near = [pair for pair in watched_pairs(robot) if _joints_between(robot, *pair) <= _NEAR]
+    found = dict.fromkeys(_often(robot, near, _MOSTLY))
+    for slide in slides:
+        apart = robot.moved_apart(frozenset({slide}))
+        for end in robot.limits[slide]:
+            others = [pair for pair in near if apart[pair] and pair not in found]
+            found |= dict.fromkeys(_often(robot, others, _MOSTLY, {slide: end}))
+    return [(robot.solid_names[a], robot.solid_names[b]) for a, b in found]
+
+
+def _often(
+    robot: Robot, pairs: Sequence[tuple[int, int]], share: float, still: Mapping[str, float] = MappingProxyType({})
+) -> list[tuple[int, int]]:
+    """Select the pairs of solid links that touch in this share of random postures, with some joints ``still``."""
     spans = {
         name: (max(low, -np.pi), min(high, np.pi))
         for name, (low, high) in robot.limits.items()
@@ -399,17 +428,23 @@ def _find_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     }
     lower, upper = np.array([*spans.values()]).reshape(-1, 2).T
     touched = dict.fromkeys(pairs, _SAMPLES)
-    always = pairs
+    often = list(pairs)
     with _configuration_kept(robot):
         for values in np.random.default_rng(0).uniform(lower, upper, (_SAMPLES, len(spans))).tolist():
-            robot.show(Configuration(robot.base, dict(zip(spans, values, strict=True))))
-            touching = {pair for pair in robot.near_pairs(always) if robot.depth_between(*pair) > TOLERANCE}
-            for pair in always:
-                touched[pair] -= pair not in touching
-            always = [pair for pair in always if touched[pair] >= _ALWAYS * _SAMPLES]
-            if not always:  # further postures cannot change the result
+            if not often:  # further postures cannot change the result
                 break
-    return tuple(pair for pair in pairs if pair not in always)
+            robot.show(Configuration(robot.base, dict(zip(spans, values, strict=True)) | dict(still)))
+            touching = {pair for pair in robot.near_pairs(often) if robot.depth_between(*pair) > TOLERANCE}
+            for pair in often:
+                touched[pair] -= pair not in touching
+            often = [pair for pair in often if touched[pair] >= share * _SAMPLES]
+    return often
+
+
+def _joints_between(robot: Robot, a: int, b: int) -> int:
+    """Count the moving joints between two solid links."""
+    above = (set(robot.ancestors(robot.solid[number])) for number in (a, b))
+    return len(next(above).symmetric_difference(next(above)) - robot.fixed)
 
 
 @contextlib.contextmanager

@@ -29,6 +29,8 @@ NEAREST = 0.25
 SHARES, RISES, TURNS = (0.7, 0.55, 0.85), (0.0, -0.12, 0.12), (0.0, 0.35, -0.35, 0.7, -0.7, 0.95, -0.95)
 """Sample points of the zone, most comfortable first: shares of the arm length, heights above the shoulder [m], and
 turns from the facing direction [rad]."""
+LOW = (-0.25, -0.35, -0.45)
+"""Heights at which a person takes things as well, from robots that offer them no higher."""
 
 _SKIN = (0.86, 0.68, 0.56, 1.0)
 _CLOTHES = (0.45, 0.62, 0.78, 1.0)
@@ -72,10 +74,10 @@ class ComfortZone:
         """Check whether the person would take something at this point of the map."""
         return self.arm_for(point) is not None
 
-    def points(self) -> Array:
-        """Sample the zone sparsely, most comfortable points first, (n, 3)."""
+    def points(self, rises: Sequence[float] = RISES) -> Array:
+        """Sample the zone sparsely, most comfortable points first, (n, 3), at some heights above the shoulder [m]."""
         points: dict[tuple[float, float, float], None] = {}
-        for share, rise, turn in itertools.product(SHARES, RISES, TURNS):
+        for share, rise, turn in itertools.product(SHARES, rises, TURNS):
             for x, y, z in self.shoulders:
                 step, heading = share * self.arm_length, self.heading + turn
                 point = (x + step * math.cos(heading), y + step * math.sin(heading), z + rise)

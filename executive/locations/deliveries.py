@@ -23,6 +23,7 @@ from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
+from sim.people import LOW
 
 SHARES = (0.4, 0.15, 0.75)
 """Heights above a surface to try, as shares of the allowed range."""
@@ -77,12 +78,24 @@ def _over_the_edge(block: Block, places: Array, headings: Array) -> Array:
     return np.asarray(np.where(np.abs(back)[None] < 1e-9, np.inf, distance).min(axis=2))
 
 
-def offering(name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool) -> GraspCandidates:
+def offering(
+    name: str, zone: ComfortZone, frame: HandFrame, held: Held | None, *, fine: bool, low: bool = False
+) -> GraspCandidates:
     """Generate candidates with the held thing inside the person's comfort zone, from the side that they face.
 
-    The thing is level; if its tilt is unrestricted, the hand may be level instead.
+    The thing is level; if its tilt is unrestricted, the hand may be level instead. With ``low`` it may also be at the
+    height of the person's belly, for robots that reach no higher.
     """
-    points = zone.points()
+    if low:
+        comfortable = offering(name, zone, frame, held, fine=fine)
+        return GraspCandidates.joined([comfortable, _offered(name, zone, zone.points(LOW), frame, held, fine=fine)])
+    return _offered(name, zone, zone.points(), frame, held, fine=fine)
+
+
+def _offered(
+    name: str, zone: ComfortZone, points: Array, frame: HandFrame, held: Held | None, *, fine: bool
+) -> GraspCandidates:
+    """Generate candidates that offer a thing at some points (n, 3) of a zone."""
     points = points if fine else points[np.argsort(-zone.margins(points).round(6), kind="stable")[:16]]
     turns = np.array([0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2, 1.6, -1.6] if fine else [0.0, 0.8, -0.8])
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(points)), np.arange(len(turns)), indexing="ij"))

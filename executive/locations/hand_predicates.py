@@ -282,7 +282,8 @@ def delivering(
     """
     fine = stage > Stage.NATURAL
     if reach.kind is ReachKind.OFFER:
-        return offering(reach.body, scene.bodies.zone(reach.body), arm.frame, held, fine=fine)
+        zone = scene.bodies.zone(reach.body)
+        return offering(reach.body, zone, arm.frame, held, fine=fine, low=stage is Stage.CLOSEST)
     assert held is not None, "an empty hand puts nothing down"
     places, scores, rooms = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
     is_round = scene.bodies.is_round(held.name)

@@ -80,6 +80,11 @@ MOST_POSES = 1_500_000
 
 A map of as many takes 30 s and 0.7 GB; arms of 0.85 m have 1.3 million poses around them, those of 1.3 m 4 million.
 """
+USUAL_JOINTS = 8
+"""Joints of an arm above which a map has fewer poses: there is hardly one that arms on a torso do not reach, in time.
+
+Each takes longer, too: two arms of 13 joints took more than two minutes.
+"""
 FARTHEST = 500
 """Farthest cell that a map has, in any direction: 25 m from the base."""
 SAMPLING = (SAMPLES, RESTARTS, COARSE, FLOOR, USUAL_MANIPULABILITY, SPARE, BLOCK, SHARED, WORTH)
@@ -114,6 +119,11 @@ def build_map(arm: ArmModel, grasp: GraspClass, share: Share = uncounted) -> Rea
 def joint_step(arm: ArmModel) -> float:
     """Return the step of joint values in the postures of an arm's maps [rad, m]."""
     return EXACT if is_bound(arm) else SHARED
+
+
+def most_poses(arm: ArmModel) -> int:
+    """Return the number of lattice poses around an arm above which its map is coarser."""
+    return int(MOST_POSES * min(1.0, USUAL_JOINTS / carried(arm).dof) ** 4)
 
 
 def blocks(rows: Rows, arm: ArmModel) -> NDArray[np.int64]:
@@ -168,10 +178,11 @@ class _Lattice:
     @classmethod
     def around(cls, arm: ArmModel, grasp: GraspClass, roll: int, ends: tuple[Array, Array]) -> _Lattice:
         """Return the lattice between the lowest and the highest cells (3,), with as many poses as maps may have."""
+        most = most_poses(arm)
         first, last = (np.clip(end, -FARTHEST, FARTHEST).astype(np.int64) for end in ends)
         cells = np.ones(3, np.int64)
         shape = last - first + 1
-        while YAWS * math.prod(shape.tolist()) > MOST_POSES and shape[:2].max() > 1:
+        while YAWS * math.prod(shape.tolist()) > most and shape[:2].max() > 1:
             cells[int(np.argmax(shape[:2]))] += 1
             shape = (last - first) // cells + 1
         nx, ny, nz = (max(int(n), 1) for n in shape)
@@ -387,9 +398,10 @@ def map_key(arm: ArmModel, grasp: GraspClass) -> str:
     lift = arm.lift
     lifted = None if lift is None else (lift.column, round(lift.per_unit, 9), round(float(lift.rise(lift.highest)), 9))
     sampling = (POSTURES, SAMPLED_AT_ONCE, LEVELLED) if is_bound(arm) else SAMPLING
+    coarse = most_poses(arm) < MOST_POSES and not is_bound(arm)
     facts = (
         VERSION,
-        sampling,
+        (*sampling, most_poses(arm)) if coarse else sampling,
         CELL,
         YAWS,
         carried(arm).digest,

@@ -268,7 +268,7 @@ class Resolver:
         first_seed = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         # few of the good places for a thing may be in reach, and those may have no path for the arm
         first = Stage.ALL if reach.kind is ReachKind.PLACE else Stage.NATURAL
-        last = Stage.CLOSEST if reach.kind in (ReachKind.GRASP, ReachKind.PLACE) else Stage.ALL
+        last = Stage.CLOSEST if reach.kind in (ReachKind.GRASP, ReachKind.OFFER, ReachKind.PLACE) else Stage.ALL
         for stage in tuple(Stage)[first : last + 1]:
             counted = log if stage is first else Rejections()
             found = False

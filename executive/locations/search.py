@@ -77,11 +77,11 @@ def search_bases(
             yield FloorSearch(validator, demand, question).places()
             return
         before, repeat, exhausted, search = log.copy(), False, None, None
-        puts = any(reach.kind is ReachKind.PLACE for reach in wanted)
+        delivers = any(reach.kind in (ReachKind.PLACE, ReachKind.OFFER) for reach in wanted)
         for budget in BUDGETS[:most]:
             if exhausted == (budget.stage, budget.least, budget.rows):
                 continue  # would only keep more of the same base poses
-            if not puts and not log.counts[COLLISION]:  # more headings help against collisions only
+            if not delivers and not log.counts[COLLISION]:  # more headings help against collisions only
                 budget = replace(budget, stage=min(budget.stage, Stage.ALL))
             log.begin_again(before)
             search = ReachSearch(validator, wanted, demand, arms, budget, question, is_found if repeat else None)

@@ -294,7 +294,7 @@ class BaseValidator:
     def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
         """Find the best hand solution for a reach from a base with one of some arms."""
         for arm in arms:
-            for stage in (Stage.NATURAL, Stage.ALL):
+            for stage in tuple(Stage)[: None if reach.kind is ReachKind.OFFER else Stage.CLOSEST]:
                 counted = Rejections()
                 tables = self.candidates(reach, arm, counted, stage)
                 if not tables:

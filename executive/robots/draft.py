@@ -29,6 +29,7 @@ from planlang.geometry.urdf import Joint, read_urdf
 from planlang.records import dataclass
 from planlang.visible import visible
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
+from sim.contact import coarse_pairs
 from sim.description import read_description
 
 LONGEST = 120
@@ -209,7 +210,7 @@ class _Maker:
         self.mechanism = mechanism = parts.mechanism
         self.limbs = self._limbs()
         self.lift = anatomy.lift(mechanism, [limb.hand for limb in self.limbs])
-        self.movers = {name for limb in self.limbs for name in mechanism.movers(limb.hand)}
+        self.movers = dict.fromkeys(name for limb in self.limbs for name in mechanism.movers(limb.hand))
         """Joints that move a hand, those of a torso included."""
 
     def make(self, urdf: str) -> Draft:
@@ -218,12 +219,11 @@ class _Maker:
         first.add("urdf", urdf)
         if self.lift is not None:
             first.add("torso", self.lift.name, "raises the arms")
-        if self.srdf is not None and self.srdf.touching:
-            first.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
+        shapes = [shape_of(limb, self.mechanism, self.world) for limb in self.limbs]
+        self._contacts(first, frozenset(finger for shape in shapes for finger in shape.fingers))
         self._base()
         self._mount()
         names: list[str] = []
-        shapes = [shape_of(limb, self.mechanism, self.world) for limb in self.limbs]
         for limb, shape in zip(self.limbs, shapes, strict=True):
             self._arm(limb, shape, names, self._doubts(limb, shape, shapes))
         if not self.limbs:
@@ -240,6 +240,17 @@ class _Maker:
             self.anatomy.limb_of(one.parent_link, one.parent_group or one.name) for one in end_effectors
         )
         return [limb for limb in at_end_effectors if limb is not None and is_arm(limb)] or self.anatomy.arms
+
+    def _contacts(self, table: Table, fingers: frozenset[str]) -> None:
+        """Add pairs of links that may touch; those of ``fingers`` may in any case."""
+        if self.srdf is not None and self.srdf.touching:
+            table.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
+            return
+        slides = [name for name in self.movers if self.mechanism.joints[name].kind == "prismatic"]
+        coarse = [list(pair) for pair in coarse_pairs(self.world.robot, slides) if not fingers.issuperset(pair)]
+        if coarse:
+            why = "near links that touch in most postures, or where a slide ends: their shapes are coarser"
+            table.add("allowed_contacts", coarse, why)
 
     # The base
 

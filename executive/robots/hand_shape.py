@@ -51,6 +51,8 @@ STEPS = [k / 20 for k in range(21)]
 """Fractions of the travel from closed to opened at which the gap is measured."""
 NEAR_GRIP = 0.05
 """Maximum distance of a tool link from the measured grip point for the link to be used as the tip [m]."""
+FAR_GRIP = 0.3
+"""The same for links ahead of fingers that have no shapes [m]."""
 
 FIXED = ""
 """Name of the jaw that does not move, in place of a finger joint."""
@@ -112,7 +114,7 @@ class _Hand:
         closing = self._closing(approach)
         opened, closed = self._ends(approach, closing)
         grip = self._grip(approach, closing, closed) if ahead is not None else None
-        tip, offset = self._tip(grip)
+        tip, offset = self._tip(grip, approach)
         turn = self._frame(tip)[:3, :3].T
         links = [link for links in self.links.values() for link in links]
         touching = [link for link in links if link in self.world.robot.solid_names] or links
@@ -273,13 +275,17 @@ class _Hand:
         return steps[last], steps[self._shut(widths, last)]
 
     def _shut(self, widths: Mapping[int, float], last: int) -> int:
-        """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again."""
+        """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again.
+
+        While they are far apart a step may widen the gap: another part of turning fingers is in front.
+        """
         narrower = [k for k, width in widths.items() if width >= LEAST_CLOSED_GAP and k < last]
         if self.thumbs or len(self.links) == 1:
             return min(narrower, default=0)
         shut = last
         for k in sorted(narrower, reverse=True):
-            if k < shut - 1 or widths[k] > widths[shut] + LEAST_TRAVEL:
+            parts_again = widths[k] > widths[shut] + LEAST_TRAVEL and widths[shut] < widths[last] / 2
+            if k < shut - 1 or parts_again:
                 break
             shut = k
         return shut if shut < last else 0
@@ -359,15 +365,24 @@ class _Hand:
         point = depth * approach + middle * closing + (wrist if abs(height - wrist) < PAD / 2 else height) * third
         return np.asarray(point.round(4) + 0.0)
 
-    def _tip(self, grip: Array | None) -> tuple[str, Axis | None]:
-        """Choose the tip link, and the grip point in its frame: a tool link near the grip point, else the hand."""
+    def _tip(self, grip: Array | None, approach: Array) -> tuple[str, Axis | None]:
+        """Choose the tip link, and the grip point in its frame: a tool link near the grip point, else the hand.
+
+        Fingers without shapes end somewhere ahead of their frames, so there a tool link may be farther.
+        """
         group = self.mechanism.rigid_with(self.limb.hand)
         tools = [link for link in group if is_tool(link)]
         if grip is None:
             return (self.limb.hand if self.limb.hand in tools or not tools else tools[-1]), None
-        distances = {link: float(np.linalg.norm(self._place(link) - grip)) for link in tools}
-        nearest = min(distances, key=lambda link: distances[link], default=None)
-        if nearest is not None and distances[nearest] <= NEAR_GRIP:
+        is_drawn = any(link in self.world.robot.solid_names for links in self.links.values() for link in links)
+        away = {link: self._place(link) - grip for link in tools}
+        near = {
+            link: float(np.linalg.norm(way))
+            for link, way in away.items()
+            if np.linalg.norm(way) <= NEAR_GRIP or (not is_drawn and 0.0 < float(way @ approach) <= FAR_GRIP)
+        }
+        nearest = min(near, key=lambda link: near[link], default=None)
+        if nearest is not None:
             return nearest, None
         return self.limb.hand, _axis(grip)
 

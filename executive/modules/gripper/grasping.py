@@ -78,7 +78,10 @@ class Grasping(PlatformModule):
                 self.platform.missed(arm)
             else:  # a finger has touched the object, which shows where it is
                 await self.platform.sensing.bump(motion)
-            raise GraspMissed(arm=arm.name, what=target, blocked_by=motion.blocked_by)
+            missed = GraspMissed(arm=arm.name, what=target, blocked_by=motion.blocked_by)
+            if not arm.openings.gap:
+                missed.message = f"{missed}; its fingers have no shapes that could hold it: are their meshes missing?"
+            raise missed
         hands.grasp(arm, name)
         return name
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -79,7 +80,14 @@ def _ending(row: Row) -> str:
         return "no hand that opens was drafted" if row["arms"] else "no arm was drafted"
     if _widest(row) <= OPENS:
         return f"its hands open by {_widest(row):.3f} m at most, and the bottle is 0.065 m wide"
-    return first_sentence(row.get("message") or "") or "it was not tried"
+    return _said(row.get("message") or "") or "it was not tried"
+
+
+def _said(message: str) -> str:
+    """Return the first sentence of a failure and that of what caused it first, without their classes."""
+    causes = [line.strip().removeprefix("because of ") for line in message.splitlines() if "because of " in line]
+    sentences = [re.sub(r"^[A-Z]\w+: ", "", first_sentence(text)) for text in (message, *causes[-1:])]
+    return ", because ".join(dict.fromkeys(filter(None, sentences)))
 
 
 def _widest(row: Row) -> float:

@@ -87,6 +87,14 @@ def test_a_robot_is_drafted_compared_and_drawn_and_a_broken_one_is_a_line(folder
     assert sheet.getextrema() != ((255, 255),) * 3, "the arm is drawn"
 
 
+def test_a_robot_that_brings_nothing_says_why_with_what_caused_it() -> None:
+    message = "ObjectUnfetchable: it cannot be fetched\n  in a/b\n  because of GraspMissed: the gripper is empty. So\n"
+    arms = {"arm": {"tip": "tool", "opening": 0.1}}
+    row = {"world": "r", "truth": {}, "arms": arms, "fixed": True, "torso": "", "camera": "", "differs": None}
+    lines = list(page([row | {"cpu": 1, "memory": 1, "message": message}]))
+    assert "* **r**: Brings nothing: it cannot be fetched, because the gripper is empty." in lines
+
+
 def test_what_does_not_agree_is_said(folder: Path) -> None:
     truth = truth_of({"urdf": "", "fixed": True, "lift": "column", "camera": ["eye"], "arms": [
         {"hand": "wrist", "joints": 5, "opening": 0.1}, {"hand": "base_link", "joints": 4}]})  # fmt: skip

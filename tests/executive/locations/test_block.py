@@ -157,6 +157,15 @@ def test_what_is_offered_comes_to_where_the_person_takes_things(facing: float) -
         assert zone.contains(middle)
 
 
+def test_things_are_offered_at_the_height_of_the_belly_too_if_nothing_higher_is_in_reach() -> None:
+    held, zone = Held("cup", Pose((0.05, 0.0, 0.0)), (0.07, 0.07, 0.1)), zone_facing(0.3)
+    higher, all_of_them = (offering("patient", zone, FRAME, held, fine=True, low=low) for low in (False, True))
+    lower = (all_of_them.points + held.offsets(all_of_them.rotations))[len(higher) :]
+    assert higher.points[:, 2].min() > 1.0
+    assert 0.7 < lower[:, 2].min() < 0.8
+    assert all(zone.contains(middle) for middle in lower)
+
+
 @settings(max_examples=30, deadline=None)
 @given(blocks, st.tuples(size, size, size).map(lambda s: tuple(v / 10 for v in s)), angle)
 def test_poses_above_keep_what_is_held_between_2_and_15_cm_over_the_top(

@@ -189,6 +189,28 @@ def test_a_finger_below_the_wrist_is_approached_along_its_tool_frame(tmp_path: P
     assert found["arms"]["arm"]["approach"] == [1.0, 0.0, 0.0]
 
 
+def test_turning_fingers_close_though_another_part_of_them_comes_to_the_front_on_the_way(tmp_path: Path) -> None:
+    parts, wrist = one_arm()
+    palm = parts.fixed(wrist, parts.link("palm", (0.05, 0.14, 0.04), (0.0, 0.0, 0.02)), (0.0, 0.0, 0.08))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        finger = parts.link(f"{side}_finger", (0.02, 0.01, 0.065), (0.0, sign * 0.005, 0.0325))
+        parts.fixed(finger, parts.link(f"{side}_tip", (0.02, 0.01, 0.035), (0.0, sign * 0.005, 0.0825)))
+        parts.joint(f"{side}_joint", palm, finger, (0.0, 0.0, 0.04), (-sign, 0.0, 0.0), (0.0, 0.8))
+    gripper = drafted(parts, tmp_path)[0]["arms"]["arm"]["gripper"]
+    assert gripper["closed"] == {"left_joint": 0.0, "right_joint": 0.0}
+    assert gripper["max_opening"] > 0.08
+
+
+def test_fingers_without_shapes_grip_at_the_tool_frame_ahead_of_them(tmp_path: Path) -> None:
+    parts, wrist = one_arm()
+    palm = parts.fixed(wrist, parts.link("palm", (0.05, 0.14, 0.04), (0.0, 0.0, 0.02)), (0.0, 0.0, 0.08))
+    for name, axis in (("left_finger", Y), ("right_finger", (0.0, -1.0, 0.0))):
+        parts.joint(f"{name}_joint", palm, parts.link(name), (0.0, 0.0, 0.01), axis, (0.0, 0.05), "prismatic")
+    parts.fixed(palm, parts.link("flange_tool0"), (0.0, 0.0, -0.06))
+    parts.fixed(palm, parts.link("gripper_tool_frame"), (0.0, 0.0, 0.16))
+    assert drafted(parts, tmp_path)[0]["arms"]["arm"]["tip"] == "gripper_tool_frame"
+
+
 @pytest.mark.parametrize("limits", [(0.0, 0.0), (-1.0, 0.0)])
 def test_a_finger_without_a_plausible_range_is_named_with_the_key_that_replaces_it(
     limits: tuple[float, float], tmp_path: Path
