@@ -291,14 +291,14 @@ def _too_long(robot: Robot, world: PlanningWorld) -> Iterator[Advice]:
 def _openings(robot: Robot, held: Sequence[Holding]) -> Iterator[Advice]:
     """Compare what plans grasp with what the fingers hold."""
     for holding in held:
-        arm = robot.arm(holding.arm)
-        yield from _opening(arm, holding)
+        if holding.planned:
+            yield from _opening(robot.arm(holding.arm), holding)
 
 
 def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
     assert arm.gripper is not None
     table, opening = f"[arms.{arm.name}.gripper]", arm.gripper.max_opening
-    planned, closed, hand = holding.widest(), holding.widest(closed=True), f"the hand of the {arm.name} arm"
+    planned, closed, hand = holding.widest, holding.closed, f"the hand of the {arm.name} arm"
     if holding.touching is not None:
         one, other = holding.touching
         pair = f'["{one}", "{other}"]'
