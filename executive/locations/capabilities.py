@@ -104,6 +104,8 @@ class ArmReach:
     arm: str
     reaches: tuple[Reach, ...]
     own_body: OwnBody
+    spacing: tuple[float, float]
+    """Distances between places of the hand in x and y [m], the coarsest of all grasps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +162,12 @@ def capabilities_of(
         models = models or arm_models(robot, world)
         known = maps or {}
         reaches = tuple(
-            ArmReach(arm.name, _reaches(known[arm.name]), _own_body(robot, arm, known[arm.name], world))
+            ArmReach(
+                arm.name,
+                _reaches(known[arm.name]),
+                _own_body(robot, arm, known[arm.name], world),
+                max(found.spacing for found in known[arm.name].values()),
+            )
             for arm in models
             if arm.name in known
         )

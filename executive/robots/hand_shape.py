@@ -98,7 +98,9 @@ class _Hand:
         self.stuck = [joint for joint in driven if joint not in self.joints]
         """Finger joints whose range is implausible."""
         thumbs = {name for name, links in self.links.items() if names(Part.THUMB, name, *links)}
-        self.thumbs = (thumbs or apart(self._roots())) if len(thumbs) < len(self.links) > 2 else set[str]()
+        each = all(any(joint.child in links for joint in self.joints) for links in self.links.values())
+        thumbs = thumbs or (apart(self._roots()) if each else set())  # bars of a linkage have no motors of their own
+        self.thumbs = thumbs if len(thumbs) < len(self.links) > 2 else set[str]()
         """Finger joints of thumbs, which oppose all others; empty for hands without one."""
         self.rest = {
             joint.name: min(max(0.0, joint.lower), joint.upper) if self.thumbs else (joint.lower + joint.upper) / 2
@@ -231,7 +233,12 @@ class _Hand:
         if self.thumbs:
             self.grip = thumb_grip(self._points, self._roots(), self.thumbs, self.joints, self.rest, approach)
             if self.grip is not None:
-                return self._across(self.grip.closing, approach)
+                across = self._across(self.grip.closing, approach)
+                opened, _ = self._steps(approach, across, self.grip.opened, self.grip.closed)
+                gap = self._gap(approach, across, opened)
+                if gap is not None and gap[1] - gap[0] >= LEAST_OPENING:
+                    return across
+                self.grip = None  # the thumb's tip is nowhere before the fingers
             fingers, thumb = self._middles(self._points({}))
             across = thumb - fingers - approach * float((thumb - fingers) @ approach)
             if np.linalg.norm(across) > LEAST_TRAVEL:
@@ -371,7 +378,7 @@ class _Hand:
         along = points @ approach
         gap = self._gap(approach, closing, closed)
         end, start = float(along.max()) if gap is None else gap[2], float(along.min())
-        depth = end - min(PAD, (end - start) / 2)
+        depth = end - (min(PAD, (end - start) / 2) if self.grip is None else 0.0)  # a thumb slants away from its base
         middle = float(closing @ self.wrist) if gap is None else sum(gap[:2]) / 2
         third = np.cross(approach, closing)
         height = float((points[along >= end - FRONT] @ third).mean())

@@ -28,7 +28,7 @@ LEAST_TRAVEL = 0.002
 """Joints that move the fingers less than this do not close the hand [m]."""
 CLEAR = 0.1
 """Distance between thumb and fingers beyond which it need not be greater [m]."""
-FORWARD = 0.3
+FORWARD = 0.6
 """Weight of the thumb's reach along the approach, against its distance from the fingers."""
 CHOICES, SWEEPS = 7, 2
 """Number of positions of each joint of the thumb that are tried, and how often."""
@@ -102,6 +102,14 @@ def thumb_grip(
     turning = [joint for joint in joints if joint.name not in moves_fingers]
     turned = _opposed(points, roots, thumbs, turning, rest, (approach, closing))
     bending = _bending(points, roots, thumbs, turning, turned, closing)
+
+    def width(share: float) -> float:
+        bent_so_far = {name: turned[name] + share * (limit - turned[name]) for name, limit in bending.items()}
+        gap = thumb_gap(points({**opened, **turned, **bent_so_far}), roots, thumbs, approach, closing)
+        return -1.0 if gap is None else round(gap[1] - gap[0], 3)
+
+    share = max(np.linspace(0.0, 1.0, CHOICES).tolist(), key=width)
+    turned |= {name: turned[name] + share * (limit - turned[name]) for name, limit in bending.items()}
     return ThumbGrip(closing, opened | turned, closed | turned | bending)
 
 
@@ -125,7 +133,7 @@ def thumb_gap(
 
 
 def _face(points: Array, at: float, approach: Array, closing: Array) -> float | None:
-    """How far the hull of points (n, 3) reaches along the closing direction at a depth; None if it does not reach it."""
+    """How far the hull of points (n, 3) reaches along the closing direction at a depth; None if it ends before."""
     along, across = outline_of(np.column_stack([points @ approach, points @ closing])).T
     behind, ahead = along <= at, along > at
     if not behind.any() or not ahead.any():
