@@ -34,6 +34,8 @@ CHOICES, SWEEPS = 7, 2
 """Number of positions of each joint of the thumb that are tried, and how often."""
 TIP = 0.8
 """Share of a finger's length beyond which its tip begins."""
+SHORTER, EDGE = 0.02, 1e-3
+"""Length by which a finger may end behind the tip of the thumb, and of its end where it is measured then [m]."""
 APART = 2.5
 """Least ratio of the distance of a thumb's root from the line of the other roots to that of any finger's."""
 ROW = 4
@@ -123,18 +125,16 @@ def thumb_gap(
     tips = np.concatenate(_tips(points, roots, thumbs))
     along = tips @ approach
     fingers = [one for name, one in points.items() if name in roots and name not in thumbs]
-    faces = [
-        face
-        for one in fingers
-        for at in (along.mean(), along.max())
-        if (face := _face(one, float(at), approach, closing)) is not None
-    ]
+    depths = (float(along.mean()), float(along.max()))
+    faces = [face for one in fingers for at in depths if (face := _face(one, at, approach, closing)) is not None]
     return (max(faces), float((tips @ closing).min()), float(along.max())) if faces else None
 
 
 def _face(points: Array, at: float, approach: Array, closing: Array) -> float | None:
     """How far the hull of points (n, 3) reaches along the closing direction at a depth; None if it ends before."""
     along, across = outline_of(np.column_stack([points @ approach, points @ closing])).T
+    if float(along.max()) >= at - SHORTER:
+        at = min(at, float(along.max()) - EDGE)
     behind, ahead = along <= at, along > at
     if not behind.any() or not ahead.any():
         return None
@@ -176,7 +176,8 @@ def _opposed(
     for _ in range(SWEEPS):
         for joint in joints:
             choices = [values[joint.name], *np.linspace(joint.lower, joint.upper, CHOICES).tolist()]
-            values[joint.name] = max(choices, key=lambda value, name=joint.name: score(values | {name: value}))
+            scores = [score(values | {joint.name: value}) for value in choices]
+            values[joint.name] = choices[scores.index(max(scores))]
     return values
 
 

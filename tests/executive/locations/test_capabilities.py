@@ -206,6 +206,6 @@ def test_fingers_without_shapes_hold_what_is_not_known(tmp_path: Path) -> None:
     found = can(path)
     assert not warned(found)
     assert str(found.holdings[0]) == "not known, its fingers have no shape here"
-    assert list(capability_lines(found))[0] == (
+    assert next(iter(capability_lines(found))) == (
         "  the fingers of the arm arm have no shape here: what they hold is not known"
     )
