@@ -353,6 +353,10 @@ class SceneCollisions:
         """
         moving = list(steps[0])
         for step in steps:
+            together = joints | {name: step[name] for name in moving}
+            if len(moving) > 2 and not self._world.contacts(Configuration(base, together), moving):
+                joints.update(together)  # hands of many joints: one query while nothing is touched
+                continue
             for name in tuple(moving):
                 value = step[name]
                 contacts = self._world.contacts(Configuration(base, joints | {name: value}), [name])

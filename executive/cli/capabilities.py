@@ -12,7 +12,10 @@ from executive.robots import Arm
 def capability_lines(can: Capabilities) -> Iterator[str]:
     """Summarise what a robot can do in a few lines."""
     for holding in can.holdings:
-        yield f"  the hand of the {holding.arm} arm holds {holding}"
+        if holding.planned:
+            yield f"  the hand of the {holding.arm} arm holds {holding}"
+        else:
+            yield f"  the fingers of the {holding.arm} arm have no shape here: what they hold is not known"
     yield from doorway_lines(can)
     yield from warning_lines(can)
 

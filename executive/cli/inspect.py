@@ -13,7 +13,7 @@ from executive.cli.console import progress_of
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.inputs import check_files, refuse
 from executive.locations.capabilities import ArmReach, Capabilities, capabilities_of
-from executive.locations.reachability import CELL, YAWS, GraspClass
+from executive.locations.reachability import YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map
 from executive.pictures.drawn import drawn_in, missing
 from executive.pictures.reach_picture import save_reach_picture
@@ -121,7 +121,8 @@ def _arm_lines(
         lower, upper = bounds.get(joint, (-math.inf, math.inf))
         limits = robot.limits[joint]
         yield f"  {joint:32} {lower:8.3f} .. {upper:8.3f}   at most {limits.speed:g} per second"
-    yield f"  reach, on a grid of {100 * CELL:g} cm and {360 // YAWS} degrees: {', '.join(map(str, reach.reaches))}"
+    grid = " x ".join(f"{100 * step:g}" for step in sorted({*reach.spacing}))
+    yield f"  reach, on a grid of {grid} cm and {360 // YAWS} degrees: {', '.join(map(str, reach.reaches))}"
     yield f"  own body: {reach.own_body}"
 
 

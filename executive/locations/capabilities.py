@@ -89,6 +89,8 @@ class OwnBody:
     """Share of the others in which the arm touches the robot's own body, 0..1."""
     link: str | None
     """The link that is in the way most often."""
+    touched_by: str | None
+    """The link of the arm that touches it most often."""
 
     def __str__(self) -> str:
         """Say it: "below 9 % of that, in the way of 12 % of the rest, mostly mobile_base"."""
@@ -104,6 +106,8 @@ class ArmReach:
     arm: str
     reaches: tuple[Reach, ...]
     own_body: OwnBody
+    spacing: tuple[float, float]
+    """Distances between places of the hand in x and y [m], the coarsest of all grasps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +164,12 @@ def capabilities_of(
         models = models or arm_models(robot, world)
         known = maps or {}
         reaches = tuple(
-            ArmReach(arm.name, _reaches(known[arm.name]), _own_body(robot, arm, known[arm.name], world))
+            ArmReach(
+                arm.name,
+                _reaches(known[arm.name]),
+                _own_body(robot, arm, known[arm.name], world),
+                max(found.spacing for found in known[arm.name].values()),
+            )
             for arm in models
             if arm.name in known
         )
@@ -196,7 +205,7 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
     solid, now = world.robot.solid_names, world.configuration().joints
     own = frozenset[int]().union(*(world.robot.moved_by(name) for name in arm.joints if name != robot.torso))
     links = {solid[number] for number in own}
-    tested, inside, blocked = 0, 0, Counter[str]()
+    tested, inside, blocked = 0, 0, Counter[tuple[str, str]]()
     rng = np.random.default_rng(0)
     for found in maps.values():
         rows = found.rows
@@ -210,13 +219,20 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
             joints = {**now, **dict(zip(arm.joints, map(float, q), strict=True))}
             contacts = world.contacts(Configuration((0.0, 0.0, 0.0), joints), arm.joints)
             pairs = [(one.part, one.body) for one in contacts]
-            hits = (part if body in links else body for part, body in pairs if (part in links) != (body in links))
+            ordered = (pair if pair[1] in links else pair[::-1] for pair in pairs)
+            hits = (pair for pair in ordered if pair[1] in links and pair[0] not in links)
             tested += 1
             if (hit := next(hits, None)) is not None:
                 blocked[hit] += 1
-    link = min(blocked, key=lambda name: (-blocked[name], name), default=None)
+    links_hit = Counter[str]()
+    for (hit_link, _), count in blocked.items():
+        links_hit[hit_link] += count
+    link = min(links_hit, key=lambda name: (-links_hit[name], name), default=None)
+    _, by = min(
+        (pair for pair in blocked if pair[0] == link), key=lambda one: (-blocked[one], one), default=(None, None)
+    )
     total = sum(map(len, maps.values()))
-    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), link)
+    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), link, by)
 
 
 # Doorways
@@ -291,14 +307,14 @@ def _too_long(robot: Robot, world: PlanningWorld) -> Iterator[Advice]:
 def _openings(robot: Robot, held: Sequence[Holding]) -> Iterator[Advice]:
     """Compare what plans grasp with what the fingers hold."""
     for holding in held:
-        arm = robot.arm(holding.arm)
-        yield from _opening(arm, holding)
+        if holding.planned:
+            yield from _opening(robot.arm(holding.arm), holding)
 
 
 def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
     assert arm.gripper is not None
     table, opening = f"[arms.{arm.name}.gripper]", arm.gripper.max_opening
-    planned, closed, hand = holding.widest(), holding.widest(closed=True), f"the hand of the {arm.name} arm"
+    planned, closed, hand = holding.widest, holding.closed, f"the hand of the {arm.name} arm"
     if holding.touching is not None:
         one, other = holding.touching
         pair = f'["{one}", "{other}"]'
@@ -351,4 +367,5 @@ def _out_of_reach(reaches: Sequence[ArmReach]) -> Iterator[Advice]:
             if own.link == BASE:
                 yield Advice(what, "a lower or narrower size, or an at nearer to its edge, in [mount]")
             else:
-                yield Advice(what, f"allowed_contacts, if its shape in the URDF is coarser than {own.link} is")
+                pair = f'["{own.link}", "{own.touched_by}"]'
+                yield Advice(f"{what}, mostly of its {own.touched_by}", f"allowed_contacts = [{pair}] if that is false")

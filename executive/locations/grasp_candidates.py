@@ -209,7 +209,8 @@ def grasping(
     candidates = replace(candidates, step=2 * math.pi / headings if block.round else 0.0)
     if not count or not palm:
         return candidates
-    moves, grips = _clear_of(block, candidates, approaches, np.array(palm))
+    closings = rotated(candidates.rotations, np.array(frame.closing))
+    moves, grips = _clear_of(block, candidates, approaches, closings, np.array(palm))
     before = np.array(spans)
     around = before - np.column_stack([np.zeros(count), np.hypot(*moves[:, :2].T)])
     if gaps:
@@ -243,18 +244,19 @@ def taken_out(candidates: GraspCandidates, way: Array) -> GraspCandidates:
 
 
 def _clear_of(
-    block: Block, candidates: GraspCandidates, directions: Array, palm: Array
+    block: Block, candidates: GraspCandidates, directions: Array, closings: Array, palm: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Compute offsets (n, 3) [m] that keep palms (m, 3) off a block, and which hands still grip it, (n,).
 
-    The palm is behind the block, above it, or beyond a plane across the approach direction (n, 3). If it would be over
+    The palm is behind the block, above it, or beyond a plane across the approach direction (n, 3) or, for hands that
+    close a thumb before the palm, across the closing direction (n, 3). If it would be over
     the top, a level hand moves back instead, except from a round block, off which the fingers would slip.
     """
     corners = palm @ candidates.rotations.transpose(0, 2, 1)
     back = -directions * [1.0, 1.0, 0.0]
     back /= np.maximum(np.linalg.norm(back, axis=1), 1e-9)[:, None]
     half, raised = (block.high - block.low) / 2, np.full(len(directions), np.inf)
-    for axes in (back, -directions, UP + 0.0 * directions):
+    for axes in (back, -directions, UP + 0.0 * directions, closings, -closings):
         level = np.hypot(axes[:, 0], axes[:, 1])
         sideways = [block.support(math.atan2(y, x)) for x, y, _ in axes.tolist()]
         gap = np.einsum("nmk,nk->nm", corners, axes).min(axis=1) - level * sideways - half * axes[:, 2] - OFF

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 from functools import cache, partial
 from itertools import combinations, pairwise
@@ -91,10 +92,10 @@ class Holding:
     """What one arm's hand holds, in a plan and by the shapes of its fingers."""
 
     arm: str
-    planned: tuple[Hold, ...]
-    """One for each kind."""
-    closed: tuple[Hold, ...]
-    """The same by closing the fingers alone."""
+    planned: tuple[Hold, ...] = ()
+    """One for each kind; none if the moving fingers have no shape, so that what they hold is not known."""
+    closed: float = 0.0
+    """Width of the widest box or cylinder that the fingers alone close on [m]; 0 if there is none."""
     palm: str | None = None
     """Link that the fingers need as a counterpart, and that is none of the gripper's fingers."""
     touching: tuple[str, str] | None = None
@@ -102,6 +103,8 @@ class Holding:
 
     def __str__(self) -> str:
         """Say it: "boxes 2-8 cm, cylinders 2-7 cm between two fingers; no bowls"."""
+        if not self.planned:
+            return "not known, its fingers have no shape here"
         ways = dict.fromkeys(hold.how for hold in self.planned if hold.widths)
         held = (
             ", ".join(f"{hold.kind} {ranges(hold.widths)}" for hold in self.planned if hold.widths and hold.how == how)
@@ -111,10 +114,10 @@ class Holding:
         none = [f"no {hold.kind}" for hold in self.planned if not hold.widths]
         return "; ".join([*said, " and ".join(none)] if none and said else said or ["nothing"])
 
-    def widest(self, *, closed: bool = False) -> float:
-        """Return the width of the widest box or cylinder [m]; 0 if there is none."""
-        holds = self.closed if closed else self.planned
-        return max((max(hold.widths, default=0.0) for hold in holds if hold.kind is not Kind.BOWL), default=0.0)
+    @property
+    def widest(self) -> float:
+        """Width of the widest box or cylinder that plans grasp [m]; 0 if there is none."""
+        return max((max(hold.widths, default=0.0) for hold in self.planned if hold.kind is not Kind.BOWL), default=0.0)
 
 
 def ranges(widths: Sequence[float]) -> str:
@@ -185,23 +188,34 @@ class _Hand:
 
     def holding(self, share: Share) -> Holding:
         """Test all things."""
+        if self.arm.gripper is None or not self._moved():
+            return Holding(self.arm.name)
         planned: dict[Kind, dict[float, _Pinch]] = {kind: {} for kind in Kind}
-        closed: dict[Kind, dict[float, _Pinch]] = {kind: {} for kind in Kind}
         for number, (kind, width) in enumerate(self.things):
             share(number / len(self.things))
             if (pinch := self._planned(kind, width)) is not None:
-                planned[kind][width] = closed[kind][width] = pinch
-            elif kind is not Kind.BOWL and (pinch := self._closed(kind, width)) is not None:
-                closed[kind][width] = pinch
-        palms = [one.palm for found in closed.values() for one in found.values() if one.palm is not None]
-        return Holding(self.arm.name, _holds(planned), _holds(closed), _usual(palms), self._touching())
+                planned[kind][width] = pinch
+        palms = [one.palm for found in planned.values() for one in found.values() if one.palm is not None]
+        holding = Holding(self.arm.name, _holds(planned), palm=_usual(palms), touching=self._touching())
+        return self._with_closed(holding)
+
+    def _with_closed(self, holding: Holding) -> Holding:
+        """Add the widest thing that the fingers alone close on, if it is wider than those of plans."""
+        for width in reversed([width for width in WIDTHS if width > holding.widest]):
+            for kind in (Kind.BOX, Kind.CYLINDER):
+                if (pinch := self._closed(kind, width)) is not None:
+                    return replace(holding, closed=width, palm=holding.palm or pinch.palm)
+        return replace(holding, closed=holding.widest)
+
+    def _moved(self) -> frozenset[int]:
+        """Numbers of the links with shapes that the gripper moves."""
+        assert self.arm.gripper is not None
+        return frozenset[int]().union(*map(self.world.robot.moved_by, self.arm.gripper.joints))
 
     def _branches(self) -> dict[str, str]:
         """Map the links of moving fingers to names of their fingers, which contain "thumb" for a thumb."""
         robot, arm, mechanism = self.world.robot, self.arm, Mechanism(self.scene.robot.urdf)
-        assert arm.gripper is not None
-        moving = frozenset[int]().union(*map(robot.moved_by, arm.gripper.joints))
-        branches = {robot.solid_names[number]: robot.solid_names[number] for number in sorted(moving)}
+        branches = {robot.solid_names[number]: robot.solid_names[number] for number in sorted(self._moved())}
         for joint in mechanism.fingers(arm.hand_link):
             links = [joint.child]
             for link in links:

@@ -15,6 +15,7 @@ from executive.robots.anatomy import Limb, is_tool
 from executive.robots.mechanism import Mechanism
 from executive.robots.part_words import Part, names
 from executive.robots.robot import Axis
+from executive.robots.thumbs import ThumbGrip, apart, thumb_gap, thumb_grip
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
 from planlang.geometry.urdf import Joint
@@ -99,7 +100,9 @@ class _Hand:
         self.stuck = [joint for joint in driven if joint not in self.joints]
         """Finger joints whose range is implausible."""
         thumbs = {name for name, links in self.links.items() if names(Part.THUMB, name, *links)}
-        self.thumbs = thumbs if 0 < len(thumbs) < len(self.links) and len(self.links) > 2 else set[str]()
+        each = all(any(joint.child in links for joint in self.joints) for links in self.links.values())
+        thumbs = thumbs or (apart(self._roots()) if each else set())  # bars of a linkage have no motors of their own
+        self.thumbs = thumbs if len(thumbs) < len(self.links) > 2 else set[str]()
         """Finger joints of thumbs, which oppose all others; empty for hands without one."""
         self.rest = {
             joint.name: min(max(0.0, joint.lower), joint.upper) if self.thumbs else (joint.lower + joint.upper) / 2
@@ -107,13 +110,15 @@ class _Hand:
         }
         """Values of finger joints that are not varied: hands with a thumb are flat at zero."""
         self.wrist = self._place(limb.joints[-1].child)
+        self.grip: ThumbGrip | None = None
+        """How a hand with a thumb closes."""
 
     def shape(self) -> HandShape:
         ahead = self._ahead()
         approach = ahead if ahead is not None else self._roll_axis()
         closing = self._closing(approach)
         opened, closed = self._ends(approach, closing)
-        grip = self._grip(approach, closing, closed) if ahead is not None else None
+        grip = self._grip(approach, closing, opened, closed) if ahead is not None else None
         tip, offset = self._tip(grip, approach)
         turn = self._frame(tip)[:3, :3].T
         links = [link for links in self.links.values() for link in links]
@@ -165,6 +170,10 @@ class _Hand:
         if len(self.links) == 1 and palm:
             points[FIXED] = moved(to_hand, np.concatenate(self.world.robot.points(palm)))
         return points
+
+    def _roots(self) -> dict[str, Array]:
+        """Where each finger begins (3,)."""
+        return {joint.name: self._place(joint.child) for joint in self.limb.fingers}
 
     # Directions
 
@@ -224,6 +233,14 @@ class _Hand:
         """Direction (3,), perpendicular to the approach, in which the fingers move most, or from them to the thumb."""
         best = np.zeros(3)
         if self.thumbs:
+            self.grip = thumb_grip(self._points, self._roots(), self.thumbs, self.joints, self.rest, approach)
+            if self.grip is not None:
+                across = self._across(self.grip.closing, approach)
+                opened, _ = self._steps(approach, across, self.grip.opened, self.grip.closed)
+                gap = self._gap(approach, across, opened)
+                if gap is not None and gap[1] - gap[0] >= LEAST_OPENING:
+                    return across
+                self.grip = None  # the thumb's tip is nowhere before the fingers
             fingers, thumb = self._middles(self._points({}))
             across = thumb - fingers - approach * float((thumb - fingers) @ approach)
             if np.linalg.norm(across) > LEAST_TRAVEL:
@@ -257,6 +274,8 @@ class _Hand:
         """Joint values of the opened and the closed hand, of the joints that open it."""
         if not self.joints:
             return {}, {}
+        if self.grip is not None:
+            return self._steps(approach, closing, self.grip.opened, self.grip.closed)
         opened, closed, travels = {}, {}, {}
         for joint in self.joints:
             ends = [self._towards(joint, limit) for limit in (joint.lower, joint.upper)]
@@ -266,7 +285,11 @@ class _Hand:
         least = LEAST_SHARE * max(travels.values()) if self.thumbs else LEAST_TRAVEL
         opening = [name for name, travel in travels.items() if travel >= least] or list(travels)
         wide, narrow = ({name: values[name] for name in opening} for values in (opened, closed))
-        steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in opening} for t in STEPS]
+        return self._steps(approach, closing, wide, narrow)
+
+    def _steps(self, approach: Array, closing: Array, wide: Values, narrow: Values) -> tuple[Values, Values]:
+        """Select the opened and the closed position on the way between two."""
+        steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in wide} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
         wide_enough = [k for k, width in widths.items() if width <= WIDEST_GAP]
@@ -321,6 +344,8 @@ class _Hand:
         In metres; None if all fingers are on one side.
         """
         points = self._points(values)
+        if self.grip is not None:
+            return thumb_gap(points, self._roots(), self.thumbs, approach, closing)
         middles = {name: float((one @ closing).mean()) for name, one in points.items()}
         middle = sum(middles.values()) / 2 if len(self.links) == 1 else float(closing @ self.wrist)
         sides: tuple[list[Array], list[Array]] = [], []
@@ -351,13 +376,15 @@ class _Hand:
 
     # Where it grips
 
-    def _grip(self, approach: Array, closing: Array, closed: Values) -> Array:
-        """Find the grip point (3,) between the tips of the closed fingers."""
+    def _grip(self, approach: Array, closing: Array, opened: Values, closed: Values) -> Array:
+        """Find the grip point (3,) between the tips of the closed fingers; for a thumb, which advances, halfway."""
+        if self.grip is not None:
+            closed = {name: (value + opened[name]) / 2 for name, value in closed.items()}
         points = np.concatenate(list(self._points(closed).values()))
         along = points @ approach
         gap = self._gap(approach, closing, closed)
         end, start = float(along.max()) if gap is None else gap[2], float(along.min())
-        depth = end - min(PAD, (end - start) / 2)
+        depth = end - (min(PAD, (end - start) / 2) if self.grip is None else 0.0)  # a thumb slants away from its base
         middle = float(closing @ self.wrist) if gap is None else sum(gap[:2]) / 2
         third = np.cross(approach, closing)
         height = float((points[along >= end - FRONT] @ third).mean())

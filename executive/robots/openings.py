@@ -132,8 +132,8 @@ class Openings:
     def share(self, joints: Mapping[str, float]) -> float:
         """Compute how far fingers at these joint values are open: 0 closed, 1 fully opened."""
         closed, opened = (np.array([value for _, value in self.fingers[end]]) for end in (0, -1))
-        now = np.array([joints[name] for name in self.joints])
-        return float(np.clip(((now - closed) / (opened - closed)).max(), 0.0, 1.0))
+        now, moves = np.array([joints[name] for name in self.joints]), opened != closed  # others turn a thumb
+        return float(np.clip(((now - closed)[moves] / (opened - closed)[moves]).max(initial=0.0), 0.0, 1.0))
 
 
 def depths(widths: Array, gaps: tuple[float, ...]) -> Array:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from executive.cli.capabilities import capability_lines
 from executive.locations.capabilities import Capabilities, capabilities_of
 from executive.locations.holding import Kind, ranges
 from executive.robots import bind_robot
@@ -196,3 +197,15 @@ def test_make_says_what_the_hands_of_the_draft_hold(tmp_path: Path) -> None:
     said = [line for line in result.stdout.splitlines() if line.startswith("  the hand of")]
     assert said[0].startswith("  the hand of the left arm holds boxes 2-7 cm, cylinders 2-7 cm between two fingers")
     assert "between a finger and right_plate" in said[1]
+
+
+def test_fingers_without_shapes_hold_what_is_not_known(tmp_path: Path) -> None:
+    path = robot_with(tmp_path, arm=TWO)
+    urdf = tmp_path / "mine.urdf"
+    urdf.write_text(re.sub(r'(<link name="arm_(left|right)">).*?</link>', r"\1</link>", urdf.read_text()))
+    found = can(path)
+    assert not warned(found)
+    assert str(found.holdings[0]) == "not known, its fingers have no shape here"
+    assert next(iter(capability_lines(found))) == (
+        "  the fingers of the arm arm have no shape here: what they hold is not known"
+    )

@@ -148,6 +148,30 @@ def test_a_hand_of_fingers_is_measured_from_its_thumb(
     assert not doubts(draft)
 
 
+@pytest.mark.parametrize("thumb", ["thumb", "finger4"], ids=["named", "told by its place"])
+def test_a_thumb_beside_the_palm_is_turned_before_it(thumb: str, tmp_path: Path) -> None:
+    parts, wrist = one_arm()
+    palm = parts.fixed(wrist, parts.link("palm", (0.02, 0.09, 0.08), (0.0, 0.0, 0.04)), (0.0, 0.0, 0.08))
+    for number in range(4):
+        parent, at = palm, (0.0, 0.025 * number - 0.0375, 0.08)
+        for phalanx in range(2):
+            name = f"finger{number}_{phalanx}"
+            parent = parts.joint(
+                f"{name}_joint", parent, parts.link(name, (0.014, 0.014, 0.035), (0.0, 0.0, 0.018)), at, Y, (-0.2, 1.5)
+            )
+            at = (0.0, 0.0, 0.036)
+    turned = parts.joint("turn", palm, parts.link(f"{thumb}_0"), (0.015, -0.045, 0.03), Z, (0.0, 1.6))
+    link = parts.link(f"{thumb}_1", (0.014, 0.014, 0.075), (0.0, -0.02, 0.05))
+    parts.joint("bend", turned, link, (0.0, 0.0, 0.0), X, (-0.6, 0.6))
+    found, _ = drafted(parts, tmp_path)
+    arm, gripper = found["arms"]["arm"], found["arms"]["arm"]["gripper"]
+    assert arm["approach"] == [0.0, 0.0, 1.0]
+    assert arm["closing"] == [1.0, 0.0, 0.0], "before the palm, not from one side of it to the other"
+    for number in range(4):
+        assert gripper["opened"][f"finger{number}_0_joint"] < gripper["closed"][f"finger{number}_0_joint"]
+    assert gripper["opened"]["turn"] == gripper["closed"]["turn"] > 0.5, "turned before the palm"
+
+
 def test_equal_hands_on_both_sides_open_equally(tmp_path: Path) -> None:
     parts = Parts()
     chest = parts.torso(parts.base("wheels"), "y")
