@@ -401,6 +401,8 @@ class _Maker:
         if not shape.opened:
             found = f"finger {shape.stuck[0].name} with a plausible range" if shape.stuck else "moving finger"
             what = f"the URDF has no {found}: without a gripper the robot cannot grasp anything"
+            if not shape.stuck:
+                what += "; if it has one, merge its URDF into this one (docs/first_steps/own_robot.md)"
             table.add("opened", {"finger_joint": 0.04}, what, Status.MISSING)
             table.add("closed", {"finger_joint": 0.0}, "", Status.MISSING)
             table.add("max_opening", USUAL_OPENING, "", Status.MISSING)

@@ -73,7 +73,8 @@ def _without_gripper(robot: Robot) -> str:
     table = f"[arms.{robot.arms[0].name}.gripper]"
     return (
         f"{sentence}: {robot.file.name} has no table {table}. If fingers of the URDF move, state there opened and "
-        "closed (positions of their joints), fingers (their links) and max_opening (the widest object between them [m])"
+        "closed (positions of their joints), fingers (their links) and max_opening (the widest object between them "
+        "[m]); if the URDF has no fingers, merge that of the gripper into it (docs/first_steps/own_robot.md)"
     )
 
 
