@@ -11,6 +11,7 @@ import os
 import re
 import stat
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import unquote_to_bytes
@@ -180,6 +181,7 @@ ONTOLOGIES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf", ".ofn", ".owx")
 """Suffixes by which ontologies are found in folders of the user."""
 
 
+@cache
 def bundled(folder: str) -> Path:
     """Return the folder "ontologies" or "recipes" of this installation."""
     here = Path(__file__).resolve().parent

@@ -16,9 +16,8 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, note, unread
 from planlang.ontology import Literal, Ontology, Triple, expand
 from planlang.ontology.documents import Document, Reading, read_all
-from planlang.ontology.terms import RDF
+from planlang.ontology.terms import MOVED_LINKS, RDF, URDF_WORLDS
 from planlang.ontology.triples import Triples
-from planlang.ontology.urdf_world import NAMESPACE, USUAL
 
 LINKS = ("hasBaseLinkName", "hasURDFName")
 """Properties from an object to the name of its link."""
@@ -40,7 +39,7 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
         if isinstance(triple.object, Literal) and isinstance(triple.subject, str):
             names.setdefault(quote(triple.object.value.strip(), safe=""), triple.subject)
             named.setdefault(triple.subject, triple)
-    worlds = [one for one in ontology.readings if one.document.iri and one.document.iri.startswith(NAMESPACE)]
+    worlds = [one for one in ontology.readings if one.document.iri and one.document.iri.startswith(URDF_WORLDS)]
     added = [] if worlds else list(_worlds(ontology, notes))
     if not worlds and not added:
         first = next(iter(named.values()))
@@ -95,13 +94,13 @@ def _worlds(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[Reading]:
 def _linked(reading: Reading, names: dict[str, str], ontology: Ontology, linked: set[str]) -> Reading:
     """Give the objects of a URDF the IRIs of the individuals that name their links."""
     iri = reading.document.iri or ""
-    if not iri.startswith(NAMESPACE):
+    if not iri.startswith(URDF_WORLDS):
         return reading
     things = {name: thing for name, thing in names.items() if reading.triples.find(f"{iri}#{name}") is not None}
     linked.update(things.values())
     renamed = reading.triples.renamed({f"{iri}#{name}": thing for name, thing in things.items()})
     known = {thing for thing in things.values() if _says_more(ontology, thing)}
-    leaves = {expand(cls) for cls in USUAL.values()}  # what a joint says of a link
+    leaves = {expand(cls) for cls in MOVED_LINKS.values()}  # what a joint says of a link
     kept = [
         triple
         for triple in renamed

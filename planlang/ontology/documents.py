@@ -243,8 +243,15 @@ def _reader_digest() -> str:
 
 def is_bundled(path: Path) -> bool:
     """Check whether a file is one of planlang's own."""
-    folders = (bundled("ontologies").resolve(), bundled("recipes").resolve())
-    return path.suffix == ".omn" and any(path.resolve().is_relative_to(folder) for folder in folders)
+    if path.suffix != ".omn":
+        return False
+    real = path.resolve()
+    return any(real.is_relative_to(folder) for folder in _own_folders())
+
+
+@cache
+def _own_folders() -> tuple[Path, ...]:
+    return bundled("ontologies").resolve(), bundled("recipes").resolve()
 
 
 def stated(path: Path) -> tuple[str, ...]:

@@ -84,6 +84,10 @@ XSD = Namespace(
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
 SOMA = "http://www.ease-crc.org/ont/SOMA.owl#"
+URDF_WORLDS = "http://planlang.org/kb/urdf/"
+"""Start of the ontology IRI of a URDF, followed by the name of its robot element; links are names in there."""
+MOVED_LINKS = {"prismatic": "Drawer", "revolute": "Door", "continuous": "ControlKnob"}
+"""Type of the joint above a link -> class of the link, if no label has one."""
 UPPER = (SOMA, "http://www.ontologydesignpatterns.org/ont/dul/DUL.owl#")
 """Namespaces whose axioms say what kinds of things there are, and nothing about those of a recipe."""
 VOCABULARIES: dict[str, str] = {

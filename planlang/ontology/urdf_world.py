@@ -28,17 +28,13 @@ from planlang.geometry.mesh_paths import mesh_places
 from planlang.geometry.shapes import corners, outline_of
 from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
 from planlang.geometry.urdf_schema import numbers
-from planlang.ontology.terms import OWL, RDF, XSD, Literal, expand
+from planlang.ontology.terms import MOVED_LINKS, OWL, RDF, URDF_WORLDS, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.ontology.urdf_labels import FARTHEST, Label, Triplet, labels_for
 from planlang.records import dataclass
 
-NAMESPACE = "http://planlang.org/kb/urdf/"
-"""Start of the ontology IRI of a URDF, followed by the name of its robot element; links are names in there."""
 MOST_LINKS = 5000
 """Greatest number of links of a world; a house has some hundred."""
-USUAL = {"prismatic": "Drawer", "revolute": "Door", "continuous": "ControlKnob"}
-"""Type of the joint above a link -> class of the link, if no label has one."""
 SOMETHING = "FurniturePiece"
 """Class of all other links."""
 SHOWN = 20
@@ -67,7 +63,7 @@ class _World:
     def __init__(self, urdf: Urdf) -> None:
         self.file, self.urdf = str(urdf.path), urdf
         name = urdf.tree.get("name") or urdf.path.stem
-        self.iri = NAMESPACE + quote(name, safe="")
+        self.iri = URDF_WORLDS + quote(name, safe="")
         self.labels = labels_for(urdf.path, name)
         self.elements = {link.get("name", ""): link for link in urdf.tree.findall("link") if isinstance(link, Element)}
         self.above = {joint.child: joint for joint in urdf.joints}
@@ -187,7 +183,7 @@ class _World:
         labels = (file.link(name) for file in self.labels)
         stated = next((label.cls for label in labels if label is not None and label.cls is not None), None)
         joint = self.above.get(name)
-        return stated or USUAL.get("" if joint is None else joint.kind, SOMETHING)
+        return stated or MOVED_LINKS.get("" if joint is None else joint.kind, SOMETHING)
 
     # Boxes
 

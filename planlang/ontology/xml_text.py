@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
 from functools import cache
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 from planlang.diagnostics import BadInput, Declaration, Diagnostic, Span, error, warning
 from planlang.files import bundled, offset_of, position_of
@@ -199,6 +198,8 @@ def must_be_rdf(tag: str, span: Span) -> None:
 
 def opening_tag(tag: str, attributes: Sequence[str], *, is_outermost: bool) -> str:
     """Write the start tag of an element inside an XML literal again; the outermost one with its namespace."""
+    from xml.sax.saxutils import quoteattr  # which imports urllib.request, http and ssl, in 30 ms
+
     namespace, _, local = tag.rpartition(" ")
     parts = [local, *([f"xmlns={quoteattr(namespace)}"] if is_outermost and namespace else [])]
     pairs = zip(attributes[::2], attributes[1::2], strict=True)
