@@ -73,15 +73,6 @@ def no_certificates(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["SSL_CERT_DIR"] = str(tmp_path_factory.mktemp("certificates"))
 
 
-@pytest.fixture(autouse=True)
-def tidy_checkout() -> Iterator[None]:
-    """No test leaves a file in the root of the checkout, where somebody may commit it."""
-    before = set(os.listdir(TESTS.parent))
-    yield
-    left = sorted(name for name in set(os.listdir(TESTS.parent)) - before if not name.startswith((".", "__")))
-    assert not left, f"left in the root of the checkout: {', '.join(left)}"
-
-
 LONGEST = (
     "repository/test_documentation.py",
     "executive/test_locate.py",
