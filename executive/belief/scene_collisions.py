@@ -303,8 +303,7 @@ class SceneCollisions:
         independent = len(frozenset[int]().union(*links)) == sum(map(len, links))
         if independent and self._world.passed(Configuration(base, joints), steps) <= {around}:
             return None  # no finger's motion depends on whether another one has been stopped
-        stopped = self._close(base, joints, steps, around)
-        return stopped if isinstance(stopped, str) else None
+        return self._close(base, joints, steps, around)
 
     def closed_on(
         self, base: BasePose, arm: ArmModel, q: Array, around: str, fingers: Fingers | None = None
@@ -337,7 +336,7 @@ class SceneCollisions:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
         joints |= fingers
-        return None if isinstance(self._close(base, joints, _closing(gripper, fingers), around), str) else joints
+        return joints if self._close(base, joints, _closing(gripper, fingers), around) is None else None
 
     def _distance(self, name: str, point: Array) -> float:
         """Compute the distance of a map point (3,) from a body or its handles [m]."""
@@ -346,8 +345,8 @@ class SceneCollisions:
 
     def _close(
         self, base: BasePose, joints: dict[str, float], steps: Sequence[Mapping[str, float]], around: str
-    ) -> str | Mapping[str, float]:
-        """Close fingers step by step until they touch ``around``; return their positions, or a body that stops them.
+    ) -> str | None:
+        """Close fingers step by step until they touch ``around``; return another body that stops them, or None.
 
         Updates ``joints`` to the positions reached.
         """
@@ -367,7 +366,7 @@ class SceneCollisions:
                     moving.remove(name)
                 else:
                     return next(body for body in bodies if body not in self._links)
-        return {name: joints[name] for name in steps[0]}
+        return None
 
     def lifted(self, arm: ArmModel, torsos: Sequence[float]) -> tuple[float, ...]:
         """Select the torso positions without self-collision of the robot's other parts in their current posture."""

@@ -88,9 +88,9 @@ class OwnBody:
     share: float
     """Share of the others in which the arm touches the robot's own body, 0..1."""
     link: str | None
-    """The link that is in the way most often."""
+    """The link that is in the way most often, of the pairs of it and a link of the arm."""
     touched_by: str | None
-    """The link of the arm that touches it most often."""
+    """That link of the arm."""
 
     def __str__(self) -> str:
         """Say it: "below 9 % of that, in the way of 12 % of the rest, mostly mobile_base"."""
@@ -224,15 +224,9 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
             tested += 1
             if (hit := next(hits, None)) is not None:
                 blocked[hit] += 1
-    links_hit = Counter[str]()
-    for (hit_link, _), count in blocked.items():
-        links_hit[hit_link] += count
-    link = min(links_hit, key=lambda name: (-links_hit[name], name), default=None)
-    _, by = min(
-        (pair for pair in blocked if pair[0] == link), key=lambda one: (-blocked[one], one), default=(None, None)
-    )
+    most = min(blocked, key=lambda pair: (-blocked[pair], pair), default=None)
     total = sum(map(len, maps.values()))
-    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), link, by)
+    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), *(most or (None, None)))
 
 
 # Doorways
@@ -368,4 +362,7 @@ def _out_of_reach(reaches: Sequence[ArmReach]) -> Iterator[Advice]:
                 yield Advice(what, "a lower or narrower size, or an at nearer to its edge, in [mount]")
             else:
                 pair = f'["{own.link}", "{own.touched_by}"]'
-                yield Advice(f"{what}, mostly of its {own.touched_by}", f"allowed_contacts = [{pair}] if that is false")
+                yield Advice(
+                    f"{what}, mostly of its {own.touched_by}",
+                    f"allowed_contacts = [{pair}], if their shapes in the URDF are coarser than they are",
+                )

@@ -26,7 +26,8 @@ KNOWROB = (
 def misspellings(ontology: Ontology) -> Iterator[Diagnostic]:
     """Report the properties in use that nothing declares and that are nearly those of maps, each once."""
     words = Spellings((*KNOWROB, *LINKS, *soma.READ))
-    for iri in ontology.properties_in_use():
+    for number in ontology.store.used:
+        iri = ontology.store.name(number) or ""
         name = local_part(iri)
         alike = words.similar(name, least=ALIKE)
         if not alike or alike[0] == name or ontology.is_property(iri):

@@ -1,6 +1,6 @@
 """Repairs of a file's triples, and checks of what remains wrong.
 
-Repaired: names in old namespaces, terms in the wrong namespace, restrictions without their type. Reported: malformed
+Repaired: terms in the wrong namespace, restrictions without their type. Reported: malformed
 restrictions, lists and literals of a file, and errors that only show in the ontology as a whole.
 """
 
@@ -18,74 +18,9 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.files import bundled
 from planlang.ontology.classes import namesakes
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, SOMA, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
 from planlang.spelling import similar
-
-OLD_HOST = "http://ias.cs.tum.edu/kb/"
-HOST = "http://knowrob.org/kb/"
-_MOVED_FROM = (OLD_HOST, "http://www.ease-crc.org/ont/")
-
-MOVED = (
-    "knowrob",
-    "srdl2",
-    "srdl2-cap",
-    "srdl2-comp",
-    "srdl2-action",
-    "srdl2-dl",
-    "computable",
-    "comp_temporal",
-    "comp_spatial",
-    "comp_cop",
-    "comp_semantic_map",
-    "knowrob_objects",
-    "knowrob_units",
-)
-"""Vocabularies that moved from the old host to the new one. Recipes, maps and robots keep their old names."""
-
-_RENAMED: dict[str, str] = {f"{OLD_HOST}{name}.owl": f"{HOST}{name}.owl" for name in MOVED}
-"""Old address of a document -> its current address."""
-
-
-_EASE = re.compile(r"http://www\.ease-crc\.org/ont/(?:EASE|SOMA)(?:[-_]\w+)?\.owl#(?=.)")
-"""Namespaces that SOMA's names had in its modules, and before it was called so; its documents keep their addresses."""
-
-
-def canonical(iri: str) -> str:
-    """Map a term or document of the old host, or a term of SOMA, to its current IRI; other IRIs are unchanged."""
-    if not iri.startswith(_MOVED_FROM):
-        return iri
-    document, hash_sign, name = iri.partition("#")
-    return f"{_RENAMED.get(document, document)}{hash_sign}{name}" if not _EASE.match(iri) else SOMA + name
-
-
-def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
-    """Rename terms of old vocabularies, with a note for each vocabulary at its first use."""
-    old = {number: term for term, number in triples.numbers.items() if isinstance(term, str) and _is_old(term)}
-    if not old:
-        return
-    notes = list(_notes(triples, old))
-    triples.rename({term: canonical(term) for term in old.values()})
-    yield from notes
-
-
-def _is_old(term: str) -> bool:
-    return term.startswith(_MOVED_FROM) and canonical(term) != term
-
-
-def _notes(triples: Triples, old: dict[int, str]) -> Iterator[Diagnostic]:
-    documents = {number: term.partition("#")[0] for number, term in old.items()}
-    renamed = {document: canonical(f"{document}#name").partition("#")[0] for document in documents.values()}
-    unreported = {document for document, name in renamed.items() if name != document}
-    for row, terms in enumerate(zip(triples.subjects, triples.predicates, triples.objects, strict=True)):
-        for number in terms:
-            if number in documents and (document := documents[number]) in unreported:
-                unreported.remove(document)
-                message = f"names of {document} are read as those of {renamed[document]}"
-                yield note("O015", message, triples.span(row))
-        if not unreported:
-            return
-
 
 TERMS: dict[str, frozenset[str]] = {space: space.terms for space in (RDFS, OWL, RDF)}
 """Namespace -> local names of its terms; a misplaced term is looked up in this order."""

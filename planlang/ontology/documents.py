@@ -23,9 +23,10 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread, warn
 from planlang.files import LARGEST_ONTOLOGY, bundled, decode, read_file
 from planlang.ontology.annotations import without_annotations
 from planlang.ontology.bson import is_bson
-from planlang.ontology.checks import malformed, repair, use_canonical_names
+from planlang.ontology.checks import malformed, repair
 from planlang.ontology.imports import ImportMap
 from planlang.ontology.map_file import OCCUPANCY_GRID, read_map_file, sensed_map
+from planlang.ontology.moved_names import use_canonical_names
 from planlang.ontology.terms import OWL, RDF, SOMA, BNode, Triple
 from planlang.ontology.triples import Parsed, Triples
 from planlang.records import dataclass

@@ -12,7 +12,7 @@ from urllib.parse import unquote
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.files import ONTOLOGIES, bundled, read_file
 from planlang.ontology.catalog import Catalogs
-from planlang.ontology.checks import HOST, OLD_HOST, canonical
+from planlang.ontology.moved_names import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
 from planlang.records import dataclass
 from planlang.spelling import similar

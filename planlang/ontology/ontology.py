@@ -199,10 +199,6 @@ class Ontology:
         iris = (self.store.name(number) for number in self._named(names))
         return tuple(iri for iri in iris if iri is not None)
 
-    def properties_in_use(self) -> tuple[str, ...]:
-        """IRIs of all properties in use."""
-        return tuple(iri for number in self.store.used if (iri := self.store.name(number)) is not None)
-
     def _named(self, names: tuple[str, ...]) -> dict[int, None]:
         numbers = self._properties_named.get(names)
         if numbers is None:

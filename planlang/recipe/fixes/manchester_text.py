@@ -8,7 +8,7 @@ from itertools import islice
 from planlang.designators import local_part
 from planlang.diagnostics import Span
 from planlang.files import offset_of
-from planlang.ontology.checks import canonical
+from planlang.ontology.moved_names import canonical
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
 
 _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")

@@ -10,7 +10,8 @@ from xml.sax.saxutils import escape
 
 from planlang.designators import local_part
 from planlang.diagnostics import Declaration, Span
-from planlang.ontology.checks import canonical, meant_term
+from planlang.ontology.checks import meant_term
+from planlang.ontology.moved_names import canonical
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.ontology.xml_text import place_of_declarations
 from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place

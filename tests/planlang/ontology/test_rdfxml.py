@@ -9,7 +9,7 @@ import pytest
 from rdf_graphs import graph_of, read_by_rdflib, same
 
 from planlang.ontology import Literal, Ontology, Term, load
-from planlang.ontology.checks import canonical
+from planlang.ontology.moved_names import canonical
 from planlang.ontology.rdfxml import read_rdfxml
 from planlang.ontology.terms import OWL, RDFS
 
