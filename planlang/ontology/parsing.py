@@ -125,6 +125,7 @@ def unexpected(
         message = "a string is not closed, or its quotation marks are unexpected here"
     names: Iterable[str] = getattr(problem, "accepts", None) or getattr(problem, "allowed", None) or ()
     names = names or getattr(problem, "expected", None) or ()
+    names = {"$END" if name == "<END-OF-FILE>" else name for name in names}  # lark's lexer has a name of its own for it
     order = {name: place for place, name in enumerate(descriptions)}
     keywords, spoken = [], []
     for name in sorted(

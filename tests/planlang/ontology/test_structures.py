@@ -157,6 +157,7 @@ def test_a_triple_has_the_position_of_the_word_that_states_it() -> None:
         ("SubClassOf(:A :B\nSubClassOf(:A :C)\n", 7, 1, "SubClassOf is inside of SubClassOf", "end SubClassOf before"),
         ('SubClassOf(:A "B\n', 6, 15, "a string is not closed", "expected"),
         ("SubClassOf(:A :B))\nSubClassOf(:A :C)", 7, 1, "behind the end of the ontology", "remove a )"),
+        ("SubClassOf(:A :B))\n%", 7, 1, "unexpected % behind the end of the ontology", "remove a )"),
         ("SubClassOf(:A B)", 6, 15, "unexpected B", "a name prefix:name"),
     ],
 )
