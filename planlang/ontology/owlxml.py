@@ -116,6 +116,9 @@ class _Handler:
             return
         part = self._part(opened)
         if len(self.opened) > 1:
+            if part is None:
+                outer = self.opened[-1].word
+                part = self.structures.fail(f"a Prefix is inside of {outer}", opened.span, "move it before the axioms")
             self.opened[-1].parts.append(part)
         elif part is not None:
             self.structures.add(part, opened.span)

@@ -192,6 +192,7 @@ def test_a_truncated_file_and_one_without_its_beginning_say_so() -> None:
         ("<Declaration>\nhere<Class IRI='#A'/></Declaration>", 4, "text between elements: 'here'"),
         ('<SubClassOf><Class IRI="#A"/><Class abbreviatedIRI="x:B"/></SubClassOf>', 4, "unknown prefix x:"),
         ('<SubClassOf><Class IRI="#A"/>', 4, "not closed"),
+        ('<SubClassOf>\n<Prefix name="x" IRI="y"/></SubClassOf>', 5, "a Prefix is inside of SubClassOf"),
     ],
 )
 def test_a_mistake_in_owl_xml_is_named_where_it_is(body: str, line: int, said: str) -> None:
