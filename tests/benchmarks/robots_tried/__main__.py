@@ -1,6 +1,7 @@
 """Try public robots: draft them from their URDFs, compare that with what their makers say, let them bring a bottle.
 
-    python -m tests.benchmarks.robots_tried FOLDER [--truth FILE] [--only NAME,...] [--docs PAGE] [--pictures FOLDER]
+    python -m tests.benchmarks.robots_tried FOLDER [--truth FILE] [--only NAME,...] [--until draft]
+        [--docs PAGE] [--pictures FOLDER]
 
 FOLDER holds the unpacked packages. Of the robots of ``truth.toml`` those are tried that lie there; with ``--truth ''``,
 every URDF below FOLDER. Each stage has a process with limits: drafting (180 s of CPU, 2 GB), inspecting, and bringing a
@@ -30,8 +31,9 @@ from tests.benchmarks.robots_tried.table import BEGIN, END, page
 from tests.benchmarks.robots_tried.trial import OPENS, SIZE
 
 TRUTH = Path(__file__).with_name("truth.toml")
-DRAFTING = Limits(seconds=180, memory=2_000_000_000, wall=600.0)
-INSPECTING = Limits(seconds=180, memory=3_000_000_000, wall=600.0)
+DRAFTING = Limits(seconds=180, memory=2_000_000_000, wall=1800.0)
+INSPECTING = Limits(seconds=180, memory=3_000_000_000, wall=1800.0)
+STAGES = ("draft", "inspect", "bring")
 COLUMNS = 9
 """Robots in a row of the picture of all."""
 Robots = Mapping[str, Mapping[str, Any]]
@@ -51,11 +53,19 @@ def robots_in(folder: Path, truth: Path | None, only: Sequence[str]) -> dict[str
 
 
 def tried(
-    robots: Robots, folder: Path, jobs: int, seconds: int, pictures: Path | None, reused: bool = False
+    robots: Robots,
+    folder: Path,
+    jobs: int,
+    seconds: int,
+    pictures: Path | None,
+    *,
+    reused: bool = False,
+    until: str = STAGES[-1],
 ) -> list[dict[str, Any]]:
     """Try robots, in three stages; return a row for each. ``folder`` receives robot files, pictures, and rows.
 
     With ``reused``, stages are not repeated whose results lie there, found by the same code with the same limits.
+    ``until`` is the last stage.
     """
     rows: dict[str, dict[str, Any]] = {name: {"world": name, "truth": dict(one)} for name, one in robots.items()}
     worlds = {name: _world(name, one, folder, pictures) for name, one in robots.items()}
@@ -82,11 +92,13 @@ def tried(
         sweep(chosen, f"tests.benchmarks.robots_tried.trial:{job}_job", processes=jobs, limits=limits, told=told)
 
     stage("draft", DRAFTING, list(rows))
-    stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
+    if until != "draft":
+        stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
     able = [
         name for name, row in rows.items() if any((a["opening"] or 0) > OPENS for a in row.get("arms", {}).values())
     ]
-    stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=6.0 * seconds), able)
+    if until == "bring":
+        stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=20.0 * seconds), able)
     return list(rows.values())
 
 
@@ -128,6 +140,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="names of robots, with commas between")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=int, default=120, help="CPU time for bringing the bottle [s]")
+    parser.add_argument("--until", choices=STAGES, default=STAGES[-1], help="last stage (default: %(default)s)")
     parser.add_argument("--docs", type=Path, default=None, help="page that receives the tables")
     parser.add_argument("--pictures", type=Path, default=None, help="folder that keeps pictures, robot files and rows")
     given = parser.parse_args()
@@ -136,7 +149,10 @@ def main() -> int:
     with TemporaryDirectory() as name:
         folder = given.pictures or Path(name)
         folder.mkdir(parents=True, exist_ok=True)
-        rows = tried(robots, folder.resolve(), given.jobs, given.seconds, given.pictures and folder.resolve(), bool(given.pictures))
+        pictures = given.pictures and folder.resolve()
+        rows = tried(
+            robots, folder.resolve(), given.jobs, given.seconds, pictures, reused=bool(pictures), until=given.until
+        )
         text = "\n".join(page(rows))
         if given.docs is None:
             print(text)

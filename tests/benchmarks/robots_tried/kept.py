@@ -10,8 +10,12 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[3]
-SOURCES = ("planlang", "executive", "sim", "ontologies", "recipes", "tests/support", "tests/benchmarks/robots_tried")
-"""What results depend on besides the robots and the facts about them, which rows are compared with."""
+HERE = "tests/benchmarks/robots_tried"
+SOURCES = (
+    *("planlang", "executive", "sim", "ontologies", "recipes", "tests/support/scenarios"),
+    *(f"{HERE}/trial.py", f"{HERE}/truth.py"),
+)
+"""Files, and folders of files, that results depend on besides the robots and the facts about them."""
 
 
 class Kept:
@@ -51,9 +55,10 @@ class Kept:
 
 
 def _code() -> bytes:
-    """Digest the sources, without facts about robots."""
+    """Digest the sources."""
     digest = hashlib.sha256()
-    for path in sorted(path for part in SOURCES for path in (ROOT / part).rglob("*")):
-        if path.is_file() and path.suffix not in (".pyc", ".pyi") and path.name != "truth.toml":
+    paths = [path for part in SOURCES for path in (ROOT / part, *(ROOT / part).rglob("*"))]
+    for path in sorted(paths):
+        if path.is_file() and path.suffix != ".pyc":
             digest.update(f"{path.relative_to(ROOT)}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
     return digest.digest()
