@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+from planlang.geometry.mesh_paths import MODELS, PACKAGES
 
 ROOT = Path(__file__).resolve().parents[3]
 HERE = "tests/benchmarks/robots_tried"
@@ -19,7 +22,7 @@ SOURCES = (
 
 
 class Kept:
-    """Results of stages, a file beside each robot file; those of other code, limits, facts or URDFs are forgotten.
+    """Results of stages, a file beside each robot file; those of other code, limits, facts, URDFs or packages are forgotten.
 
     ``limits`` is what else results depend on; None keeps nothing.
     """
@@ -50,7 +53,8 @@ class Kept:
     def _key(self, world: Mapping[str, Any]) -> str:
         assert self._code is not None
         digest = self._code.copy()
-        digest.update(json.dumps(world, sort_keys=True).encode() + Path(world["urdf"]).read_bytes())
+        places = [os.environ.get(name) for name in (*PACKAGES, *MODELS)]
+        digest.update(json.dumps([places, world], sort_keys=True).encode() + Path(world["urdf"]).read_bytes())
         return digest.hexdigest()
 
 
