@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from executive.robots.mechanism import Mechanism
-from executive.robots.part_words import Part, names
+from executive.robots.part_words import Part, is_tool, names
 from executive.robots.robot import side_of
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
@@ -32,7 +32,6 @@ UPRIGHT = 0.999
 """Least cosine between vertical directions."""
 TURNS = 8 * math.pi
 """Range of a revolute joint beyond which it turns wheels, or is an error [rad]."""
-_TOOL = re.compile(r"tool|tcp|grip_?point|grasp|flange", re.IGNORECASE)
 _OPTICAL = re.compile(r"optical", re.IGNORECASE)
 
 
@@ -93,9 +92,10 @@ class Anatomy:
         hand = self._palm(fingers) if fingers else link
         return Limb(tuple(joint for joint in movers if joint in joints), hand, fingers, name)
 
-    def depth(self, joint: Joint) -> int:
-        """Count the moving joints in a row from a joint on, where most are."""
-        return 1 + self._depth[joint.child]
+    def motors(self, joint: Joint) -> int:
+        """Count the joints with motors of their own in a row from a joint on, where most are."""
+        own = self.mechanism.actuated(joint.name) and not names(Part.SPRING, joint.name, joint.child)
+        return own + max(map(self.motors, self._hung.get(joint.child, ())), default=0)
 
     def moving_below(self, link: str) -> list[Joint]:
         """List the joints that move parts of a link or of the links rigidly attached to it, without wheels."""
@@ -276,11 +276,6 @@ def _last(mechanism: Mechanism, link: str) -> str:
     """Find the end of the links fixed to a link: the last one named like a tool, else the link itself."""
     group = mechanism.rigid_with(link)
     return next((name for name in reversed(group) if is_tool(name)), link)
-
-
-def is_tool(link: str) -> bool:
-    """Check whether a link is named as the point of a tool."""
-    return _TOOL.search(link) is not None
 
 
 def side(mechanism: Mechanism, limb: Limb, limbs: Sequence[Limb]) -> str | None:

@@ -356,12 +356,14 @@ class _Maker:
     def _doubts(self, limb: Limb, shape: HandShape, shapes: Sequence[HandShape]) -> dict[str, str]:
         """Word what is implausible about a hand, by the key that states it."""
         doubts = {}
-        joints = {finger.name: self.anatomy.depth(finger) for finger in limb.fingers}
+        joints = {finger.name: self.anatomy.motors(finger) for finger in limb.fingers}
         deepest = max(joints, key=lambda name: joints[name], default="")
         if joints and joints[deepest] > LONGEST_FINGER:
             doubts["hand"] = f"the finger from {deepest} on has {joints[deepest]} joints, it may be an arm"
         if shape.size > WIDEST_HAND:
             doubts["hand"] = f"a finger is {shape.size:.2f} m long, it may be an arm"
+        if shape.unclear:
+            doubts["max_opening"] = f"{shape.unclear}; the hand's data sheet says how far it opens"
         if shape.max_opening > WIDEST_HAND:
             doubts["max_opening"] = "wider than hands open"
         for other, twin in zip(self.limbs, shapes, strict=True):
