@@ -32,6 +32,8 @@ UPRIGHT = 0.999
 """Least cosine between vertical directions."""
 TURNS = 8 * math.pi
 """Range of a revolute joint beyond which it turns wheels, or is an error [rad]."""
+LEVEL_CAMERA = 0.5
+"""Least cosine between the vertical and the axis of a camera that points up in its picture."""
 _OPTICAL = re.compile(r"optical", re.IGNORECASE)
 
 
@@ -317,3 +319,10 @@ def camera(mechanism: Mechanism, arms: Iterable[str]) -> str | None:
 def is_optical(link: str) -> bool:
     """Check whether a camera link is an optical frame, which looks along z with y down (REP 103)."""
     return _OPTICAL.search(link) is not None
+
+
+def looks_along_z(mechanism: Mechanism, link: str) -> bool:
+    """Check whether a camera looks along z with y down, by how it is mounted, else by its name."""
+    frame = mechanism.frame(link)[:3, :3]
+    plain, optical = float(frame[2, 2]), -float(frame[2, 1])
+    return optical > plain if max(plain, optical) > LEVEL_CAMERA else is_optical(link)

@@ -438,8 +438,11 @@ class _Maker:
         neck = [name for name in self.mechanism.movers(link) if name not in self.movers]
         if neck:
             table.add("neck", neck, "joints that move the camera but no hand")
-        optical = anatomy.is_optical(link)
-        status, why = (Status.DERIVED, "an optical frame") if optical else (Status.ASSUMED, "not an optical frame")
+        optical = anatomy.looks_along_z(self.mechanism, link)
+        status, why = (Status.ASSUMED, "not an optical frame")
+        if optical:
+            named = anatomy.is_optical(link)
+            status, why = (Status.DERIVED, "an optical frame") if named else (Status.ASSUMED, "by how it is mounted")
         table.add("forward", (0.0, 0.0, 1.0) if optical else (1.0, 0.0, 0.0), why, status)
         table.add("up", (0.0, -1.0, 0.0) if optical else (0.0, 0.0, 1.0), why, status)
         for key, value in (("fov", 1.0), ("near", 0.3), ("far", 4.0)):
