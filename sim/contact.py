@@ -407,7 +407,7 @@ def coarse_pairs(robot: Robot, slides: Iterable[str]) -> list[tuple[str, str]]:
     Their shapes are coarser than the links, such as hulls around the parts of a wrist or of a head above a lift: as the
     model states them, the robot could hardly move. Links that meet only when it folds are not among them.
     """
-    near = [pair for pair in watched_pairs(robot) if _joints_between(robot, *pair) <= _NEAR]
+    near = [pair for pair in watched_pairs(robot) if _motors_between(robot, *pair) <= _NEAR]
     found = dict.fromkeys(_often(robot, near, _MOSTLY))
     for slide in slides:
         apart = robot.moved_apart(frozenset({slide}))
@@ -441,10 +441,11 @@ def _often(
     return often
 
 
-def _joints_between(robot: Robot, a: int, b: int) -> int:
-    """Count the moving joints between two solid links."""
+def _motors_between(robot: Robot, a: int, b: int) -> int:
+    """Count the joints that move two solid links apart; those that follow one another count once, as in a telescope."""
     above = (set(robot.ancestors(robot.solid[number])) for number in (a, b))
-    return len(next(above).symmetric_difference(next(above)) - robot.fixed)
+    masters = {index: robot.joints[name] for name, several in robot.followers.items() for index, _ in several}
+    return len({masters.get(index, index) for index in next(above).symmetric_difference(next(above)) - robot.fixed})
 
 
 @contextlib.contextmanager

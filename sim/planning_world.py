@@ -37,13 +37,13 @@ Outline = tuple[float, float, Array]
 """z_low, z_high [m] and a convex polygon (n, 2), counter-clockwise, in the frame of the base."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Shape:
     """The robot in a posture seen from above, without some links; one entry per solid link."""
 
     bands: tuple[Band, ...]
-    outlines: tuple[Outline, ...]
-    """Inner approximations: within the links' true outlines."""
+    outlines: tuple[Outline, ...] | None = None
+    """Inner approximations: within the links' true outlines; None until they are asked for, as they take long."""
 
 
 MOST_LINES = 16_000
@@ -146,9 +146,16 @@ class PlanningWorld(KinematicScene):
         Polygons (n, 2) are in the frame of the base, counter-clockwise, and lie within the link; links that a joint of
         ``without`` moves are left out.
         """
-        outlines = self._shape(without).outlines
+        shape = self._shape(without)
+        if shape.outlines is None:
+            self._show(self._at_origin())
+            numbers = self._numbers(without)
+            polygons = (outline_of(points[:, :2].round(9)) for points in self.robot.points(numbers))
+            shape.outlines = tuple(
+                (low, high, polygon) for (low, high, _), polygon in zip(shape.bands, polygons, strict=True)
+            )
         self._here()
-        return outlines
+        return shape.outlines
 
     def _shape(self, without: Collection[str]) -> Shape:
         """Compute the robot's shape in its posture, without links that a joint of ``without`` moves; cached."""
@@ -157,16 +164,18 @@ class PlanningWorld(KinematicScene):
         key = robot.key, tuple(sorted(without)), posture
         if key not in _shapes:
             self._show(self._at_origin())
-            left_out = self._moved(without)
-            numbers = [number for number in range(len(robot.solid)) if number not in left_out]
+            numbers = self._numbers(without)
             lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
             radii = [round(robot.spread(number), 9) for number in numbers]
-            polygons = [outline_of(points[:, :2].round(9)) for points in robot.points(numbers)]
             while len(_shapes) >= MOST_SHAPES:
                 del _shapes[next(iter(_shapes))]
-            bands, outlines = zip(lower, upper, radii, strict=True), zip(lower, upper, polygons, strict=True)
-            _shapes[key] = Shape(tuple(bands), tuple(outlines))
+            _shapes[key] = Shape(tuple(zip(lower, upper, radii, strict=True)))
         return _shapes[key]
+
+    def _numbers(self, without: Collection[str]) -> list[int]:
+        """List the numbers of the solid links that no joint of ``without`` moves."""
+        left_out = self._moved(without)
+        return [number for number in range(len(self.robot.solid)) if number not in left_out]
 
     def _moved(self, names: Iterable[str]) -> frozenset[int]:
         """List the numbers of the solid links that any of these joints, or base coordinates, moves."""

@@ -20,6 +20,7 @@ from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from executive.robots.draft import sunk_in_floor
+from executive.robots.mechanism import source_of
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace
@@ -76,7 +77,7 @@ def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspect
     lines += ["missing", *(f"  {what}" for what in lacking or ["nothing"])]
     lines += warning_lines(can)
     arms = [_arm_data(arm, reach, can) for arm, reach in zip(robot.arms, can.reaches, strict=True)]
-    data: dict[str, Any] = {"robot": robot.name, "file": str(file), "urdf": str(robot.urdf), "arms": arms}
+    data: dict[str, Any] = {"robot": robot.name, "file": str(file), "urdf": str(source_of(robot.urdf)), "arms": arms}
     data |= {"torso": robot.torso, "neck": list(robot.neck), "camera": robot.camera.link if robot.camera else None}
     data |= {"postures": {name: dict(joints) for name, joints in robot.postures.items()}, "missing": lacking}
     data |= capability_data(can)

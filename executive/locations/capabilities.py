@@ -21,7 +21,7 @@ from executive.motion.clearance import Outline, outlines
 from executive.motion.drivable import drivable, free_poses
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel, arm_models
-from executive.robots.mechanism import BASE, Mechanism
+from executive.robots.mechanism import BASE, Mechanism, is_still
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import outline_of
@@ -55,8 +55,6 @@ WIDER, NARROWER = 0.015, 0.02
 """Differences between what plans grasp, and what fingers hold or a hand is said to open, that count [m]."""
 SAME = 0.002
 """Difference of two openings that does not count [m]."""
-STILL = 1e-6
-"""Range below which a joint does not move [rad, m]."""
 _MUG = Body("mug", Pose((0.0, 5.0, 0.05)), (0.08, 0.08, 0.1), BodyShape.CYLINDER, type="Cup", movable=True)
 _FROM = {GraspClass.SIDE: "grasps from the side", GraspClass.TILTED: "tilted ones", GraspClass.TOP: "from above"}
 """Grasp directions in words."""
@@ -177,7 +175,8 @@ def capabilities_of(
         doorways = None if robot.base.fixed else _doorways(robot, world)
     finally:
         world.close()
-    advice = (*_still_joints(robot), *long, *_openings(robot, held), *_unequal(robot), *_out_of_reach(reaches))
+    advice = (*_still_joints(robot), *long, *_covered(models), *_openings(robot, models, held), *_unequal(robot))
+    advice = (*advice, *_out_of_reach(reaches))
     return Capabilities(held, reaches, doorways, advice)
 
 
@@ -274,9 +273,9 @@ def _still_joints(robot: Robot) -> Iterator[Advice]:
     for arm in robot.arms:
         joints |= {joint.name: joint for joint in mechanism.fingers(arm.hand_link)}
     for name, joint in joints.items():
-        if joint.kind in ("revolute", "prismatic") and joint.upper - joint.lower < STILL:
-            limits = f"{joint.lower:g} to {joint.upper:g}"
-            yield Advice(f"joint {name} cannot move, its limits are {limits}", f"limits = [...] in [joints.{name}]")
+        if is_still(joint):
+            what = f"joint {name} cannot move, its limits are {joint.lower:g} to {joint.upper:g}"
+            yield Advice(what, f"if the robot's does, limits = [LOWEST, HIGHEST] in [joints.{name}]")
 
 
 def _too_long(robot: Robot, world: PlanningWorld) -> Iterator[Advice]:
@@ -298,10 +297,19 @@ def _too_long(robot: Robot, world: PlanningWorld) -> Iterator[Advice]:
                 break
 
 
-def _openings(robot: Robot, held: Sequence[Holding]) -> Iterator[Advice]:
+def _covered(models: Sequence[ArmModel]) -> Iterator[Advice]:
+    """Name links whose shapes are around the grip point: no thing fits there."""
+    for arm in models:
+        if arm.covering is not None:
+            what = f"the <collision> shape of {arm.covering} covers the grip point of the {arm.name} arm"
+            yield Advice(f"{what}, so it grasps nothing", "shapes as they are into the URDF, also for its fingers")
+
+
+def _openings(robot: Robot, models: Sequence[ArmModel], held: Sequence[Holding]) -> Iterator[Advice]:
     """Compare what plans grasp with what the fingers hold."""
+    covered = {arm.name for arm in models if arm.covering is not None}
     for holding in held:
-        if holding.planned:
+        if holding.planned and holding.arm not in covered:
             yield from _opening(robot.arm(holding.arm), holding)
 
 

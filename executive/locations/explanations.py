@@ -43,6 +43,8 @@ BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 BETWEEN_FINGERS = 0.003
 """Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
+NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it (--start X,Y,YAW)"
+"""What helps a robot that does not drive."""
 BESIDE = 1.0
 """Distance from a thing beyond which a body cannot be what leaves a hand no room [m]."""
 
@@ -191,12 +193,16 @@ class _Explanation:
 
     def too_far_from(self, base: BasePose) -> str:
         """Return how far a thing is from a base pose, and how far arms reach at its height; "" if that is enough."""
-        x, y, _ = self.scene.bodies.pose(self.reach.body).position
-        away, farthest = math.hypot(x - base[0], y - base[1]), max(self.limits, key=lambda one: one.reach, default=None)
-        if self.reach.kind is not ReachKind.GRASP or farthest is None or away <= farthest.reach:
+        farthest = max(self.limits, key=lambda one: one.reach, default=None)
+        places = [np.array([self.scene.bodies.pose(self.reach.body).position])]
+        if self.reach.kind is not ReachKind.GRASP:
+            places = [table.points for _, tables in self._tables() for table in tables]
+        away = min((float(np.hypot(*(at[:, :2] - base[:2]).T).min()) for at in places if len(at)), default=0.0)
+        if farthest is None or away <= farthest.reach:
             return ""
-        said = f"{self.reach.body} is {away:.2f} m away from the centre of the robot"
-        return f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+        said = f"{self._aim()} is {away:.2f} m away from the centre of the robot"
+        said = f"{said}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+        return f"{said}{NEARER}" if self.scene.robot.base.fixed else said
 
     def _aim(self) -> str:
         """Name what the hand goes to: a thing, or a place on or at it."""

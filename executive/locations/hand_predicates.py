@@ -358,6 +358,12 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
     wide = narrowest(grip)
     if wide > arm.max_opening:
         reason, figures = "too wide for the gripper", f"{part} is {wide:.3f} m wide, {opening}"
+    elif arm.covering is not None:
+        reason = "no room between the fingers"
+        figures = (
+            f"{part} is {wide:.3f} m wide and would fit between the fingers ({opening}), but the <collision> shape of "
+            f"{arm.covering} in the URDF covers the place between them: draw it, and the fingers, as they are"
+        )
     else:
         reason = "no room for the hand around it"
         high = grip.high - grip.low

@@ -83,7 +83,8 @@ class _Drawing:
             self.sheet.picture((left * FINE, (CAPTION + MARGIN) * FINE), image)
             left += image.shape[1] + MARGIN
         legend = (
-            "x red, y green, z blue; fingers orange; between the fingers the greatest opening, from the camera its view"
+            "black arrow: forward; x red, y green, z blue; fingers orange; between the fingers the greatest opening, "
+            "from the camera its view"
         )
         self.sheet.text(((2 * MARGIN + BODY) * FINE, (CAPTION + BODY) * FINE), legend, 13, FAINT)
 

@@ -1,4 +1,7 @@
-"""Pictures of a robot by itself: its body with the frames of hands and camera, and each hand with open fingers."""
+"""Pictures of a robot by itself: its body with the frames of hands and camera, and each hand with open fingers.
+
+An arrow on the floor in front of the body points forward.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,10 @@ RED, GREEN, BLUE = (205, 70, 60, 255), (70, 150, 75, 255), (65, 100, 200, 255)
 """Colours of the x, y and z axes of a frame."""
 FINGER, SIGHT = (235, 150, 60, 255), (120, 90, 170, 255)
 """Colours of fingers, and of the edges of what the camera sees."""
+FORWARD = (30, 30, 30, 255)
+"""Colour of the arrow that points forward."""
+ARROW, BARB = 0.35, 0.12
+"""Length of that arrow, from the edge of the base on, and of its barbs along and across it [m]."""
 AXIS, THICK = 0.2, 0.012
 """Length and thickness of the axes of a frame [m]; in a hand's picture a third of that."""
 SEEN = 0.6
@@ -36,12 +43,15 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 
 def robot_picture(robot: Robot, world: PlanningWorld, size: tuple[int, int]) -> Image:
-    """Render a robot in its current posture, with the frames of base, tips and camera: a picture (height, width, 3)."""
-    models = list(_models(robot, world, ()))
-    points = joined(models).vertices
+    """Render a robot in its current posture, with the frames of base, tips and camera: a picture (height, width, 3).
+
+    An arrow points forward.
+    """
+    models, arrow = list(_models(robot, world, ())), _arrow(robot.base.radius)
+    points = np.concatenate([joined(models).vertices, arrow.vertices])
     middle, radius = _sphere(points)
     eye = middle + _towards(ASIDE, ABOVE) * _distance(radius)
-    frames = [_frame(Pose(ORIGIN), AXIS), *(_frame(world.link_pose(arm.tip), AXIS / 2) for arm in robot.arms)]
+    frames = [arrow, _frame(Pose(ORIGIN), AXIS), *(_frame(world.link_pose(arm.tip), AXIS / 2) for arm in robot.arms)]
     if robot.camera is not None:
         frames += [_frame(world.link_pose(robot.camera.link), AXIS / 2), _sight(robot, world)]
     return rendered([*models, *frames], _view(eye, middle), size, (middle, radius))
@@ -113,6 +123,14 @@ def _frame(pose: Pose, length: float) -> Model:
     thick = THICK * length / AXIS
     rods = [_line(at, at + length * axes[:, k], thick, colour) for k, colour in enumerate((RED, GREEN, BLUE))]
     return joined(rods)
+
+
+def _arrow(radius: float) -> Model:
+    """Model an arrow on the floor from the edge of a base of a radius [m] forward, along x."""
+    tip = np.array([radius + ARROW, 0.0, THICK / 2])
+    barbs = [tip + np.array([-BARB, side * BARB, 0.0]) for side in (1.0, -1.0)]
+    ends = [(np.array([radius, 0.0, THICK / 2]), tip), *((barb, tip) for barb in barbs)]
+    return joined([_line(start, end, THICK, FORWARD) for start, end in ends])
 
 
 def _line(start: Array, end: Array, thick: float, colour: tuple[int, int, int, int]) -> Model:

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from executive.robots.mechanism import Mechanism
-from executive.robots.part_words import Part, names
+from executive.robots.part_words import Part, is_tool, names
 from executive.robots.robot import side_of
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
@@ -32,7 +32,8 @@ UPRIGHT = 0.999
 """Least cosine between vertical directions."""
 TURNS = 8 * math.pi
 """Range of a revolute joint beyond which it turns wheels, or is an error [rad]."""
-_TOOL = re.compile(r"tool|tcp|grip_?point|grasp|flange", re.IGNORECASE)
+LEVEL_CAMERA = 0.5
+"""Least cosine between the vertical and the axis of a camera that points up in its picture."""
 _OPTICAL = re.compile(r"optical", re.IGNORECASE)
 
 
@@ -93,9 +94,10 @@ class Anatomy:
         hand = self._palm(fingers) if fingers else link
         return Limb(tuple(joint for joint in movers if joint in joints), hand, fingers, name)
 
-    def depth(self, joint: Joint) -> int:
-        """Count the moving joints in a row from a joint on, where most are."""
-        return 1 + self._depth[joint.child]
+    def motors(self, joint: Joint) -> int:
+        """Count the joints with motors of their own in a row from a joint on, where most are."""
+        own = self.mechanism.actuated(joint.name) and not names(Part.SPRING, joint.name, joint.child)
+        return own + max(map(self.motors, self._hung.get(joint.child, ())), default=0)
 
     def moving_below(self, link: str) -> list[Joint]:
         """List the joints that move parts of a link or of the links rigidly attached to it, without wheels."""
@@ -278,11 +280,6 @@ def _last(mechanism: Mechanism, link: str) -> str:
     return next((name for name in reversed(group) if is_tool(name)), link)
 
 
-def is_tool(link: str) -> bool:
-    """Check whether a link is named as the point of a tool."""
-    return _TOOL.search(link) is not None
-
-
 def side(mechanism: Mechanism, limb: Limb, limbs: Sequence[Limb]) -> str | None:
     """Determine the side of a limb, "left" or "right": from its names, else from the position of its shoulder.
 
@@ -322,3 +319,10 @@ def camera(mechanism: Mechanism, arms: Iterable[str]) -> str | None:
 def is_optical(link: str) -> bool:
     """Check whether a camera link is an optical frame, which looks along z with y down (REP 103)."""
     return _OPTICAL.search(link) is not None
+
+
+def looks_along_z(mechanism: Mechanism, link: str) -> bool:
+    """Check whether a camera looks along z with y down, by how it is mounted, else by its name."""
+    frame = mechanism.frame(link)[:3, :3]
+    plain, optical = float(frame[2, 2]), -float(frame[2, 1])
+    return optical > plain if max(plain, optical) > LEVEL_CAMERA else is_optical(link)

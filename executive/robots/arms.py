@@ -15,7 +15,7 @@ from executive.robots.openings import Openings, openings_of
 from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import product
+from planlang.geometry.matrices import inverse, moved, product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration
@@ -28,6 +28,8 @@ REACH_MARGIN = 1.02
 """Factor on that estimate, as the samples rarely contain the fully stretched arm."""
 MOST_AIMED = 3
 """Number of joints that aim the camera, the nearest to it: tables of more take gigabytes. Others stay as they are."""
+AROUND = 0.01
+"""Distance that a shape reaches beyond the grip point to all sides if it covers it [m]."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
 
@@ -137,6 +139,8 @@ class ArmModel:
     """Corners of boxes around the links of the hand in the tip frame, (n, 3)."""
     palm: tuple[tuple[float, ...], ...] = ()
     """Corners of the boxes without those of the fingers: a grasped object must not touch the palm."""
+    covering: str | None = None
+    """Link of the hand, no finger, whose shape is around the grip point, so that nothing fits there; None as a rule."""
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
@@ -199,12 +203,25 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),
         hand_corners=world.robot.hand_corners(arm.tip),
         palm=tuple(map(tuple, world.robot.hand_corners(arm.tip, fingers).round(6).tolist())),
+        covering=_covering(arm, world, fingers),
         shoulder_low=low,
         shoulder_high=high,
         reach=REACH_MARGIN * float(np.linalg.norm(tips - shoulders, axis=1).max()),
         seeds=_distinct(seeds),
         lift=lift_of(chain, robot.torso),
     )
+
+
+def _covering(arm: Arm, world: PlanningWorld, fingers: Sequence[str]) -> str | None:
+    """Find a link of a hand, none of its fingers, whose shape is around the grip point; None if there is none."""
+    names, to_tip = world.robot.solid_names, inverse(world.link_pose(arm.tip).matrix())
+    palm = [number for number in sorted(world.robot.hand_of(arm.tip)) if names[number] not in fingers]
+    axes = np.stack([arm.approach, arm.closing, np.cross(arm.approach, arm.closing)], axis=1)
+    for number, points in zip(palm, world.robot.points(palm), strict=True):
+        along = moved(to_tip, points) @ axes
+        if len(along) and (along.min(axis=0) < -AROUND).all() and (along.max(axis=0) > AROUND).all():
+            return names[number]
+    return None
 
 
 def _shoulders(robot: Robot, arm: Arm, chain: Chain, world: PlanningWorld) -> tuple[Array, Array]:

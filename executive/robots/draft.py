@@ -356,12 +356,14 @@ class _Maker:
     def _doubts(self, limb: Limb, shape: HandShape, shapes: Sequence[HandShape]) -> dict[str, str]:
         """Word what is implausible about a hand, by the key that states it."""
         doubts = {}
-        joints = {finger.name: self.anatomy.depth(finger) for finger in limb.fingers}
+        joints = {finger.name: self.anatomy.motors(finger) for finger in limb.fingers}
         deepest = max(joints, key=lambda name: joints[name], default="")
         if joints and joints[deepest] > LONGEST_FINGER:
             doubts["hand"] = f"the finger from {deepest} on has {joints[deepest]} joints, it may be an arm"
         if shape.size > WIDEST_HAND:
             doubts["hand"] = f"a finger is {shape.size:.2f} m long, it may be an arm"
+        if shape.unclear:
+            doubts["max_opening"] = f"{shape.unclear}; the hand's data sheet says how far it opens"
         if shape.max_opening > WIDEST_HAND:
             doubts["max_opening"] = "wider than hands open"
         for other, twin in zip(self.limbs, shapes, strict=True):
@@ -436,8 +438,11 @@ class _Maker:
         neck = [name for name in self.mechanism.movers(link) if name not in self.movers]
         if neck:
             table.add("neck", neck, "joints that move the camera but no hand")
-        optical = anatomy.is_optical(link)
-        status, why = (Status.DERIVED, "an optical frame") if optical else (Status.ASSUMED, "not an optical frame")
+        optical = anatomy.looks_along_z(self.mechanism, link)
+        status, why = (Status.ASSUMED, "not an optical frame")
+        if optical:
+            named = anatomy.is_optical(link)
+            status, why = (Status.DERIVED, "an optical frame") if named else (Status.ASSUMED, "by how it is mounted")
         table.add("forward", (0.0, 0.0, 1.0) if optical else (1.0, 0.0, 0.0), why, status)
         table.add("up", (0.0, -1.0, 0.0) if optical else (0.0, 0.0, 1.0), why, status)
         for key, value in (("fov", 1.0), ("near", 0.3), ("far", 4.0)):

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from executive.robots.anatomy import Limb, is_tool
+from executive.robots.anatomy import Limb
 from executive.robots.mechanism import Mechanism
-from executive.robots.part_words import Part, names
+from executive.robots.part_words import Part, is_tool, names
 from executive.robots.robot import Axis
-from executive.robots.thumbs import ThumbGrip, apart, thumb_gap, thumb_grip
+from executive.robots.thumbs import ROW, ThumbGrip, apart, thumb_gap, thumb_grip
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
 from planlang.geometry.urdf import Joint
@@ -44,8 +44,8 @@ FIRST = 0.25
 """Fraction of the way of a joint, from a flat hand to a fist, on which its fingers come nearer to the thumb."""
 LEAST_SHARE = 0.05
 """Joints of a hand with a thumb that move it less than this fraction of the joint that moves it most spread fingers."""
-WIDEST_GAP = 0.13
-"""Greatest gap to which fingers are opened [m]: wider hands collide with objects beside the grasped one."""
+WIDEST_GAP = 0.2
+"""Greatest gap to which fingers are opened [m]: beyond it, limits are those of the joints and not of a hand."""
 LEAST_CLOSED_GAP = -0.02
 """Least gap of closed fingers [m]: collision shapes are coarse and may overlap a little."""
 STEPS = [k / 20 for k in range(21)]
@@ -80,6 +80,8 @@ class HandShape:
     """Joints of fingers with an implausible range: none, without end, or too great."""
     size: float = 0.0
     """Greatest length of a finger [m]."""
+    unclear: str = ""
+    """Why it is not clear which of many fingers oppose each other, so that the opening is a guess; "" if it is."""
 
 
 def shape_of(limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> HandShape:
@@ -95,7 +97,7 @@ class _Hand:
         self.links = {joint.name: _below(mechanism, joint, limb.fingers) for joint in limb.fingers}
         """Finger joint -> links that move with it, without those of a finger that hangs from it."""
         inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
-        driven = [joint for joint in inner if mechanism.actuated(joint.name)]
+        driven = [j for j in inner if mechanism.actuated(j.name) and not names(Part.SPRING, j.name, j.child)]
         self.joints = [joint for joint in driven if 0 < joint.upper - joint.lower <= GREATEST_RANGE[joint.kind]]
         self.stuck = [joint for joint in driven if joint not in self.joints]
         """Finger joints whose range is implausible."""
@@ -135,12 +137,30 @@ class _Hand:
             ahead is not None,
             tuple(self.stuck),
             self._size(),
+            self._unclear(),
         )
 
     def _size(self) -> float:
         """Greatest extent of a finger along an axis of the hand [m]."""
         fingers = [one for name, one in self._points({}).items() if name != FIXED]
         return max((float(np.ptp(one, axis=0).max()) for one in fingers), default=0.0)
+
+    def _unclear(self) -> str:
+        """Word why the fingers of a hand of many cannot be told apart."""
+        count = len(self.links)
+        if not self.thumbs:
+            own = [name for name, links in self.links.items() if any(joint.child in links for joint in self.joints)]
+            return f"none of its {count} fingers is a thumb by its name or place" if len(own) >= ROW else ""
+        if len(self.thumbs) > 1:
+            return f"{len(self.thumbs)} of its {count} fingers are thumbs by their names"
+        for joint in self.joints:
+            one, other = (self._points({joint.name: value}) for value in (joint.lower, joint.upper))
+            moved_by = {
+                name for name in one if np.linalg.norm(other[name] - one[name], axis=1).max() > LEAST_TRAVEL
+            }
+            if moved_by & self.thumbs and moved_by - self.thumbs:
+                return f"{joint.name} moves the thumb and fingers at once"
+        return ""
 
     # Frames and points
 
@@ -293,8 +313,7 @@ class _Hand:
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
         wide_enough = [k for k, width in widths.items() if width <= WIDEST_GAP]
-        rank = widths.__getitem__ if self.thumbs else int
-        last = max(wide_enough, key=rank, default=len(STEPS) - 1)
+        last = max(wide_enough, key=lambda k: (round(widths[k], 3), k), default=len(STEPS) - 1)
         return steps[last], steps[self._shut(widths, last)]
 
     def _shut(self, widths: Mapping[int, float], last: int) -> int:

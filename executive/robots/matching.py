@@ -59,10 +59,20 @@ def possessions_of(robot: Robot) -> Possessions:
         grasping = ("GripperMotionCapability", "GraspingCapability", "PickingUpAnObjectCapability")
         lacks |= dict.fromkeys(grasping, _without_gripper(robot))
     if robot.base.fixed:
-        lacks["BaseMotionCapability"] = f"the base of {robot.name} is fixed"
+        lacks["BaseMotionCapability"] = _fixed(robot)
     classes = robot.camera.recognises if robot.camera is not None else None
     recognises = None if classes is None else tuple(map(expand, classes))
     return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks, recognises)
+
+
+def _fixed(robot: Robot) -> str:
+    """Word that the base does not drive, and what serves a robot that stands, or that is on something that drives."""
+    file = "its robot file" if robot.file is None else robot.file.name
+    return (
+        f"the base of {robot.name} is fixed: if it is on something that drives, state fixed = false and the speeds in "
+        f"[base] of {file}, and the size of that in [mount]; if it stands, take a recipe without driving, such as "
+        "pass_a_drink, with the things and the person within its reach (--start X,Y,YAW is where it stands)"
+    )
 
 
 def _without_gripper(robot: Robot) -> str:

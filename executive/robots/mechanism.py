@@ -13,13 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
+from executive.robots.part_words import Part, is_tool, names
 from executive.robots.robot import SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
-from planlang.geometry.matrices import product
+from planlang.geometry.matrices import moved, product, rotation_of
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
 from planlang.geometry.mesh_paths import mesh_places
 from planlang.geometry.urdf import Element, Joint, Urdf, displacement, read_urdf
+from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.records import dataclass
 from planlang.temporary import process_folder
 
@@ -29,6 +32,10 @@ LEVEL = 0.01
 """Largest sine of the angle between a direction along the floor and the floor."""
 FREELY = 4.0
 """Least travel along the floor of a joint that is no machine's rail [m]."""
+MARKER = 0.01
+"""Greatest distance from its frame of the shape of a link that only marks a point [m]: no palm is that small."""
+STILL = 1e-6
+"""Range below which a joint does not move [rad, m]."""
 _ODOMETRY = re.compile(r"odom|mobile|virtual|dummy|planar|footprint", re.IGNORECASE)
 
 
@@ -87,7 +94,8 @@ def mounted(
 ) -> Path:
     """Write a copy of a URDF, put on a base, with additional links at tool points and other ranges of joints.
 
-    Joints that move the robot as a whole are fixed in it. Returns its path. Paths of meshes are made absolute; the copy
+    Joints that move the robot as a whole, and still ones of sensors, are fixed in it; links that only mark a point have
+    no shape. Returns its path. Paths of meshes are made absolute; the copy
     is in a folder of this process, in which no other one can change it. Raises BadInput for an invalid URDF.
     """
     content = _text(urdf, mount, tools or {}, ranges or {}).encode()
@@ -98,8 +106,68 @@ def mounted(
 
 
 def grounded(urdf: Path) -> Path:
-    """Return the path of a URDF in which no joint moves the robot as a whole: a copy if some do, fixed there."""
-    return mounted(urdf, None) if base_joints(read_urdf(urdf)) else urdf
+    """Return the path of a URDF in which no joint moves the robot as a whole, or is still and a sensor's.
+
+    And no marker has a shape. It is a copy if the URDF has such joints or links.
+    """
+    found = read_urdf(urdf)
+    return mounted(urdf, None) if base_joints(found) or still_sensors(found) or markers(urdf) else urdf
+
+
+def still_sensors(urdf: Urdf) -> tuple[str, ...]:
+    """List the joints that cannot move and whose names say that they carry a sensor or another passive part.
+
+    They are drawn as joints to have a name for what the sensor measures, such as forces at a wrist.
+    """
+    followed = {joint.mimic.joint for joint in urdf.joints if joint.mimic is not None}
+    return tuple(
+        joint.name
+        for joint in urdf.joints
+        if is_still(joint)
+        and joint.mimic is None
+        and joint.name not in followed
+        and any(names(part, joint.name, joint.child) for part in (Part.SENSOR, Part.PASSIVE))
+    )
+
+
+def is_still(joint: Joint) -> bool:
+    """Check whether a joint's limits let it move nowhere."""
+    return joint.kind in ("revolute", "prismatic") and joint.upper - joint.lower < STILL
+
+
+def markers(urdf: Path) -> tuple[str, ...]:
+    """List the links that are named as a tool's point and drawn as a dot there: they would be in the way of grasps."""
+    found = read_urdf(urdf)
+    ends = {joint.child for joint in found.joints if joint.kind == "fixed"} - {joint.parent for joint in found.joints}
+    links = ((link, link.get("name", "")) for link in found.tree.findall("link"))
+    return tuple(name for link, name in links if name in ends and is_tool(name) and _is_dot(urdf, link))
+
+
+def _is_dot(urdf: Path, link: ElementTree.Element) -> bool:
+    """Check whether all that a link touches with is at the origin of its frame."""
+    shapes = link.findall("collision")
+    return bool(shapes) and all(_farthest(urdf, shape) <= MARKER for shape in shapes)
+
+
+def _farthest(urdf: Path, shape: ElementTree.Element) -> float:
+    """Greatest distance of a shape from its link's frame, at most, [m]; infinite for one that cannot be measured."""
+    origin, solid = shape.find("origin"), shape.find("geometry/*")
+    xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
+    if solid is None:
+        return math.inf
+    if solid.tag != "mesh":
+        extents = [value for name in extents_of(solid) for value in numbers(solid.get(name, ""))]
+        return math.hypot(*xyz) + math.hypot(*extents) if extents else math.inf
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation_of(*rpy), xyz
+    for place in mesh_places(urdf, solid.get("filename", "")):
+        try:
+            vertices = mesh_of(mesh_content(place), place.suffix.lower()).vertices
+        except (BadMesh, OSError):
+            continue
+        scale = numbers(solid.get("scale", "1 1 1"))
+        return float(np.linalg.norm(moved(pose, vertices * scale), axis=1).max())
+    return math.inf
 
 
 def base_joints(urdf: Urdf) -> tuple[str, ...]:
@@ -150,12 +218,18 @@ def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], range
         resolved = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
         if resolved is not None:
             mesh.set("filename", str(resolved.resolve()))
-    of_base = base_joints(read_urdf(urdf))
+    found, marking = read_urdf(urdf), markers(urdf)
+    of_base, still = base_joints(found), still_sensors(found)
+    for link in robot.findall("link"):
+        for shape in link.findall("collision") if link.get("name") in marking else ():
+            link.remove(shape)
     for joint in robot.findall("joint"):
         if joint.get("name") in of_base:
             joint.set("type", "fixed")
         elif joint.get("name") in ranges:
             _limit(joint, *ranges[joint.get("name", "")])
+        elif joint.get("name") in still:
+            joint.set("type", "fixed")
     if mount is not None:
         _put_on(robot, mount)
     for name, (link, at) in tools.items():

@@ -27,6 +27,8 @@ class Part(Enum):
     MOUNT = "mount"
     COLOUR = "colour"
     NO_PICTURE = "no picture"
+    SPRING = "spring"
+    SENSOR = "sensor"
 
 
 _WORDS: Mapping[Part, str] = {
@@ -47,8 +49,11 @@ _WORDS: Mapping[Part, str] = {
     r"zed|astra|orbbec|oak|webcam|kamera|cams?|d4[0-9]5\w*",
     Part.MOUNT: r"mounts?|motor|screw|pole|adapter|bracket|gazebo|holder",
     Part.COLOUR: r"\w*rgbd?|colou?r|\w*stereo",
+    Part.SPRING: r"springs?|compliant|compliance|elastic",
+    Part.SENSOR: r"ft|sensors?|force|torque|dummy|bumpers?|encoders?",
     Part.NO_PICTURE: r"depth|infra\w*|ir|imu|gyro|accel|range|line",
 }
+_TOOL = re.compile(r"tool|tcp|grip_?point|grasp|flange", re.IGNORECASE)
 _SPLIT = re.compile(r"[dD]4\d5\w?|[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
@@ -62,3 +67,8 @@ def names(part: Part, *texts: str) -> bool:
     """Check whether one of some names has a word for a kind of part."""
     pattern = re.compile(_WORDS[part])
     return any(pattern.fullmatch(word) for text in texts for word in words_of(text))
+
+
+def is_tool(link: str) -> bool:
+    """Check whether a link is named as the point of a tool."""
+    return _TOOL.search(link) is not None

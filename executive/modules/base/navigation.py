@@ -97,7 +97,8 @@ class Navigation(PlatformModule):
 
     def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
-            raise NavigationPoseUnreachable("the base is fixed", target=goal)
+            what = "the base is fixed: start it where all is within its reach (--start X,Y,YAW)"
+            raise NavigationPoseUnreachable(what, target=goal)
         try:
             return self.platform.drive.path(goal)
         except GoalInCollision as problem:

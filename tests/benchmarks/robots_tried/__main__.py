@@ -1,11 +1,13 @@
 """Try public robots: draft them from their URDFs, compare that with what their makers say, let them bring a bottle.
 
-    python -m tests.benchmarks.robots_tried FOLDER [--truth FILE] [--only NAME,...] [--docs PAGE] [--pictures FOLDER]
+    python -m tests.benchmarks.robots_tried FOLDER [--truth FILE] [--only NAME,...] [--until draft]
+        [--docs PAGE] [--pictures FOLDER]
 
 FOLDER holds the unpacked packages. Of the robots of ``truth.toml`` those are tried that lie there; with ``--truth ''``,
 every URDF below FOLDER. Each stage has a process with limits: drafting (180 s of CPU, 2 GB), inspecting, and bringing a
 bottle from a table of 0.75 m to a person (``--seconds``); what exceeds them is a line. ``--docs`` writes the tables
-into a page and the picture of all robots beside it, ``--pictures`` one picture of each robot and of its reach.
+into a page and the picture of all robots beside it. ``--pictures FOLDER`` keeps one picture of each robot and of its
+reach, its robot file and its row: what was found there by the same code is not tried again.
 """
 
 from __future__ import annotations
@@ -24,12 +26,14 @@ from executive.processes.calls import Limits
 from executive.sweeps import run as sweep
 from executive.sweeps.records import Done
 from tests.benchmarks.homes.table import documented
+from tests.benchmarks.robots_tried.kept import Kept
 from tests.benchmarks.robots_tried.table import BEGIN, END, page
 from tests.benchmarks.robots_tried.trial import OPENS, SIZE
 
 TRUTH = Path(__file__).with_name("truth.toml")
-DRAFTING = Limits(seconds=180, memory=2_000_000_000, wall=600.0)
-INSPECTING = Limits(seconds=180, memory=3_000_000_000, wall=600.0)
+DRAFTING = Limits(seconds=180, memory=2_000_000_000, wall=1800.0)
+INSPECTING = Limits(seconds=180, memory=3_000_000_000, wall=1800.0)
+STAGES = ("draft", "inspect", "bring")
 COLUMNS = 9
 """Robots in a row of the picture of all."""
 Robots = Mapping[str, Mapping[str, Any]]
@@ -48,29 +52,53 @@ def robots_in(folder: Path, truth: Path | None, only: Sequence[str]) -> dict[str
     return {name: table for name, table in found.items() if not only or name in only}
 
 
-def tried(robots: Robots, folder: Path, jobs: int, seconds: int, pictures: Path | None) -> list[dict[str, Any]]:
-    """Try robots, in three stages; return a row for each. ``folder`` receives robot files and pictures."""
+def tried(
+    robots: Robots,
+    folder: Path,
+    jobs: int,
+    seconds: int,
+    pictures: Path | None,
+    *,
+    reused: bool = False,
+    until: str = STAGES[-1],
+) -> list[dict[str, Any]]:
+    """Try robots, in three stages; return a row for each. ``folder`` receives robot files, pictures, and rows.
+
+    With ``reused``, stages are not repeated whose results lie there, found by the same code with the same limits.
+    ``until`` is the last stage.
+    """
     rows: dict[str, dict[str, Any]] = {name: {"world": name, "truth": dict(one)} for name, one in robots.items()}
     worlds = {name: _world(name, one, folder, pictures) for name, one in robots.items()}
+    kept = Kept(f"{seconds}" if reused else None)
 
     def stage(job: str, limits: Limits, names: Sequence[str]) -> None:
+        def added(name: str, found: dict[str, Any]) -> None:
+            rows[name].update({"unreached": found} if job == "inspect" and "reach" not in found else found)
+
         def told(done: Done) -> None:
             name = done.row["world"]
             found = {key: value for key, value in done.row.items() if key not in ("world", "repeat")}
             if found.get("outcome") == "crashed":
                 found = {"crashed": found.get("message", "its process ended")}
-            rows[name].update({"unreached": found} if job == "inspect" and "reach" not in found else found)
+            added(name, found)
+            kept.keep(worlds[name], job, found)
             print(f"{job} {name}: {done.seconds:.0f} s {_short(found)}", flush=True)
 
-        chosen = [worlds[name] | {key: rows[name].get(key) for key in ("fixed", "camera", "arms")} for name in names]
+        there = {name: found for name in names if (found := kept.found(worlds[name], job)) is not None}
+        for name, found in there.items():
+            added(name, found)
+        missing = [name for name in names if name not in there]
+        chosen = [worlds[name] | {key: rows[name].get(key) for key in ("fixed", "camera", "arms")} for name in missing]
         sweep(chosen, f"tests.benchmarks.robots_tried.trial:{job}_job", processes=jobs, limits=limits, told=told)
 
     stage("draft", DRAFTING, list(rows))
-    stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
+    if until != "draft":
+        stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
     able = [
         name for name, row in rows.items() if any((a["opening"] or 0) > OPENS for a in row.get("arms", {}).values())
     ]
-    stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=6.0 * seconds), able)
+    if until == "bring":
+        stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=20.0 * seconds), able)
     return list(rows.values())
 
 
@@ -112,15 +140,19 @@ def main() -> int:
     parser.add_argument("--only", default="", help="names of robots, with commas between")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seconds", type=int, default=120, help="CPU time for bringing the bottle [s]")
+    parser.add_argument("--until", choices=STAGES, default=STAGES[-1], help="last stage (default: %(default)s)")
     parser.add_argument("--docs", type=Path, default=None, help="page that receives the tables")
-    parser.add_argument("--pictures", type=Path, default=None, help="folder that receives pictures and robot files")
+    parser.add_argument("--pictures", type=Path, default=None, help="folder that keeps pictures, robot files and rows")
     given = parser.parse_args()
     only = [name for name in given.only.split(",") if name]
     robots = robots_in(given.folder, Path(given.truth) if given.truth else None, only)
     with TemporaryDirectory() as name:
         folder = given.pictures or Path(name)
         folder.mkdir(parents=True, exist_ok=True)
-        rows = tried(robots, folder.resolve(), given.jobs, given.seconds, given.pictures and folder.resolve())
+        pictures = given.pictures and folder.resolve()
+        rows = tried(
+            robots, folder.resolve(), given.jobs, given.seconds, pictures, reused=bool(pictures), until=given.until
+        )
         text = "\n".join(page(rows))
         if given.docs is None:
             print(text)

@@ -87,6 +87,20 @@ def test_a_robot_is_drafted_compared_and_drawn_and_a_broken_one_is_a_line(folder
     assert sheet.getextrema() != ((255, 255),) * 3, "the arm is drawn"
 
 
+def test_what_the_same_code_found_is_not_tried_again_but_what_other_limits_or_facts_found_is(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robots = robots_in(folder, folder / "truth.toml", ("small",))
+    first = tried(robots, tmp_path, 1, 60, None, reused=True)
+    assert "draft small" in capsys.readouterr().out
+    assert tried(robots, tmp_path, 1, 60, None, reused=True) == first
+    assert capsys.readouterr().out == ""
+    (other,) = tried({"small": robots["small"] | {"fixed": False}}, tmp_path, 1, 60, None, reused=True)
+    assert [kind for kind, _ in other["differs"]] == ["base"]
+    tried(robots, tmp_path, 1, 61, None, reused=True)
+    assert "draft small" in capsys.readouterr().out
+
+
 def test_a_robot_that_brings_nothing_says_why_with_what_caused_it() -> None:
     message = "ObjectUnfetchable: it cannot be fetched\n  in a/b\n  because of GraspMissed: the gripper is empty. So\n"
     arms = {"arm": {"tip": "tool", "opening": 0.1}}

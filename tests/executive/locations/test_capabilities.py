@@ -117,7 +117,10 @@ def test_a_joint_whose_limits_are_equal_is_named_with_the_key(tmp_path: Path) ->
     path = robot_with(tmp_path, arm=TWO)
     urdf = tmp_path / "mine.urdf"
     urdf.write_text(urdf.read_text().replace('lower="-2.5" upper="2.5"', 'lower="0" upper="0"', 1))
-    assert warned(can(path))[0] == "joint arm_j1 cannot move, its limits are 0 to 0: limits = [...] in [joints.arm_j1]"
+    assert warned(can(path))[0] == (
+        "joint arm_j1 cannot move, its limits are 0 to 0: "
+        "if the robot's does, limits = [LOWEST, HIGHEST] in [joints.arm_j1]"
+    )
 
 
 # Bundled robots
