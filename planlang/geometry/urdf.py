@@ -423,7 +423,9 @@ class _Checker:
     def _bearing(self, joints: Mapping[str, Element], roots: Sequence[str]) -> set[str]:
         """Find the joints above the first link with a shape: they move the robot as a whole."""
         bodiless = {
-            link.get("name", "") for link in self.robot.findall("link") if not link.findall("visual") + link.findall("collision")
+            link.get("name", "")
+            for link in self.robot.findall("link")
+            if not link.findall("visual") + link.findall("collision")
         }
         found: set[str] = set()
         reached = set(roots) & bodiless
