@@ -413,9 +413,9 @@ class _Checker:
             found.append(error("B009", problem, span))
         bearing = self._bearing(joints, roots)
         for name in (name for name in joints if name not in bearing):
-            if (problem := slides_too_far(joints[name])) is not None:
+            if (too_far := slides_too_far(joints[name])) is not None:
                 limit = joints[name].find("limit")
-                self._bad(problem, joints[name] if limit is None else limit)
+                self._bad(too_far, joints[name] if limit is None else limit)
         if self.found:
             raise BadInput([*self.found, *self.gaps])
         return roots[0]
