@@ -1,14 +1,15 @@
 """Maps that name links of a URDF, as those of KnowRob 2: classes in OWL, poses and shapes in the URDF.
 
 An individual with ``hasBaseLinkName`` is the object that planlang reads from that link. The map imports the URDF, or it
-lies beside the map or in a folder of imports, and has its name or one stated there (``hasPersistentIdentifier`` of what
-``hasDataFormat`` URDF).
+lies beside the map, in a folder of imports, or in ``urdf`` of the map's package of ROS, and has its name or one stated
+there (``hasPersistentIdentifier`` of what ``hasDataFormat`` URDF), or else most of the links that the map names.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import quote
 
@@ -21,6 +22,9 @@ from planlang.ontology.triples import Triples
 
 LINKS = ("hasBaseLinkName", "hasURDFName")
 """Properties from an object to the name of its link."""
+MOST, LARGEST = 50, 16_000_000
+"""URDFs in a folder that are searched for links, and the greatest size of one [bytes]."""
+_LINK = re.compile(rb"<link\s[^>]*?name\s*=\s*[\"']([^\"']*)[\"']")
 
 
 def is_on_disk(document: Document) -> bool:
@@ -40,7 +44,7 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
             names.setdefault(quote(triple.object.value.strip(), safe=""), triple.subject)
             named.setdefault(triple.subject, triple)
     worlds = [one for one in ontology.readings if one.document.iri and one.document.iri.startswith(URDF_WORLDS)]
-    added = [] if worlds else list(_worlds(ontology, notes))
+    added = [] if worlds else list(_worlds(ontology, notes)) or list(_with_most(ontology, named, notes))
     if not worlds and not added:
         first = next(iter(named.values()))
         message = (
@@ -76,7 +80,7 @@ def _worlds(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[Reading]:
     """Yield the readings of the URDFs that belong to the documents of an ontology."""
     stated = {str(triple.subject) for triple in ontology.using("hasDataFormat") if "urdf" in str(triple.object).lower()}
     for document in ontology.documents:
-        folders = (*((document.path.parent,) if is_on_disk(document) else ()), *ontology.folders)
+        folders = _folders(ontology, document)
         ids = (one for one in ontology.using("hasPersistentIdentifier") if str(one.subject) in stated)
         own = [
             one.object.value for one in ids if isinstance(one.object, Literal) and one.span.file == str(document.path)
@@ -85,10 +89,55 @@ def _worlds(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[Reading]:
         for name in dict.fromkeys((*own, *((document.path.stem,) if uses_links else ()))):
             file = f"{Path(name).name.removesuffix('.urdf')}.urdf"
             if path := next((folder / file for folder in folders if (folder / file).is_file()), None):
-                try:
-                    yield from read_all(path, (), builtin=False)
-                except BadInput as problem:
-                    notes += problem.diagnostics
+                yield from _read(path, notes)
+
+
+def _read(path: Path, notes: list[Diagnostic]) -> Iterator[Reading]:
+    try:
+        yield from read_all(path, (), builtin=False)
+    except BadInput as problem:
+        notes += problem.diagnostics
+
+
+def _folders(ontology: Ontology, document: Document) -> tuple[Path, ...]:
+    """Folders in which the URDF of a document may be."""
+    beside = document.path.parent
+    own = [beside, *([beside.parent / "urdf"] if (beside.parent / "package.xml").is_file() else [])]
+    return (*(own if is_on_disk(document) else ()), *ontology.folders)
+
+
+def _with_most(ontology: Ontology, named: dict[str, Triple], notes: list[Diagnostic]) -> Iterator[Reading]:
+    """Yield the readings of the URDF that has most of the named links, if it has at least half of them."""
+    wanted = {_text(one) for one in named.values()}
+    files = {str(one.span.file) for one in named.values()}
+    documents = [one for one in ontology.documents if str(one.path) in files]
+    shares = {path: len(wanted & _links(path)) for path in _urdfs(_folders(ontology, one) for one in documents)}
+    best = max(shares, key=lambda path: shares[path], default=None)
+    if best is not None and 2 * shares[best] >= len(wanted):
+        first = next(iter(named.values()))
+        message = (
+            f"{best.name} has {shares[best]} of the {len(wanted)} links that the map names: it is read as its URDF"
+        )
+        notes.append(note("M033", message, first.span, "import it (owl:imports) to say which URDF is meant"))
+        yield from _read(best, notes)
+
+
+def _urdfs(folders: Iterable[Iterable[Path]]) -> Iterator[Path]:
+    for folder in dict.fromkeys(one for several in folders for one in several):
+        try:
+            names = sorted(path.name for path in folder.iterdir() if path.name.endswith(".urdf"))
+        except OSError:
+            continue
+        yield from (folder / name for name in names[:MOST])
+
+
+def _links(path: Path) -> set[str]:
+    """Names of the links of a URDF, without parsing it; none if it cannot be read."""
+    try:
+        content = path.read_bytes() if path.is_file() and path.stat().st_size <= LARGEST else b""
+    except OSError:
+        return set()
+    return {name.decode("utf-8", "replace").strip() for name in _LINK.findall(content)}
 
 
 def _linked(reading: Reading, names: dict[str, str], ontology: Ontology, linked: set[str]) -> Reading:

@@ -117,9 +117,10 @@ class Anatomy:
         return is_wheel(joint) or (bool(below) and all(map(self._rolls, below)))
 
     def _is_passive(self, joint: Joint) -> bool:
-        """Check whether a joint moves a lamp, cable or sensor, by its name."""
+        """Check whether a joint moves a lamp, cable or sensor, by its name; a camera on a neck is a head."""
         is_short = self._depth[joint.child] <= 1 and not self._fans(joint)
-        return is_short and names(Part.PASSIVE, joint.name, joint.child) and not _grasps(joint)
+        is_head = names(Part.HEAD, joint.name)
+        return is_short and names(Part.PASSIVE, joint.name, joint.child) and not is_head and not _grasps(joint)
 
     def _fans(self, joint: Joint) -> bool:
         """Check whether several parts hang from some link below a joint, as fingers from a palm."""

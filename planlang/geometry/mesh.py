@@ -31,6 +31,8 @@ FARTHEST = 1e6
 
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
 """A triangle of a binary STL file; its normal may be zero."""
+_VERTEX = re.compile(rb"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+"""A corner in an STL file of text."""
 
 
 class BadMesh(Exception):
@@ -107,14 +109,16 @@ def _read_obj(content: bytes) -> Mesh:
     vertices: list[list[float]] = []
     parts: list[tuple[list[int], list[int]]] = [([], [])]
     for line in content.decode(encoding_of(content), "replace").replace("\\\n", " ").splitlines():
-        words = line.split()
+        words = line.partition("#")[0].split()
         match words[:1]:
             case ["v"]:
                 if len(words) < 4:
                     raise BadMesh("a vertex has fewer than three numbers")
                 vertices.append([float(word) for word in words[1:4]])
-            case ["f"]:
+            case ["f" | "fo"]:  # "fo" is what it was called before version 3
                 numbers = [int(word.split("/")[0]) for word in words[1:]]
+                if 0 in numbers:
+                    raise BadMesh("a face names vertex 0, the first one is 1")
                 parts[-1][0].append(len(numbers))
                 parts[-1][1].extend(number - 1 if number > 0 else len(vertices) + number for number in numbers)
             case ["o" | "g"] if parts[-1][0]:
@@ -126,13 +130,17 @@ def _read_obj(content: bytes) -> Mesh:
 
 
 def _read_stl(content: bytes) -> Mesh:
+    """Read binary STL, whatever its header says, or else text with vertices, whatever it begins with."""
+    room = (len(content) - 84) // 50
     count = int.from_bytes(content[80:84], "little")
-    if 0 < count <= (len(content) - 84) // 50:
+    if count == 0 and room > 0 and len(content) == 84 + 50 * room and b"\0" in content:
+        count = room  # written before the number of triangles was known
+    if 0 < count <= room:
         rows = np.frombuffer(content, _STL, count, 84)
         corners = rows["corners"].astype(float)
     else:
-        found = re.findall(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE | re.IGNORECASE)
-        if not content.lstrip().startswith(b"solid") or len(found) % 3:
+        found = [] if b"\0" in content else _VERTEX.findall(content)
+        if len(found) % 3 or not (found or content.lstrip().startswith(b"solid")):
             raise BadMesh("it is not STL, or truncated")
         corners = np.array(found).astype(float)
     vertices = corners.reshape(-1, 3)

@@ -29,6 +29,7 @@ from planlang.geometry.urdf_schema import (
     expressions_in,
     numbers,
     problems_in,
+    slides_too_far,
 )
 from planlang.records import dataclass
 
@@ -393,7 +394,8 @@ class _Checker:
             ends = [_linked(joint, end) for end in ("parent", "child")]
             for end, link in zip(("parent", "child"), ends, strict=True):
                 if link and link not in links:
-                    self._bad(f"joint {name!r} has a {end} link {link!r} that is not described", joint)
+                    advice = f'add <link name="{link}"/>, or the file that describes it' if end == "parent" else None
+                    self._bad(f"joint {name!r} has a {end} link {link!r} that is not described", joint, advice)
             if ends[1] and ends[1] in above:
                 self._bad(f"link {ends[1]!r} hangs from two joints", joint)
             above[ends[1]] = ends[0]
@@ -409,9 +411,28 @@ class _Checker:
                 continue
             found = self.gaps if element.tag in WITHOUT_SHAPE else self.found
             found.append(error("B009", problem, span))
+        bearing = self._bearing(joints, roots)
+        for name in (name for name in joints if name not in bearing):
+            if (too_far := slides_too_far(joints[name])) is not None:
+                limit = joints[name].find("limit")
+                self._bad(too_far, joints[name] if limit is None else limit)
         if self.found:
             raise BadInput([*self.found, *self.gaps])
         return roots[0]
+
+    def _bearing(self, joints: Mapping[str, Element], roots: Sequence[str]) -> set[str]:
+        """Find the joints above the first link with a shape: they move the robot as a whole."""
+        bodiless = {
+            link.get("name", "")
+            for link in self.robot.findall("link")
+            if not link.findall("visual") + link.findall("collision")
+        }
+        found: set[str] = set()
+        reached = set(roots) & bodiless
+        while more := {name for name, one in joints.items() if name not in found and _linked(one, "parent") in reached}:
+            found |= more
+            reached |= {_linked(joints[name], "child") for name in more} & bodiless
+        return found
 
     def endless(self) -> Iterator[Diagnostic]:
         """Yield a note for each revolute joint that is read as continuous."""
@@ -441,7 +462,9 @@ class _Checker:
         """Check that all links form one tree."""
         if len(roots) > 1:
             message = f"the robot has {len(roots)} separate parts, with the root links {', '.join(roots[:_SHOWN])}"
-            self._bad(message, links[roots[1]])
+            alone = ", ".join([root for root in roots if root not in above.values()][:_SHOWN])
+            advice = f"nothing hangs from {alone}: remove it, or add" if alone else "add"
+            self._bad(message, links[roots[1]], f"{advice} a fixed joint between {roots[0]} and {roots[1]}")
             return
         below: dict[str, list[str]] = {}
         for child, parent in above.items():

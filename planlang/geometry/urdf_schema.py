@@ -142,7 +142,8 @@ def _number_problems(
     if len(values) not in ({1, 3} if tag == "mesh" else {wanted.count}):
         yield f"{what}: {wanted.count} finite number(s) expected", element
     elif wanted.least == 0 and min(values) < 0:
-        yield f"{what}: <{tag}> needs a nonnegative {attribute}", element
+        unknown = "; 0 stands for unknown" if attribute == "velocity" else ""
+        yield f"{what}: <{tag}> needs a nonnegative {attribute}{unknown}", element
     elif min(values) < wanted.least or max(values) > wanted.most:
         yield f"{what}: numbers of at most {wanted.most:g} expected", element
 
@@ -163,13 +164,26 @@ def _joint_problems(joint: ElementTree.Element, owner: str) -> Iterator[tuple[st
     lower, upper, speed = (numbers(limit.get(name, "0")) for name in ("lower", "upper", "velocity"))
     if lower and upper and lower[0] > upper[0]:
         yield f"{owner} has limits [{lower[0]}, {upper[0]}] the wrong way round", limit
-    elif lower and upper and kind == "prismatic" and max(-lower[0], upper[0]) > FARTHEST:
-        yield f"{owner} has limits [{lower[0]}, {upper[0]}]; at most {FARTHEST:g} m are plausible", limit
     if speed and 0 < speed[0] < SLOWEST:
         yield f"{owner} has a velocity of {speed[0]:g}; plausible are {SLOWEST:g} and more, or 0 for unknown", limit
 
 
 _ZEROS = ((0.0, 0.0, 0.0),)
+
+
+def slides_too_far(joint: ElementTree.Element) -> str | None:
+    """Word why the limits of a sliding joint are beyond :data:`FARTHEST`; None if they are not.
+
+    Joints that move the robot as a whole may go on for ever: files write 999999.
+    """
+    limit = joint.find("limit")
+    if joint.get("type") != "prismatic" or limit is None:
+        return None
+    lower, upper = (numbers(limit.get(name, "0")) for name in ("lower", "upper"))
+    if not lower or not upper or max(-lower[0], upper[0]) <= FARTHEST:
+        return None
+    name = joint.get("name", "")[:60]
+    return f"joint {name!r} has limits [{lower[0]}, {upper[0]}]; at most {FARTHEST:g} m are plausible"
 
 
 def expressions_in(robot: ElementTree.Element) -> Iterator[tuple[str, ElementTree.Element]]:

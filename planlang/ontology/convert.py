@@ -34,6 +34,10 @@ class Target(Enum):
     OWLXML = "owlxml"
 
 
+_HEAD = re.compile(r"@prefix|Prefix[:(]|Ontology\(|\)$|<\?xml|</?rdf:RDF|</?Ontology\b|xmlns|<Prefix\b")
+"""Beginnings of the lines of a file, as it is written here, that state nothing of its terms."""
+
+
 @dataclass(frozen=True, slots=True)
 class Converted:
     """Converted text, the triples that it was made from, and diagnostics of reading and writing."""
@@ -68,6 +72,12 @@ def write(
             return owlxml(given, prefixes, by_file=by_file)
         case Target.RDFXML:
             return rdfxml(given, prefixes, name, by_file=by_file)
+
+
+def excerpt(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]) -> str:
+    """Write some statements in one line, to be put among those of a file: without prefixes and the ontology."""
+    lines = map(str.strip, write(triples, target, prefixes)[0].splitlines())
+    return " ".join(line for line in lines if line and not _HEAD.match(line))
 
 
 def convert(path: Path, target: Target, value: Callable[[Literal], Literal] | None = None) -> Converted:

@@ -183,11 +183,12 @@ _OWN = Cache("documents", most=100)
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """File that was read: its path, its ontology IRI, and the SHA-256 of its bytes."""
+    """File that was read: its path, its ontology IRI, the SHA-256 of its bytes, and its syntax if it is text."""
 
     path: Path
     iri: str | None
     sha256: str
+    syntax: Syntax | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,7 +221,7 @@ def _read(path: Path, content: bytes, *, is_file: bool = True) -> Reading:
     if packed is not None:
         with suppress(ValueError):
             triples = Triples.unpacked(packed, file)
-            return Reading(Document(path, _own_iri(triples), digest), triples, ())
+            return Reading(Document(path, _own_iri(triples), digest, _syntax(path, content)), triples, ())
     parsed = read_syntax(content, file, base=base, label=label)
     triples = parsed.triples
     repairs = (*use_canonical_names(triples), *repair(triples), *without_annotations(triples))
@@ -229,7 +230,13 @@ def _read(path: Path, content: bytes, *, is_file: bool = True) -> Reading:
         cache.keep(key, triples.packed())
     for other in parsed.others:
         digest = hashlib.sha256(digest.encode() + other).hexdigest()
-    return Reading(Document(path, _own_iri(triples), digest), triples, diagnostics, tuple(parsed.unread))
+    document = Document(path, _own_iri(triples), digest, _syntax(path, content) if parsed.is_alone else None)
+    return Reading(document, triples, diagnostics, tuple(parsed.unread))
+
+
+def _syntax(path: Path, content: bytes) -> Syntax:
+    """Syntax of a file that was read."""
+    return Syntax.MANCHESTER if is_bundled(path) else syntax_of(decode(content, str(path)), str(path))
 
 
 @cache

@@ -233,11 +233,10 @@ class Frames:
     # frames
 
     def begin(self, children: Children, kind: str) -> None:
-        """Begin the frame of an entity, which is declared unless it is a blank node."""
+        """Begin the frame of an entity, which is declared if it has a name."""
         name: Expression = children[-1]
-        assert isinstance(name.term, (str, BNode))
         self._open = 0
-        self._subject, self._kind = name.term, kind
+        self._subject, self._kind = self._out.subject_of(name), kind
         if isinstance(name.term, str):
             self._out.state(name.term, RDF.type, kind, name.span)
             self._out.reify(name.term, RDF.type, kind, name.span, _split(children)[0])

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.files import ONTOLOGIES, bundled, read_file
+from planlang.geometry.mesh_paths import mesh_places
 from planlang.ontology.catalog import Catalogs
 from planlang.ontology.moved_names import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
@@ -152,12 +153,28 @@ class ImportMap:
         substitute = self._bundled_file(address, path, remote) or self._versioned_file(path, importing.parent)
         if substitute is not None:
             return Resolution(substitute)
+        if scheme == "package" and (packaged := self._in_packages(target, importing)) is not None:
+            return Resolution(packaged)
         escaped = escaped or ".." in path
         near = self._near(address, beside) if remote and self._is_file else ""
         return Resolution(problem=_unresolved(target, path, span, remote=remote, escaped=escaped, near=near))
 
     def _states(self, file: Path, address: str) -> bool:
-        return address.rstrip("/") in (iri.rstrip("#/") for iri in self._stated(file))
+        """Check whether a file states an address, whether with http or https."""
+        return _plain(address) in map(_plain, self._stated(file))
+
+    def _in_packages(self, target: str, importing: Path) -> Path | None:
+        """Find ``package://p/rest`` in a package of ROS: one above the importing file, or that the environment knows.
+
+        Such a folder has a package.xml, so that an import from elsewhere leads to no other file.
+        """
+        for place in mesh_places(importing, target) if self._is_file and ".." not in target else ():
+            file = _file(place)
+            package = next((one for one in file.parents if (one / "package.xml").is_file()), None) if file else None
+            if package is not None:
+                self._roots += (package,)
+                return file
+        return None
 
     def _stating(self, address: str, folders: Sequence[Path], named: Path | None) -> list[Path]:
         """Find the files that state an address, in the first folder that has any; equal ones once.
@@ -244,6 +261,10 @@ class ImportMap:
         return path.resolve().is_relative_to(root.resolve())
 
 
+def _plain(address: str) -> str:
+    return re.sub("^https:", "http:", address).rstrip("#/")
+
+
 def _split(target: str) -> tuple[str, tuple[str, ...]]:
     """Split an import into scheme and path, without host and unexpanded build variables (``@PREFIX@``)."""
     match = _URL.fullmatch(target)
@@ -308,6 +329,8 @@ def _unresolved(
         advice = f"allow it with --ontologies DIR, where DIR is the folder of {name}"
         return warning("O032", f"an import from outside the allowed folders is ignored: {target}", span, advice)
     advice = f"put {name} beside this file, or add its folder with --ontologies DIR"
+    if target.startswith("package:"):
+        advice += "; packages are found above this file, and in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
     return warning("O030", f"import not found: {target}", span, advice)
 
 

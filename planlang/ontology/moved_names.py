@@ -1,4 +1,4 @@
-"""Names of vocabularies that moved to another address, read as those of today: KnowRob's, and SOMA's modules."""
+"""Names of vocabularies at another address, read as those of today: KnowRob's, SOMA's modules, https for http."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from planlang.ontology.triples import Triples
 
 OLD_HOST = "http://ias.cs.tum.edu/kb/"
 HOST = "http://knowrob.org/kb/"
-_MOVED_FROM = (OLD_HOST, "http://www.ease-crc.org/ont/")
+_SECURE = re.compile(r"https(?=://(?:(?:www\.)?knowrob\.org/kb/|ias\.cs\.tum\.edu/kb/|www\.ease-crc\.org/ont/"
+                     r"|www\.ontologydesignpatterns\.org/ont/|www\.roboearth\.org/kb/))")  # fmt: skip
+"""Scheme of a vocabulary whose names begin with http."""
+_MOVED_FROM = (OLD_HOST, "http://www.ease-crc.org/ont/", "https://")
 
 MOVED = (
     "knowrob",
@@ -37,9 +40,13 @@ _EASE = re.compile(r"http://www\.ease-crc\.org/ont/(?:EASE|SOMA)(?:[-_]\w+)?\.ow
 
 
 def canonical(iri: str) -> str:
-    """Map a term or document of the old host, or a term of SOMA, to its current IRI; other IRIs are unchanged."""
+    """Map a term or document of the old host, or a term of SOMA, to its current IRI; other IRIs are unchanged.
+
+    Vocabularies are served under https too, but their names begin with http.
+    """
     if not iri.startswith(_MOVED_FROM):
         return iri
+    iri = _SECURE.sub("http", iri, count=1)
     document, hash_sign, name = iri.partition("#")
     return f"{_RENAMED.get(document, document)}{hash_sign}{name}" if not _EASE.match(iri) else SOMA + name
 

@@ -226,7 +226,8 @@ RULES_ADVICE = "express it by classes and property chains, or remove it"
 RULES = frozenset(("DLSafeRule", "DGRule", "DGAxiom"))
 _IN_RULES = frozenset(
     ("Body", "Head", "Variable", "ClassAtom", "DataRangeAtom", "ObjectPropertyAtom", "DataPropertyAtom", "BuiltInAtom",
-     "SameIndividualAtom", "DifferentIndividualsAtom", "DGNodes", "NodeAssertion", "DGEdges", "EdgeAssertion",
+     "SameIndividualAtom", "DifferentIndividualsAtom", "SameAsAtom", "DifferentFromAtom", "DGNodes", "NodeAssertion",
+     "DGEdges", "EdgeAssertion",
      "MainClasses", "Nodes", "Edges")
 )  # fmt: skip
 DOCUMENT = frozenset(("Declaration", "Import", *AXIOMS, *RULES))

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.motion_constraints import ConstraintKind, Speed
+from planlang.ontology.documents import Syntax
 from planlang.records import dataclass
 
 
@@ -423,6 +424,8 @@ class Recipe(_Action):
 
     For choices within choices it is the outermost recipe, the only one of them that the file states.
     """
+    syntax: Syntax | None = field(default=None, repr=False, compare=False)
+    """Syntax of its file, in which advice is written."""
     derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Cache of results derived from the other fields; see :mod:`planlang.recipe.order`."""
 

@@ -11,6 +11,7 @@ from planlang.designators import is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import UPPER
 from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.checks import (
@@ -265,9 +266,16 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         statements.states.machine() if statements.states is not None else None,
         cls,
         statements.phases,
+        syntax=_syntax(ontology, task),
     )
     implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
     return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
+
+
+def _syntax(ontology: Ontology, task: str) -> Syntax | None:
+    """Syntax of the file that defines a task."""
+    span = ontology.span(task)
+    return next((one.syntax for one in ontology.documents if span is not None and str(one.path) == span.file), None)
 
 
 def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:

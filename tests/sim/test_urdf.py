@@ -132,6 +132,7 @@ BROKEN_MESHES = {
     "empty": ("a.obj", "", "no triangle"),
     "face without its vertex": ("a.obj", CUBE + "f 1 2 999999999\n", "names vertex 999999999, there are 8"),
     "face before its vertices": ("a.obj", "v 0 0 0\nf -1 -2 -3\n", "names vertex"),
+    "face of vertex 0": ("a.obj", CUBE + "f 0 1 2\n", "vertex 0, the first one is 1"),
     "face of a number that is none": ("a.obj", CUBE + "f 1 2 x\n", "malformed number"),
     "vertex that is no number": ("a.obj", CUBE.replace("v 0 0 1", "v nan 0 1"), "not finite"),
     "vertex beyond the world": ("a.obj", CUBE.replace("v 0 0 1", "v 1e300 0 1"), "beyond"),
@@ -178,6 +179,39 @@ def test_polygons_of_a_collada_scene_are_where_its_nodes_put_them() -> None:
     mesh = mesh_of(COLLADA.format(points=SQUARE, corners="0 1 2 3 0 1 2").encode(), ".dae")
     assert mesh.vertices.tolist() == pytest.approx(np.array([[0, 0, 1], [0.2, 0, 1], [0.2, 0.1, 1], [0, 0.1, 1]]))
     assert mesh.parts[0].tolist() == [[0, 1, 2], [0, 2, 3], [0, 1, 2]], "a square is two triangles"
+
+
+TEXT, BINARY = STL.format("1").encode(), mesh_of(STL.format("1").encode(), ".stl").written()[1]
+LOOSE = {
+    "a name joined to solid": TEXT.replace(b"solid s", b"Solid_by_a_program"),
+    "capitals": TEXT.upper(),
+    "byte order mark": b"\xef\xbb\xbf" + TEXT,
+    "a comment": b"# exported\n" + TEXT,
+    "line ends of another system": TEXT.replace(b"\n", b"\r"),
+    "a single line": TEXT.replace(b"\n", b" "),
+    "neither head nor foot": TEXT.partition(b"\n")[2].rpartition(b"\n")[0],
+    "a binary file that says solid": b"solid\nfacet vertex 0 0 0".ljust(80) + BINARY[80:],
+    "a binary file without its count": BINARY[:80] + bytes(4) + BINARY[84:],
+}
+
+
+@pytest.mark.parametrize("content", LOOSE.values(), ids=LOOSE)
+def test_stl_is_read_whatever_its_header_says(content: bytes) -> None:
+    assert mesh_of(content, ".stl").written() == mesh_of(TEXT, ".stl").written()
+
+
+POINTS, _, CORNERS = CUBE.partition("f ")
+BACKWARDS = "".join(
+    f"{POINTS}f {' '.join(str(int(number) - 9) for number in face.split())} # face\n"
+    for face in CORNERS.replace("f ", "").splitlines()
+)
+"""Each face behind vertices of its own, counted from behind."""
+
+
+@pytest.mark.parametrize("text", [CUBE.replace("f ", "fo "), BACKWARDS], ids=["of version 2", "counted from behind"])
+def test_faces_of_obj_are_read_however_they_are_written(text: str) -> None:
+    mesh, plain = mesh_of(text.encode(), ".obj"), mesh_of(CUBE.encode(), ".obj")
+    assert np.array_equal(mesh.vertices[np.concatenate(mesh.parts)], plain.vertices[np.concatenate(plain.parts)])
 
 
 def test_text_and_binary_stl_hold_the_same() -> None:

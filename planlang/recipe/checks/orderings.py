@@ -7,14 +7,17 @@ plan come from the recipe.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
-from planlang.designators import local_name, told_apart
+from planlang.designators import local_name, local_part, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
-from planlang.ontology import Ontology, expand
+from planlang.ontology import BNode, Ontology, Triple, expand
+from planlang.ontology.convert import Target, excerpt
+from planlang.ontology.documents import Syntax
+from planlang.ontology.terms import OWL, PREFIXES, RDF, RDFS
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.joints import joints
@@ -188,8 +191,23 @@ def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
 
 
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
-    """Write the advice to add an ordering constraint, in Manchester syntax."""
+    """Write the advice to add an ordering constraint, in the syntax of the recipe's file."""
     name = f"{recipe.name}_{local_name(before)}_{local_name(after)}"
+    target = _TARGETS.get(recipe.syntax)
+    if target is not None:
+        own, node = f"{recipe.iri}_{local_name(before)}_{local_name(after)}", BNode("constraint")
+        stated: list[tuple[str | BNode, str, str | BNode]] = [
+            (recipe.iri, RDFS.subClassOf, node),
+            (node, RDF.type, OWL.Restriction),
+            (node, OWL.onProperty, expand("orderingConstraints")),
+            (node, OWL.hasValue, own),
+            (own, RDF.type, expand("PartialOrdering-Strict")),
+            (own, expand("occursBeforeInOrdering"), before),
+            (own, expand("occursAfterInOrdering"), after),
+        ]
+        prefixes = {**PREFIXES, "": recipe.iri.removesuffix(local_part(recipe.iri))}
+        triples = [Triple(*terms, Span("")) for terms in stated]
+        return f"add `{excerpt(triples, target, prefixes)}` for `{recipe.name}`"
     a, b = told_apart(before, after)
     facts = f"occursBeforeInOrdering {a}, occursAfterInOrdering {b}"
     return (
@@ -197,6 +215,14 @@ def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
         f" with `Individual: {name} Types: PartialOrdering-Strict Facts: {facts}`"
     )
 
+
+_TARGETS: Mapping[Syntax | None, Target] = {
+    Syntax.RDFXML: Target.RDFXML,
+    Syntax.TURTLE: Target.TURTLE,
+    Syntax.FUNCTIONAL: Target.FUNCTIONAL,
+    Syntax.OWLXML: Target.OWLXML,
+}
+"""Syntaxes in which advice is written; it is in Manchester syntax otherwise."""
 
 RECURSIVE = ("R022", "R023")
 """Codes of mistakes after which the recipes below a recipe cannot be followed."""

@@ -349,6 +349,26 @@ def test_the_urdf_of_a_map_is_found_in_the_folders_of_imports(tmp_path: Path) ->
     assert case.pose == Pose((2.0, 0.0, 0.4))
 
 
+def test_the_urdf_with_most_of_the_named_links_is_that_of_the_map(tmp_path: Path) -> None:
+    package = tmp_path / "lab_flat"
+    for folder in ("owl", "urdf"):
+        (package / folder).mkdir(parents=True)
+    (package / "package.xml").write_text("<package/>")
+    (package / "urdf" / "house.urdf").write_text(URDF)
+    (package / "urdf" / "another.urdf").write_text(URDF.replace('"case"', '"box"').replace('"tray"', '"lid"'))
+    found = read(package / "owl", LINKED)
+    case = found.find("case1")
+    assert case is not None
+    assert case.pose == Pose((2.0, 0.0, 0.4))
+    assert "house.urdf has 3 of the 3 links that the map names" in " ".join(one.message for one in found.diagnostics)
+
+
+def test_a_urdf_with_few_of_the_named_links_is_another_world(tmp_path: Path) -> None:
+    (tmp_path / "another.urdf").write_text(URDF.replace('"case"', '"box"').replace('"tray"', '"lid"'))
+    with pytest.raises(BadInput, match="M033"):
+        read(tmp_path, LINKED)
+
+
 def test_a_map_whose_urdf_is_absent_is_refused_for_that_alone(tmp_path: Path) -> None:
     with pytest.raises(BadInput) as bad:
         read(tmp_path, LINKED)

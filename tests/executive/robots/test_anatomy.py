@@ -330,6 +330,17 @@ def test_a_camera_that_an_arm_moves_is_named(tmp_path: Path) -> None:
     assert any("wrist_camera_optical_frame" in one.message for one in draft.diagnostics() if one.code == "B016")
 
 
+def test_a_camera_that_a_neck_tilts_on_the_waist_of_an_arm_is_a_head(tmp_path: Path) -> None:
+    parts = Parts()
+    waist = parts.torso(parts.base("wheels"), "y")
+    wrist = parts.arm(waist, "arm", 6, 0.0)
+    parts.gripper(wrist, "gripper")
+    camera_link = parts.link("camera_link", (0.03, 0.1, 0.03))
+    parts.fixed(parts.joint("head_tilt_joint", waist, camera_link, (0.0, 0.0, 0.5), Y), parts.link("optical_frame"))
+    found, _ = drafted(parts, tmp_path)
+    assert (found["camera"]["link"], found["camera"]["neck"]) == ("optical_frame", ["head_tilt_joint"])
+
+
 # Anything built of parts
 
 

@@ -23,6 +23,7 @@ FREE: dict[str, Sequence[Row]] = {
     "odometry": ODOMETRY,
     "named": tuple((f"mobile_{axis}", *row[1:4], "-1", "1") for axis, row in zip("xyt", ODOMETRY, strict=True)),
     "differential": (ODOMETRY[0], ODOMETRY[2]),
+    "without end": tuple((*row[:4], "-999999", "999999") for row in ODOMETRY),
     "revolute yaw": (*ODOMETRY[:2], ("odom_t", "revolute", "0 0 1", "0 0 0", "-10", "10")),
 }
 

@@ -161,6 +161,23 @@ def test_what_the_format_leaves_optional_is_read_and_loaded(cart: Callable[[str,
     world.close()
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "advice"),
+    [
+        ('<link name="left"/>', '<link name="left"/><link name="world"/>', "nothing hangs from world: remove it"),
+        ('<joint name="turn"', '<joint name="floor" type="fixed"><parent link="map"/><child link="base"/></joint>'
+         '<joint name="turn"', 'add <link name="map"/>'),
+        ('velocity="0.1"', 'velocity="-1.0"', "0 stands for unknown"),
+    ],
+)  # fmt: skip
+def test_what_is_missing_for_one_tree_is_said(
+    cart: Callable[[str, str], Path], before: str, after: str, advice: str
+) -> None:
+    with pytest.raises(BadInput, match="B009") as caught:
+        read_urdf(cart(before, after))
+    assert advice in str(caught.value.diagnostics[0])
+
+
 def test_an_axis_without_direction_is_that_of_a_joint_without_axis(cart: Callable[[str, str], Path]) -> None:
     places = []
     for axis in ("", "<axis/>"):

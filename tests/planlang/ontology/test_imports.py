@@ -176,3 +176,45 @@ def test_an_upload_finds_nothing_beside_it_and_is_told_of_nothing(tmp_path: Path
     ontology = load(tmp_path / "main.omn", content=content, builtin=False)
     (only,) = ontology.diagnostics
     assert (only.code, "mine.ofn" in (only.help or "")) == ("O031", False)
+
+
+@pytest.mark.parametrize(("target", "iri"), [("https://example.org/a", "http://example.org/a"),
+                                             ("http://example.org/a", "https://example.org/a")])  # fmt: skip
+def test_an_ontology_is_found_under_http_and_https(tmp_path: Path, target: str, iri: str) -> None:
+    stating(tmp_path / "other.ttl", iri)
+    assert found(importing(tmp_path, target), iri)
+
+
+PACKAGED = "package://lab_words/owl/things.ofn"
+
+
+@pytest.mark.parametrize("place", ["ws/lab_words", "ws/repository/lab_words", "ws/lab_maps/lab_words"])
+def test_a_package_of_ros_is_found_above_the_importing_file(tmp_path: Path, place: str) -> None:
+    stating(tmp_path / place / "owl" / "things.ofn")
+    (tmp_path / place / "package.xml").write_text("<package/>")
+    own = tmp_path / "ws" / ("repository/maps/owl" if "repository" in place else "lab_maps/owl")
+    own.mkdir(parents=True)
+    assert found(importing(own, PACKAGED))
+
+
+@pytest.mark.parametrize(("variable", "place"), [("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")])
+def test_a_package_of_ros_is_found_where_the_environment_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, place: str
+) -> None:
+    package = tmp_path / "installed" / place / "lab_words"
+    stating(package / "owl" / "things.ofn")
+    (package / "package.xml").write_text("<package/>")
+    monkeypatch.setenv(variable, str(tmp_path / "installed"))
+    (tmp_path / "maps").mkdir()
+    assert found(importing(tmp_path / "maps", PACKAGED))
+
+
+@pytest.mark.parametrize("target", [PACKAGED, "package://lab_words/owl/../../secret/things.ofn"])
+def test_a_folder_that_is_no_package_is_not_read(tmp_path: Path, target: str) -> None:
+    stating(tmp_path / "lab_words" / "owl" / "things.ofn")
+    stating(tmp_path / "secret" / "things.ofn")
+    (tmp_path / "secret" / "package.xml").write_text("<package/>")
+    (tmp_path / "maps" / "owl").mkdir(parents=True)
+    ontology = importing(tmp_path / "maps" / "owl", target)
+    assert not found(ontology)
+    assert said(ontology)[0] in ("O030", "O032")

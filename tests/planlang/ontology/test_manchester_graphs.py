@@ -476,3 +476,17 @@ def test_what_manchester_syntax_says_survives_every_other_syntax(written: list[s
             continue
         read = read_syntax(again.encode(), "t", base="http://example.org/base", label="c").triples
         assert differences(triples, read) == ([], []), f"{target.value}: {again}"
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        "Class: p some A\n    SubClassOf: q some B\n",
+        "Class: (A and not B) or {a}\n    SubClassOf: C\n",
+        "ObjectProperty: inverse (p)\n    Characteristics: Transitive\n",
+        "ObjectProperty: inverse (p)\n    SubPropertyOf: inverse (q)\n",
+    ],
+)
+def test_a_frame_may_be_about_an_expression(frame: str) -> None:
+    text = HEAD + ENTITIES + frame
+    assert same(graph_of(triples_of(text)), graph_of(by_horned_owl(text)))

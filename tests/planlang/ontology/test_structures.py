@@ -254,8 +254,12 @@ SubClassOf(:CarryIt ObjectHasValue(knowrob:objectActedOn :cup1))
     assert "async def fetch_soup" in compile_recipe(path).source
 
 
-def test_a_rule_is_named_and_left_out() -> None:
-    text = f"{HEAD}DLSafeRule(Body(ClassAtom(:A Variable(<urn:x>))) Head(ClassAtom(:B Variable(<urn:x>))))\n)"
+@pytest.mark.parametrize(
+    "atom",
+    ["ClassAtom(:A Variable(<urn:x>))", "SameAsAtom(Variable(<urn:x>) :a)", "DifferentFromAtom(Variable(<urn:x>) :a)"],
+)
+def test_a_rule_is_named_and_left_out(atom: str) -> None:
+    text = f"{HEAD}DLSafeRule(Body({atom}) Head(ClassAtom(:B Variable(<urn:x>))))\n)"
     parsed = read_syntax(text.encode(), "t.ofn", base="http://example.org/base", label="b")
     assert [one.code for one in parsed.diagnostics] == ["O023"]
     assert len(parsed.triples) == 2

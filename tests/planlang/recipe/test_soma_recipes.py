@@ -96,7 +96,12 @@ def test_soma_and_dul_are_known_at_every_address_of_theirs(address: str, tmp_pat
 
 
 @pytest.mark.parametrize(
-    "space", ["http://www.ease-crc.org/ont/SOMA-ACT.owl#", "http://www.ease-crc.org/ont/EASE-ACT.owl#"]
+    "space",
+    [
+        "http://www.ease-crc.org/ont/SOMA-ACT.owl#",
+        "http://www.ease-crc.org/ont/EASE-ACT.owl#",
+        "https://www.ease-crc.org/ont/SOMA.owl#",
+    ],
 )
 def test_names_of_modules_and_of_ease_are_read_as_somas(space: str, tmp_path: Path) -> None:
     text = RECIPE.format(f"<{space}PickingUp>")
