@@ -75,6 +75,10 @@ WORTH = 0.7
 """A row shares a posture that leads to this share of its own score: with more, files grow, with less, scores fall."""
 USUALLY_SHARED = 0.7
 """Share of the rows that usually share a posture in one round."""
+ASTRAY, DAMPED = 5e-3, 1e-8
+"""Greatest share of a motion straight ahead by which a hand of an arm with few freedoms goes astray, and damping."""
+CROOKED = 0.02
+"""Factor on the score of postures from which it goes farther astray: hands approach things straight ahead."""
 MOST_POSES = 1_500_000
 """Number of lattice poses around an arm above which only each second or n-th cell in x and y is mapped.
 
@@ -104,7 +108,7 @@ def build_map(arm: ArmModel, grasp: GraspClass, share: Share = uncounted) -> Rea
         parts = []
         for number, roll in enumerate(grasp.rolls):
             share(number / len(grasp.rolls))
-            parts.append(_sampled_rows(chain, grasp, arm.frame, roll, floor))
+            parts.append(_sampled_rows(arm, chain, grasp, roll, floor))
     else:
         parts = _lattice_rows(arm, chain, grasp, floor, part(share, 0, LATTICE))
     rows, q = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -238,18 +242,31 @@ def _lattice_rows(
     return parts
 
 
-def _sampled_rows(chain: Chain, grasp: GraspClass, frame: HandFrame, roll: int, floor: float) -> tuple[Rows, Array]:
+def _sampled_rows(arm: ArmModel, chain: Chain, grasp: GraspClass, roll: int, floor: float) -> tuple[Rows, Array]:
     """Return for each cell of the lattice the best of the postures that are in it."""
-    q, places, levels = sampled(chain, grasp, frame, roll, floor, np.random.default_rng(0))
-    score = _scores(chain, q)
+    q, places, levels = sampled(chain, grasp, arm.frame, roll, floor, np.random.default_rng(0))
+    straight = np.where(_goes_straight(arm, chain, q), 1.0, CROOKED)
+    score = _scores(chain, q) * straight
     cells = np.column_stack([levels, cells_of(places)])
     order = np.lexsort((np.arange(len(q)), -score.round(9)))
     _, first = np.unique(cells[order], axis=0, return_index=True) if len(q) else (None, np.zeros(0, np.intp))
     best = order[first]
     rows = np.zeros(len(best), ROW)
     rows["z"], rows["x"], rows["y"], rows["yaw"] = cells[best].T
-    rows["roll"], rows["score"] = roll, _normal(score[best])
+    rows["roll"], rows["score"] = roll, _normal(score[best] / straight[best]) * straight[best]
     return rows, q[best]
+
+
+def _goes_straight(arm: ArmModel, chain: Chain, q: Array) -> NDArray[np.bool_]:
+    """Check in which postures (n, d) a hand can approach a thing straight ahead: a telescope has to be along that."""
+    jacobian = chain.jacobian(q) * (chain.upper > chain.lower)
+    if arm.lift is not None:
+        jacobian = np.concatenate([jacobian, np.tile(np.eye(6)[2][None, :, None], (len(q), 1, 1))], axis=2)
+    ahead = np.zeros((len(q), 6))
+    ahead[:, :3] = chain.fk(q)[:, :3, :3] @ np.asarray(arm.frame.approach)
+    squares = jacobian @ jacobian.transpose(0, 2, 1) + DAMPED * np.eye(6)
+    moved = jacobian @ jacobian.transpose(0, 2, 1) @ np.linalg.solve(squares, ahead[:, :, None])
+    return np.asarray(np.linalg.norm(moved[:, :, 0] - ahead, axis=1) < ASTRAY)
 
 
 def _solved(
@@ -397,7 +414,7 @@ def map_key(arm: ArmModel, grasp: GraspClass) -> str:
     """
     lift = arm.lift
     lifted = None if lift is None else (lift.column, round(lift.per_unit, 9), round(float(lift.rise(lift.highest)), 9))
-    sampling = (POSTURES, SAMPLED_AT_ONCE, LEVELLED) if is_bound(arm) else SAMPLING
+    sampling = (POSTURES, SAMPLED_AT_ONCE, LEVELLED, ASTRAY, CROOKED) if is_bound(arm) else SAMPLING
     coarse = most_poses(arm) < MOST_POSES and not is_bound(arm)
     facts = (
         VERSION,
