@@ -155,9 +155,7 @@ class _Hand:
             return f"{len(self.thumbs)} of its {count} fingers are thumbs by their names"
         for joint in self.joints:
             one, other = (self._points({joint.name: value}) for value in (joint.lower, joint.upper))
-            moved_by = {
-                name for name in one if np.linalg.norm(other[name] - one[name], axis=1).max() > LEAST_TRAVEL
-            }
+            moved_by = {name for name in one if np.linalg.norm(other[name] - one[name], axis=1).max() > LEAST_TRAVEL}
             if moved_by & self.thumbs and moved_by - self.thumbs:
                 return f"{joint.name} moves the thumb and fingers at once"
         return ""
