@@ -411,7 +411,7 @@ class _Maker:
             table.add("max_opening", USUAL_OPENING, "", Status.MISSING)
             return
         status = Status.DERIVED if shape.max_opening else Status.MISSING
-        table.add("opened", shape.opened, "fingers farthest apart, as hands open", status)
+        table.add("opened", shape.opened, "fingers farthest apart", status)
         table.add("closed", shape.closed, "fingers together", status)
         table.add("fingers", shape.fingers, "", status)
         measured = "95 % of the gap between the opened fingers"

@@ -87,15 +87,16 @@ def test_a_sensor_drawn_as_a_joint_that_cannot_move_is_no_joint_of_the_arm(tmp_p
     assert not any("cannot move" in one.what for one in capabilities_of(with_carrying(robot)).warnings)
 
 
-@pytest.mark.parametrize(("travel", "low", "high"), [(0.045, 0.083, 0.087), (0.08, 0.149, 0.153), (0.2, 0.16, 0.19)])
-def test_a_gripper_opens_as_far_as_its_joints_up_to_what_hands_open(
-    travel: float, low: float, high: float, tmp_path: Path
+@pytest.mark.parametrize(("travel", "opening"), [(0.045, 0.086), (0.08, 0.152), (0.2, 0.38)])
+def test_sliding_fingers_open_as_far_as_their_joints_and_no_hand_30_cm(
+    travel: float, opening: float, tmp_path: Path
 ) -> None:
     parts = Parts()
     with_gripper(parts)
     parts.elements = [one.replace('upper="0.045"', f'upper="{travel}"') for one in parts.elements]
-    found, _, _ = drafted(parts.written(tmp_path / "wide.urdf"))
-    assert low <= found["arms"]["arm"]["gripper"]["max_opening"] <= high
+    found, _, said = drafted(parts.written(tmp_path / "wide.urdf"))
+    assert found["arms"]["arm"]["gripper"]["max_opening"] == pytest.approx(opening, abs=0.003)
+    assert any("wider than hands open" in one.message for one in said) == (opening > 0.3)
 
 
 def test_the_limits_to_write_are_on_the_side_of_those_of_the_urdf(tmp_path: Path) -> None:
