@@ -343,8 +343,9 @@ class _Maker:
         """Say that a joint of the URDF lacks plausible limits."""
         is_endless = joint.kind == "continuous"
         why = f"{joint.lower:g} to {joint.upper:g}, is implausible" if not is_endless else "without end, is no finger's"
-        table = self.draft.table("joints", joint.name)
-        table.add("limits", usual[joint.kind], f"the URDF's range, {why}", Status.MISSING)
+        table, (low, high) = self.draft.table("joints", joint.name), usual[joint.kind]
+        limits = (-high, -low) if joint.lower < 0.0 >= joint.upper else (low, high)  # on the side of the URDF's range
+        table.add("limits", limits, f"the URDF's range, {why}", Status.MISSING)
 
     @staticmethod
     def _add_doubtful(table: Table, key: str, value: object, why: str, doubts: Mapping[str, str]) -> None:
@@ -410,7 +411,7 @@ class _Maker:
             table.add("max_opening", USUAL_OPENING, "", Status.MISSING)
             return
         status = Status.DERIVED if shape.max_opening else Status.MISSING
-        table.add("opened", shape.opened, "fingers farthest apart, up to a gap that is wide enough", status)
+        table.add("opened", shape.opened, "fingers farthest apart", status)
         table.add("closed", shape.closed, "fingers together", status)
         table.add("fingers", shape.fingers, "", status)
         measured = "95 % of the gap between the opened fingers"

@@ -44,8 +44,10 @@ FIRST = 0.25
 """Fraction of the way of a joint, from a flat hand to a fist, on which its fingers come nearer to the thumb."""
 LEAST_SHARE = 0.05
 """Joints of a hand with a thumb that move it less than this fraction of the joint that moves it most spread fingers."""
-WIDEST_GAP = 0.2
-"""Greatest gap to which fingers are opened [m]: beyond it, limits are those of the joints and not of a hand."""
+WIDEST_GAP = 0.13
+"""Greatest gap to which fingers that turn are opened [m]: wider ones no longer face each other."""
+PARALLEL = math.cos(math.radians(8))
+"""Least cosine between the attitudes of an open and a closed fingertip that counts as not turned."""
 LEAST_CLOSED_GAP = -0.02
 """Least gap of closed fingers [m]: collision shapes are coarse and may overlap a little."""
 STEPS = [k / 20 for k in range(21)]
@@ -155,9 +157,7 @@ class _Hand:
             return f"{len(self.thumbs)} of its {count} fingers are thumbs by their names"
         for joint in self.joints:
             one, other = (self._points({joint.name: value}) for value in (joint.lower, joint.upper))
-            moved_by = {
-                name for name in one if np.linalg.norm(other[name] - one[name], axis=1).max() > LEAST_TRAVEL
-            }
+            moved_by = {name for name in one if np.linalg.norm(other[name] - one[name], axis=1).max() > LEAST_TRAVEL}
             if moved_by & self.thumbs and moved_by - self.thumbs:
                 return f"{joint.name} moves the thumb and fingers at once"
         return ""
@@ -312,9 +312,34 @@ class _Hand:
         steps = [{name: narrow[name] + t * (wide[name] - narrow[name]) for name in wide} for t in STEPS]
         gaps = [self._gap(approach, closing, values) for values in steps]
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
-        wide_enough = [k for k, width in widths.items() if width <= WIDEST_GAP]
+        stays = self._stays_parallel(approach, wide, narrow)
+        wide_enough = [k for k, width in widths.items() if stays or width <= WIDEST_GAP]
         last = max(wide_enough, key=lambda k: (round(widths[k], 3), k), default=len(STEPS) - 1)
         return steps[last], steps[self._shut(widths, last)]
+
+    def _stays_parallel(self, approach: Array, wide: Values, narrow: Values) -> bool:
+        """Check whether the link at the tip of each finger keeps its attitude as the hand opens."""
+        solid, turns = self.world.robot.solid_names, list[dict[str, Array]]()
+        ends = list[str]()
+        for values in (wide, narrow):
+            self._points(values)  # puts the robot there
+            if not ends:
+                for links in self.links.values():
+                    ahead = {
+                        link: float(
+                            (self._drawn(link) @ approach).max() if link in solid else self._place(link) @ approach
+                        )
+                        for link in links
+                    }
+                    ends.append(max(ahead, key=lambda link: round(ahead[link], 6)))
+            turns.append({link: self._frame(link)[:3, :3] for link in ends})
+        return all((np.trace(turns[0][link].T @ turns[1][link]) - 1) / 2 >= PARALLEL for link in ends)
+
+    def _drawn(self, link: str) -> Array:
+        """Points (n, 3) of the shape of a link."""
+        number = self.world.robot.solid_names.index(link)
+        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        return moved(to_hand, self.world.robot.points([number])[0])
 
     def _shut(self, widths: Mapping[int, float], last: int) -> int:
         """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again.

@@ -220,9 +220,9 @@ def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], range
             mesh.set("filename", str(resolved.resolve()))
     found, marking = read_urdf(urdf), markers(urdf)
     of_base, still = base_joints(found), still_sensors(found)
-    for link in robot.findall("link"):
-        for shape in link.findall("collision") if link.get("name") in marking else ():
-            link.remove(shape)
+    for drawn in robot.findall("link"):
+        for shape in drawn.findall("collision") if drawn.get("name") in marking else ():
+            drawn.remove(shape)
     for joint in robot.findall("joint"):
         if joint.get("name") in of_base:
             joint.set("type", "fixed")

@@ -4,8 +4,8 @@
         [--docs PAGE] [--pictures FOLDER]
 
 FOLDER holds the unpacked packages. Of the robots of ``truth.toml`` those are tried that lie there; with ``--truth ''``,
-every URDF below FOLDER. Each stage has a process with limits: drafting (180 s of CPU, 2 GB), inspecting, and bringing a
-bottle from a table of 0.75 m to a person (``--seconds``); what exceeds them is a line. ``--docs`` writes the tables
+every URDF below FOLDER. Each stage has a process with limits: drafting (180 s of CPU, 2 GB), bringing a bottle from a
+table of 0.75 m to a person (``--seconds``), and inspecting; what exceeds them is a line. ``--docs`` writes the tables
 into a page and the picture of all robots beside it. ``--pictures FOLDER`` keeps one picture of each robot and of its
 reach, its robot file and its row: what was found there by the same code is not tried again.
 """
@@ -33,7 +33,7 @@ from tests.benchmarks.robots_tried.trial import OPENS, SIZE
 TRUTH = Path(__file__).with_name("truth.toml")
 DRAFTING = Limits(seconds=180, memory=2_000_000_000, wall=1800.0)
 INSPECTING = Limits(seconds=180, memory=3_000_000_000, wall=1800.0)
-STAGES = ("draft", "inspect", "bring")
+STAGES = ("draft", "bring", "inspect")
 COLUMNS = 9
 """Robots in a row of the picture of all."""
 Robots = Mapping[str, Mapping[str, Any]]
@@ -92,13 +92,13 @@ def tried(
         sweep(chosen, f"tests.benchmarks.robots_tried.trial:{job}_job", processes=jobs, limits=limits, told=told)
 
     stage("draft", DRAFTING, list(rows))
-    if until != "draft":
-        stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
     able = [
         name for name, row in rows.items() if any((a["opening"] or 0) > OPENS for a in row.get("arms", {}).values())
     ]
-    if until == "bring":
+    if until != "draft":
         stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=20.0 * seconds), able)
+    if until == "inspect":
+        stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
     return list(rows.values())
 
 

@@ -193,6 +193,10 @@ def test_inspect_says_in_json_what_it_prints() -> None:
     assert data["warnings"] == []
 
 
+def test_inspect_names_the_urdf_of_the_user_and_not_a_copy(tmp_path: Path) -> None:
+    assert inspected(robot_with(tmp_path, arm=TWO))["urdf"] == str(tmp_path / "mine.urdf")
+
+
 def test_make_says_what_the_hands_of_the_draft_hold(tmp_path: Path) -> None:
     robot_with(tmp_path, left=TWO, right=PLATE)
     result = invoke("robot", "make", tmp_path / "mine.urdf", "-o", tmp_path / "made.toml", "--quiet")
