@@ -17,7 +17,7 @@ from executive.locations.reachability import YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map
 from executive.pictures.drawn import drawn_in, missing
 from executive.pictures.reach_picture import save_reach_picture
-from executive.robots import Arm, Robot, bind_robot
+from executive.robots import CARRYING, Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from executive.robots.draft import sunk_in_floor
 from executive.robots.mechanism import source_of
@@ -26,8 +26,8 @@ from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace
 from sim import PlanningWorld, Scene
 
-USEFUL = ("carrying", "prepare_grasp", "handover")
-"""Postures that plans and the executive use."""
+NAMED = ("prepare_grasp", "handover")
+"""Postures that published recipes name as the place of a hand; the recipes of the library name none of them."""
 
 
 def command(arguments: InspectArguments) -> Answer:
@@ -149,4 +149,8 @@ def _lacking(robot: Robot) -> Iterator[str]:
     if robot.camera is None:
         yield "a camera: the robot cannot look for things ([camera] in the robot file)"
     known = robot.postures
-    yield from (f"a posture {name} ([postures.{name}] in the robot file)" for name in USEFUL if name not in known)
+    if CARRYING not in known:
+        yield "a posture carrying: hands level and close to the body are used ([postures.carrying] in the robot file)"
+    for name in NAMED:
+        if name not in known:
+            yield f"a posture {name}: only recipes that name it need it ([postures.{name}] in the robot file)"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
 from planlang.shell import quoted
 from sim import Scene
+from sim.joints import Articulation, JointKind
 from sim.scene import BodyShape
 
 
@@ -30,22 +32,29 @@ def check_map(
         raise BadInput((*ontology.diagnostics, *problem.diagnostics)) from None
     diagnostics = [*ontology.diagnostics, *semantic_map.diagnostics]
     try:
-        counts = _counts(scene_of(semantic_map, diagnostics))
+        scene = scene_of(semantic_map, diagnostics)
     except BadInput as problem:
         raise BadInput((*diagnostics, *problem.diagnostics)) from None
+    counts = _counts(scene)
     use = f"planlang run RECIPE --environment {quoted(path)} runs a recipe in it"
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
         use = f"planlang run RECIPE --environment MAP --environment {quoted(path)} drives around its obstacles"
-    contents = [line(one) for one in semantic_map.objects]
+    opened = {joint.leaf: _range(joint) for joint in scene.joints if not joint.is_knob}
+    contents = [line(one, opened.get(one.name, "")) for one in semantic_map.objects]
     text = "\n".join((f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
     return Answer(diagnostics=tuple(diagnostics), text=text, data=data)
 
 
-def line(thing: MapObject) -> str:
-    """Describe an object of a map: name, classes, and the centre of its box in the frame of the map [m]."""
+def line(thing: MapObject, opened: str) -> str:
+    """Describe an object of a map: name, classes, centre of its box in the frame of the map [m], how far it opens."""
     centre = "" if thing.pose is None else "  at {:.2f}, {:.2f}, {:.2f}".format(*thing.pose.position)
-    return f"  {thing.name}  {', '.join(map(local_name, thing.types))}{centre}"
+    return f"  {thing.name}  {', '.join(map(local_name, thing.types))}{centre}{opened}"
+
+
+def _range(joint: Articulation) -> str:
+    slides = joint.kind is JointKind.PRISMATIC
+    return f"  opens by {100 * joint.upper:.0f} cm" if slides else f"  opens by {math.degrees(joint.upper):.0f} degrees"
 
 
 def contents_in_words(ontology: Ontology) -> str | None:

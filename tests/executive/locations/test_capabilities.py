@@ -176,6 +176,13 @@ def test_a_stand_in_the_way_of_its_own_arm_is_named(tmp_path: Path) -> None:
     assert "[mount]" in advice["write"]
 
 
+def test_a_posture_that_is_missing_says_who_needs_it(tmp_path: Path) -> None:
+    missing = inspected(panda_on("[0.5, 0.5, 0.9]", tmp_path))["missing"]
+    carrying, *named = [one for one in missing if one.startswith("a posture ")]
+    assert carrying.startswith("a posture carrying: hands level and close to the body are used")
+    assert [one.partition(": ")[2].partition(" (")[0] for one in named] == 2 * ["only recipes that name it need it"]
+
+
 def test_a_stand_wider_than_the_arm_reaches_is_named(tmp_path: Path) -> None:
     (advice,) = inspected(panda_on("[1.2, 1.2, 0.55]", tmp_path))["warnings"]
     assert "of the reach of the arm arm is over the robot's own base" in advice["what"]
