@@ -314,7 +314,8 @@ class _Hand:
         widths = {k: gap[1] - gap[0] for k, gap in enumerate(gaps) if gap is not None}
         stays = self._stays_parallel(approach, wide, narrow)
         wide_enough = [k for k, width in widths.items() if stays or width <= WIDEST_GAP]
-        last = max(wide_enough, key=lambda k: (round(widths[k], 3), k), default=len(STEPS) - 1)
+        by_width = stays or bool(self.thumbs)
+        last = max(wide_enough, key=lambda k: (round(widths[k], 3) if by_width else 0.0, k), default=len(STEPS) - 1)
         return steps[last], steps[self._shut(widths, last)]
 
     def _stays_parallel(self, approach: Array, wide: Values, narrow: Values) -> bool:
