@@ -118,7 +118,7 @@ $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 
 bench: $(VENV)/.bench-stamp
 	@set -e; for benchmark in tests/benchmarks/*.py; do \
-	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py) continue;; esac; \
+	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py|*/equal_bytes.py|*/walks.py) continue;; esac; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
