@@ -19,11 +19,11 @@ from executive.commands.answers import Answer
 from executive.commands.arguments import CheckArguments
 from executive.commands.check import check
 from executive.commands.inputs import PlanFile, folders_beside, read, refuse
-from planlang import explain
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
 from planlang.files import Bundled, beginning
+from planlang.language.recovery import explain
 from planlang.outputs import PNG, check_outputs, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order

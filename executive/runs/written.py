@@ -14,8 +14,8 @@ from executive.runs.final_state import Tilts, state_lines
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
 from executive.runs.traces import lines_of, steps_of
-from planlang import PlanFailure
 from planlang.diagnostics import BadInput, Diagnostic
+from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
