@@ -106,7 +106,11 @@ class Checkout:
     def __init__(self, root: Path) -> None:
         self.root = root
         self.product = [one for package in PRODUCT for one in self._sources(package)]
-        self.tests = self._sources("tests")
+
+    @cached_property
+    def tests(self) -> list[Source]:
+        """The tests."""
+        return self._sources("tests")
 
     def _sources(self, folder: str) -> list[Source]:
         paths = sorted((self.root / folder).rglob("*.py"))
@@ -120,11 +124,14 @@ class Checkout:
     @cached_property
     def imports(self) -> networkx.DiGraph:
         """Which module imports which: at the top, in functions, for types only, by string."""
-        edges = ((name, other) for name, one in self.modules.items() for other in self._imported(one))
+        edges = (
+            (name, other)
+            for name, one in self.modules.items()
+            for other in (*self._stated(one), *(imported for imported, _ in self.by_string(one)))
+        )
         return networkx.DiGraph(edge for edge in edges if edge[0] != edge[1])
 
-    def _imported(self, source: Source) -> Iterator[str]:
-        words = {node.value for node in source.nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    def _stated(self, source: Source) -> Iterator[str]:
         for node in source.nodes:
             if isinstance(node, ast.Import):
                 yield from (one.name for one in node.names if one.name in self.modules)
@@ -133,19 +140,41 @@ class Checkout:
                 yield from (name for name in inside if name in self.modules)
                 if node.module in self.modules and any(name not in self.modules for name in inside):
                     yield node.module
-            elif isinstance(node, ast.Call) and is_import(node) and isinstance(node.args[0], ast.JoinedStr):
-                package = node.args[0].values[0]  # executive.cli. of import_module(f"executive.cli.{name}")
-                if isinstance(package, ast.Constant):
-                    yield from (name for word in words if (name := package.value + last_word(word)) in self.modules)
+
+    def by_string(self, source: Source) -> Iterator[tuple[str, int]]:
+        """Yield the modules that a file imports by string, each with a line of the file.
+
+        They are named in full, with a colon before what is meant in them, in the file or in the JSON beside it; or by
+        the words of the file that complete an f-string: ``import_module(f"executive.cli.{name}")``.
+        """
+        unmeant = {id(node.value) for node in source.nodes if isinstance(node, ast.Assign) and is_name_of_home(node)}
+        words = {
+            node.value: node.lineno
+            for node in source.nodes
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in unmeant
+        }
         table = source.path.with_suffix(".json")
         if table.exists():
-            words |= set(table.read_text("utf-8").split('"'))
-        yield from (name for word in words if "." in (name := word.partition(":")[0]) and name in self.modules)
+            words |= dict.fromkeys(table.read_text("utf-8").split('"'), 1)
+        for word, line in words.items():
+            if "." in (name := word.partition(":")[0]) and name in self.modules:
+                yield name, line
+        for node in source.calls:
+            if is_import(node) and isinstance(node.args[0], ast.JoinedStr):
+                package = node.args[0].values[0]
+                if isinstance(package, ast.Constant):
+                    names = {f"{package.value}{last_word(word)}" for word in words}
+                    yield from ((name, node.lineno) for name in sorted(names & {*self.modules}))
 
 
 def is_text(node: ast.AST) -> bool:
     """Return whether a node is a string, as docstrings are."""
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def is_name_of_home(node: ast.Assign) -> bool:
+    """Return whether a statement says where a class is imported from: ``Failure.__module__ = "planlang.failures"``."""
+    return any(isinstance(one, ast.Attribute) and one.attr == "__module__" for one in node.targets)
 
 
 def is_import(node: ast.Call) -> bool:
