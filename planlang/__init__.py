@@ -36,6 +36,6 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
             raise AttributeError(f"module 'planlang' has no attribute {name!r}") from None
 
     def __dir__() -> list[str]:
-        import planlang.authoring as authoring
-
-        return sorted({*globals(), *authoring.__all__, "BadInput", "check", "compile", "locate", "simulate", "sweep"})
+        return sorted(
+            {*globals(), *__getattr__("__all__"), "BadInput", "check", "compile", "locate", "simulate", "sweep"}
+        )

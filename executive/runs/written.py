@@ -17,6 +17,7 @@ from executive.runs.traces import lines_of, steps_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
+from planlang.report import Told
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 from sim.truth import Truth
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from executive.pictures.video import Video
     from executive.report.watching import Watching
     from executive.runs.pose_log import PoseLog
-    from planlang.report import Context, Told
+    from planlang.report import Context
 
 
 class Written:
@@ -74,8 +75,6 @@ class Written:
         """
         options, truth = self._options, self._truth
         if options.picture is not None or options.video is not None:
-            from planlang.report import Told
-
             self._told = told = Told()
             self.listeners.append(lambda record, node: told.add(record))
         if options.picture is not None:
@@ -124,7 +123,7 @@ class Written:
 
     def _watch(self) -> Watching:
         """Collect the contents of a page."""
-        from executive.report.watching import Told, Watching  # most runs write no page
+        from executive.report.watching import Watching  # most runs write no page
 
         options = self._options
         watching = Watching(self._platform, self._truth)
