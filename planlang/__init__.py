@@ -21,11 +21,11 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
 
     def __getattr__(name: str) -> object:
         if name == "__version__":
-            from importlib.metadata import version
+            from importlib.metadata import version  # slow to import, and hardly ever asked for
 
             return version("planlang")
         if name in ("check", "compile"):
-            import executive.library.recipes as home
+            import executive.library.recipes as home  # here and below: nothing is loaded before it is asked for
         elif name in ("locate", "simulate", "sweep"):
             import executive.library.worlds as home
         else:

@@ -375,7 +375,7 @@ class Platform(Control):
     @property
     def exploration(self) -> Exploration:
         """The exploration of this run; its first use begins it, with the base's pose then as origin."""
-        from executive.locations.next_view import Exploration
+        from executive.locations.next_view import Exploration  # few runs explore
 
         if self._exploration is None:
             self._exploration = Exploration(self.scene)
