@@ -68,7 +68,7 @@ def c_numbers() -> Iterator[None]:
 
 def _import() -> Any:
     with quiet():
-        import pybullet
+        import pybullet  # it greets on stdout when it is imported
 
         return pybullet
 

@@ -9,10 +9,10 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+import planlang.failures as failures
 from executive.cli.arguments import ListArguments, Listed
 from executive.commands.answers import Answer, ExitCode
 from executive.modules.bundled import bundled_registry
-from planlang import failures
 from planlang.closure import reached
 from planlang.designators import local_name
 from planlang.files import Bundled, bundled

@@ -93,7 +93,7 @@ def _open(address: str, contents: str | None) -> Store:
     if contents is None:
         advice = "add --contents s3://BUCKET/FOLDER, or file:///FOLDER that all servers share"
         raise BadInput([error("K020", "a store behind SPARQL needs --contents", help=advice)])
-    from planlang.knowledge.sparql_store import SparqlStore
+    from planlang.knowledge.sparql_store import SparqlStore  # needs obstore
 
     try:
         return SparqlStore(address, contents, key=os.environ.get("PLANLANG_SPARQL_KEY"))

@@ -19,11 +19,16 @@ from executive.commands.answers import Answer
 from executive.commands.arguments import CheckArguments
 from executive.commands.check import check
 from executive.commands.inputs import PlanFile, folders_beside, read, refuse
-from planlang import explain
+from executive.maps import read_map, scene_of
+from executive.robots import bind_robot
+from executive.runs.ending import ending_of
+from executive.runs.traces import recorded_run
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
 from planlang.files import Bundled, beginning
+from planlang.language.recovery import explain
+from planlang.ontology import load
 from planlang.outputs import PNG, check_outputs, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
@@ -150,9 +155,6 @@ def recipe_lines(recipes: RecipeSet) -> Iterator[str]:
 
 
 def _draw_map(path: Path, arguments: ShowArguments, output: Path) -> None:
-    from executive.maps import read_map, scene_of
-    from planlang.ontology import load
-
     ontology = load(path, folders=arguments.folders)
     scene = scene_of(read_map(ontology, ignore_unread=arguments.ignore_unread), [])
     _draw_world(scene, None, arguments.view or "overview", output)
@@ -169,8 +171,6 @@ def _draw_world(scene: Scene, robot: RobotBody | None, view: str | None, output:
 
 
 def _robot(path: Path, arguments: ShowArguments) -> Shown:
-    from executive.robots import bind_robot
-
     robot = bind_robot(path, folders=arguments.folders)
     if path.suffix.lower() == ".urdf" and not robot.arms and robot.base.fixed:
         try:
@@ -281,9 +281,7 @@ def _class_of(node: ast.expr, classes: Mapping[str, str]) -> str:
 
 
 def _trace(path: Path, arguments: ShowArguments) -> Shown:
-    from executive.live.terminal import TerminalTree
-    from executive.runs.ending import ending_of
-    from executive.runs.traces import recorded_run
+    from executive.live.terminal import TerminalTree  # rich's live displays, of which traces alone need one
 
     recorded = recorded_run(path)
     told, tree = Told.of(line.record for line in recorded.lines), TerminalTree(inner=arguments.verbose)

@@ -43,7 +43,7 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
     if arguments.fix:
         return _fix(read_recipe_file(arguments.file), arguments)
     if os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None:  # False for what cannot be a path
-        from executive.commands.recipe_table import check_folder
+        from executive.commands.recipe_table import check_folder  # needs robots: slow, and most checks are of a file
 
         return check_folder(Path(arguments.file), arguments.folders, report)
     answer = _check_file(str(find_checked(arguments.file)), arguments, waiting)

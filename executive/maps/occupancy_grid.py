@@ -13,7 +13,9 @@ from io import BytesIO
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
 
 from planlang.diagnostics import BadInput, Span, unread
 from planlang.files import decode, read_file
@@ -108,8 +110,6 @@ class _Entries:
     """The entries of a YAML file, as texts with their lines. Raises BadInput for a file that has no such entries."""
 
     def __init__(self, path: Path) -> None:
-        import yaml  # most maps are in OWL
-
         self._path = path
         text = decode(read_file(path, CODE, largest=LARGEST_YAML), str(path))
         try:
@@ -160,8 +160,6 @@ class _Entries:
 
 def _texts(node: object) -> list[str] | None:
     """The texts of a scalar, or of a list of scalars; None for anything else."""
-    import yaml
-
     if isinstance(node, yaml.ScalarNode):
         return [str(node.value)]
     if isinstance(node, yaml.SequenceNode) and all(isinstance(one, yaml.ScalarNode) for one in node.value):
@@ -175,8 +173,6 @@ def read_image(path: Path, *, averages_alpha: bool = False) -> tuple[Array, NDAr
     Colours are averaged. With ``averages_alpha``, as in map_server's trinary mode, the opacity of transparent pixels is
     one of them, and all pixels count as opaque. Raises BadInput if the file is no image, or too large.
     """
-    from PIL import Image, UnidentifiedImageError  # slow to import
-
     content = read_file(path, CODE, largest=LARGEST_PICTURE)
     try:
         with Image.open(BytesIO(content), formats=FORMATS) as image:

@@ -21,7 +21,6 @@ from executive.motion import time_path
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
-from planlang import Fluent, checkpoint, now, sleep, using, wait_for
 from planlang.designators import Object
 from planlang.failures import (
     GraspSlipped,
@@ -35,6 +34,8 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
+from planlang.kernel import Fluent, checkpoint, now, sleep, wait_for
+from planlang.language.resources import using
 from planlang.protocols import Motion, MotionState, RobotInterface, Touch, Trajectory
 from planlang.records import dataclass
 from sim.falling import falling_time

@@ -18,13 +18,12 @@ from executive.maps import MapObject
 from executive.maps.class_names import known
 from executive.modules.platform import Platform
 from executive.modules.tools.turning_over import check_turned
-from planlang import sleep
 from planlang.changes import Change, Output, Physics, Poured, Switched, Transformed, TurnedOver
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class
 from planlang.failures import ObjectNotTurned, ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.kernel import PlanStructureError, now
+from planlang.kernel import PlanStructureError, now, sleep
 from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten

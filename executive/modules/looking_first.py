@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from executive.modules.platform import Platform
-from planlang import perform
 from planlang.designators import Action, Location, Object, action
 from planlang.failures import LookingFailure, ObjectNowhereToBeFound, PerceptionFailure
+from planlang.language.performing import perform
 from planlang.language.process_module import ProcessModule, WrappedModule
 
 

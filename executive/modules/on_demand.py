@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from planlang import failures
+import planlang.failures as failures
 from planlang.designators import Action
 from planlang.registry import OnDemand, marked
 

@@ -29,11 +29,10 @@ from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
-from planlang import perform
 from planlang.designators import Action, FixedPose, Location, Object, action
 from planlang.failures import ActionUnresolvable, AmbiguousPerception, ManipulationGoalInCollision
 from planlang.geometry import Array, Pose, matrices
-from planlang.language.performing import actions_around
+from planlang.language.performing import actions_around, perform
 from planlang.protocols import MotionState, Trajectory
 from planlang.records import dataclass
 from planlang.relations import Sense
@@ -376,7 +375,7 @@ class Platform(Control):
     @property
     def exploration(self) -> Exploration:
         """The exploration of this run; its first use begins it, with the base's pose then as origin."""
-        from executive.locations.next_view import Exploration
+        from executive.locations.next_view import Exploration  # few runs explore
 
         if self._exploration is None:
             self._exploration = Exploration(self.scene)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from types import TracebackType
 
-from planlang import PlanFailure
-from planlang.failures import ManipulationFailure, NavigationFailure
+from planlang.failures import ManipulationFailure, NavigationFailure, PlanFailure
 
 
 class Tries:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from executive.modules.platform import PlatformModule
-from planlang import sleep
 from planlang.designators import Action
 from planlang.failures import ActionUnresolvable, DesignatorFailure
+from planlang.kernel import sleep
 from planlang.language.process_module import process_module
 
 

@@ -15,12 +15,12 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
 from executive.locations.demands import base_demand, thing_demand
 from executive.locations.rejections import Validated
-from executive.pictures.drawing import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font, wrapped
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.shapes import corners, outline_of
 from planlang.records import dataclass
+from planlang.sheets import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font, wrapped
 from sim.scene import BodyShape
 
 Bounds = tuple[float, float, float, float]

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, blended
 from executive.pictures.rendering import Image
 from executive.pictures.robot_picture import hand_picture, robot_picture
 from executive.robots import Robot
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.sheets import FAINT, FINE, INK, Colour, Sheet, blended
 from sim import PlanningWorld
 
 Maps = Mapping[GraspClass, ReachabilityMap]

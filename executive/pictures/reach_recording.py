@@ -10,11 +10,11 @@ import rerun
 from rerun import blueprint
 
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
-from executive.pictures.drawing import blended
 from executive.pictures.drawn import Drawn
 from executive.pictures.reach_picture import SCALE
 from executive.pictures.recorded_world import MAP, TRUTH, record_robot, stream_to
 from executive.robots.arms import ArmModel
+from planlang.sheets import blended
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from PIL import Image
 
-from executive.pictures.drawing import FAINT, FINE, INK, Colour, Sheet, wrapped
 from planlang.designators import snake_case
 from planlang.records import dataclass
+from planlang.sheets import FAINT, FINE, INK, Colour, Sheet, wrapped
 
 DONE: Colour = (40, 140, 80)
 FAILED: Colour = (196, 52, 44)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from planlang import PlanFailure
-from planlang.failures import LocationUnresolvable
+from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.records import dataclass
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
-from planlang.testing.rehearsal import rehearse
+from planlang.rehearsal import rehearse
 
 
 def fixed(path: Path, *, task: str | None, folders: Sequence[Path], accepted: Sequence[str]) -> Fixed:

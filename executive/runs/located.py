@@ -21,7 +21,7 @@ from planlang.records import dataclass
 from planlang.units import chosen_units, known_unit
 
 if TYPE_CHECKING:
-    from executive.pictures.drawing import Sheet
+    from planlang.sheets import Sheet
 
 
 @dataclass(frozen=True, slots=True)

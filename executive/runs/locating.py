@@ -34,7 +34,7 @@ from planlang.relations import RELATIONS
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
-    from executive.pictures.drawing import Sheet
+    from planlang.sheets import Sheet
 
 
 @dataclass(frozen=True, kw_only=True)

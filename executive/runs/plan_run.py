@@ -55,20 +55,30 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.remedies import able_robots, absent_things, command_of, performing
+from executive.runs.reporting import context_of
 from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
-from planlang import PlanFailure, RunError, SimulationHost, Trace, budget, explain, run
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
-from planlang.failures import ActionUnresolvable, AmbiguousPerception, MissingCapability, ObjectUnresolvable
+from planlang.failures import (
+    ActionUnresolvable,
+    AmbiguousPerception,
+    MissingCapability,
+    ObjectUnresolvable,
+    PlanFailure,
+)
+from planlang.kernel import RunError, SimulationHost
+from planlang.language.budgets import budget
 from planlang.language.performing import module_for
 from planlang.language.plans import Plan
+from planlang.language.recovery import explain
 from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
+from planlang.language.running import run
 from planlang.ontology import load
 from planlang.records import dataclass
-from planlang.runs import Different, Past, RecordedRun, Repetition, restore
+from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, restore
 from planlang.runs.codec import dump
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
@@ -450,8 +460,6 @@ class Run:
         header: Mapping[str, Any],
     ) -> Context:
         """Context of a page; ``notes`` are those that a repeated run has, too."""
-        from executive.runs.reporting import context_of  # slow, and most runs write no page
-
         options = self.options
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1

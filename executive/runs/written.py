@@ -14,9 +14,10 @@ from executive.runs.final_state import Tilts, state_lines
 from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
 from executive.runs.traces import lines_of, steps_of
-from planlang import PlanFailure
 from planlang.diagnostics import BadInput, Diagnostic
+from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
+from planlang.report import Told
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 from sim.truth import Truth
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from executive.pictures.video import Video
     from executive.report.watching import Watching
     from executive.runs.pose_log import PoseLog
-    from planlang.report import Context, Told
+    from planlang.report import Context
 
 
 class Written:
@@ -74,14 +75,12 @@ class Written:
         """
         options, truth = self._options, self._truth
         if options.picture is not None or options.video is not None:
-            from planlang.report import Told
-
             self._told = told = Told()
             self.listeners.append(lambda record, node: told.add(record))
         if options.picture is not None:
             self._files.append((options.picture, partial(self._save_picture, bound, title)))
         if options.video is not None:
-            from executive.pictures.video import Video
+            from executive.pictures.video import Video  # Pillow is slow to import
 
             video = Video(truth, truth.rate, title, options.view)
             self.listeners.append(steps_of(video.steps.hear))
@@ -102,19 +101,19 @@ class Written:
             if options.watch:
                 self._show(watching, beside)
         if options.watch_tree:
-            from executive.live.terminal import TerminalTree
+            from executive.live.terminal import TerminalTree  # rich is slow to import
 
             self.listeners.append(
                 self._shown.enter_context(TerminalTree(sys.stderr, inner=options.inner_actions)).heard
             )
         if options.poses is not None:
-            from executive.runs.pose_log import PoseLog
+            from executive.runs.pose_log import PoseLog  # few runs log poses
 
             known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
             self._poses = PoseLog(truth.rate, options.poses, known)
             self._noted.append(self._poses)
         if options.update_map is not None:
-            from executive.belief.map_updating import MapUpdate
+            from executive.belief.map_updating import MapUpdate  # few runs write a map
 
             update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, diagnostics)
             self.listeners.append(update)
@@ -124,7 +123,7 @@ class Written:
 
     def _watch(self) -> Watching:
         """Collect the contents of a page."""
-        from executive.report.watching import Told, Watching  # most runs write no page
+        from executive.report.watching import Watching  # most runs write no page
 
         options = self._options
         watching = Watching(self._platform, self._truth)
@@ -139,7 +138,7 @@ class Written:
         return watching
 
     def _show(self, watching: Watching, context: Context) -> None:
-        from executive.live.live_run import LiveRun
+        from executive.live.live_run import LiveRun  # a web server: slow to import, and few runs are watched
 
         live = LiveRun(watching, context, self._truth.rate, partial(print, file=sys.stderr, flush=True))
         self.listeners.append(live.heard)

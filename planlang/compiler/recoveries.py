@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
 
-from planlang import failures
+import planlang.failures as failures
 from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.failures import LookingFailure, ManipulationFailure, ObjectUndeliverable, ObjectUnreachable, PlanFailure

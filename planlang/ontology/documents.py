@@ -136,8 +136,8 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     syntax = Syntax.NEEM if is_dump else syntax_of(text, file)
     if syntax is Syntax.GRID:
         return read_map_file(Path(file), base, OCCUPANCY_GRID)
-    module, name = _READERS[syntax]
-    read = getattr(import_module(f"planlang.ontology.{module}"), name)
+    module, _, name = _READERS[syntax].partition(":")
+    read = getattr(import_module(module), name)
     parsed: Parsed
     if syntax is Syntax.URDF:
         parsed = read(Path(file))
@@ -151,13 +151,13 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
 
 
 _READERS = {
-    Syntax.RDFXML: ("rdfxml", "read_rdfxml"),
-    Syntax.MANCHESTER: ("manchester", "read_manchester"),
-    Syntax.TURTLE: ("turtle", "read_turtle"),
-    Syntax.FUNCTIONAL: ("functional", "read_functional"),
-    Syntax.OWLXML: ("owlxml", "read_owlxml"),
-    Syntax.NEEM: ("neem", "read_neem"),
-    Syntax.URDF: ("urdf_world", "read_world"),
+    Syntax.RDFXML: "planlang.ontology.rdfxml:read_rdfxml",
+    Syntax.MANCHESTER: "planlang.ontology.manchester:read_manchester",
+    Syntax.TURTLE: "planlang.ontology.turtle:read_turtle",
+    Syntax.FUNCTIONAL: "planlang.ontology.functional:read_functional",
+    Syntax.OWLXML: "planlang.ontology.owlxml:read_owlxml",
+    Syntax.NEEM: "planlang.ontology.neem:read_neem",
+    Syntax.URDF: "planlang.ontology.urdf_world:read_world",
 }
 """Module and function of each reader, imported when a file needs it: lark and pyoxigraph are slow to import."""
 

@@ -133,7 +133,7 @@ class Ontology:
         """
         from owlready2 import World  # needs an extra
 
-        from planlang.ontology.nested_writers import ntriples
+        from planlang.ontology.nested_writers import ntriples  # few ontologies are converted
 
         statements = (triple for triple in self.triples() if triple.predicate != OWL.imports)
         world = World()

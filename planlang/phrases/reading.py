@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from difflib import SequenceMatcher, get_close_matches
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
 from lark import Lark, Token, Tree, UnexpectedInput, UnexpectedToken
 
@@ -77,7 +77,7 @@ def parser() -> Lark:
 @cache
 def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
     """Build the parser for these forms of relations and of complements."""
-    grammar = files("planlang.phrases").joinpath("location.lark").read_text(encoding="utf-8")
+    grammar = Path(__file__).with_name("location.lark").read_text(encoding="utf-8")
     tables = {
         "RELATION": tuple(form for form in said if not form.startswith("not ")),
         "OPPOSITE": opposite,

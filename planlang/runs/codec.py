@@ -192,8 +192,8 @@ _MODULES = (
 @cache
 def _checks() -> dict[type[Any], Callable[[Any], bool]]:
     """Map the value types to functions that check the types of their fields."""
-    from planlang.geometry import Pose
-    from planlang.protocols import Configuration, Solution  # imported late, as they need NumPy and most plans do not
+    from planlang.geometry import Pose  # these need NumPy, and most plans in virtual time do not
+    from planlang.protocols import Configuration, Solution
 
     return {
         Pose: lambda pose: _floats(pose.position, 3) and _floats(pose.orientation, 4),

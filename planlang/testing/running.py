@@ -83,7 +83,7 @@ class PlanRun(History, Generic[V]):
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Write an HTML report of the run: tree, lanes, failures and story, without a world."""
-        from planlang.report import Context, Told, model_of, page
+        from planlang.report import Context, Told, model_of, page  # few tests write a page
         from planlang.report.sources import source_of
 
         function = self.plan.function if isinstance(self.plan, Plan) else self.plan

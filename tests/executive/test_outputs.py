@@ -177,7 +177,7 @@ def test_a_graph_is_written_as_png_in_the_size_of_its_svg_and_equal_runs_give_eq
 
 
 def test_a_graph_that_is_too_large_for_a_picture_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.pictures.graph_picture.LARGEST", 1000)
+    monkeypatch.setattr("planlang.compiler.drawing.png.LARGEST", 1000)
     result = compile_with("serve_a_drink", "--graph", tmp_path / "g.png", "-o", tmp_path / "plan.py")
     assert (result.exit_code, "error C014" in result.stderr, ".svg" in result.stderr) == (2, True, True)
     assert not (tmp_path / "g.png").exists()

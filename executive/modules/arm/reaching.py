@@ -15,7 +15,6 @@ from executive.modules.tries import Tries
 from executive.modules.ways_out import way_out_of_arm
 from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
-from planlang import checkpoint, perform
 from planlang.designators import (
     Action,
     Device,
@@ -38,6 +37,8 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array
+from planlang.kernel import checkpoint
+from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.protocols import Trajectory
 from planlang.relations import Sense

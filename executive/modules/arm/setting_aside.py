@@ -13,7 +13,6 @@ from executive.modules.arm.hand_work import HandWork
 from executive.modules.tries import Tries
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
-from planlang import Recovery, perform
 from planlang.designators import Action, Object, a_location, a_posture, action, resting_on
 from planlang.failures import (
     ActionUnresolvable,
@@ -26,7 +25,9 @@ from planlang.failures import (
     NavigationFailure,
     PerceptionFailure,
 )
+from planlang.language.performing import perform
 from planlang.language.process_module import process_module
+from planlang.language.recovery import Recovery
 
 SUPPORTS = 4
 """Pieces of furniture to try, nearest first."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from executive.modules.arm.hand_work import BACK, HandWork
-from planlang import checkpoint
 from planlang.designators import Action
 from planlang.failures import NavigationFailure
+from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 
 

@@ -19,7 +19,6 @@ from executive.modules.furniture.witnessing import is_witnessed
 from executive.modules.tries import Tries
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
-from planlang import checkpoint
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -37,6 +36,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved
+from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
 from sim.joints import Articulation, JointKind

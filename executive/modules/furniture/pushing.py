@@ -25,7 +25,6 @@ from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
-from planlang import perform
 from planlang.designators import Action, Device, Location, Object, a_location, resting_on
 from planlang.designators import action as look_for
 from planlang.failures import (
@@ -39,7 +38,7 @@ from planlang.failures import (
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import corners
-from planlang.language.performing import actions_around
+from planlang.language.performing import actions_around, perform
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Trajectory

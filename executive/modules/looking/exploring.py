@@ -8,9 +8,9 @@ from typing import Any
 
 from executive.belief.recognition import EXPLORATION
 from executive.modules.platform import Platform, PlatformModule
-from planlang import checkpoint, sleep
 from planlang.designators import Action, Location, Object, a_posture
 from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure
+from planlang.kernel import checkpoint, sleep
 from planlang.language.process_module import process_module
 
 EXPOSURE = 0.1

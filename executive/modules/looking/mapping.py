@@ -6,8 +6,8 @@ from pathlib import Path
 
 from executive.belief.map_writing import map_text
 from executive.modules.platform import PlatformModule
-from planlang import checkpoint
 from planlang.designators import Action
+from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 from planlang.outputs import write_text
 

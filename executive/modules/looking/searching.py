@@ -16,7 +16,6 @@ from executive.locations.likely_places import LikelyPlace, Search
 from executive.locations.views import NO_SCREENS
 from executive.modules.looking.exploring import look_around
 from executive.modules.platform import Platform, PlatformModule
-from planlang import checkpoint, perform
 from planlang.designators import Action, Location, Object, Situation, action, local_name
 from planlang.failures import (
     ActionUnresolvable,
@@ -31,7 +30,8 @@ from planlang.failures import (
     StateUnknown,
 )
 from planlang.geometry import Array
-from planlang.kernel import now
+from planlang.kernel import checkpoint, now
+from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.records import dataclass
 

@@ -30,7 +30,6 @@ from executive.motion.constrained_motion import PhaseMotion, solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from executive.robots.arms import ArmModel
-from planlang import checkpoint, perform
 from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
@@ -43,7 +42,8 @@ from planlang.failures import (
     PerceptionFailure,
 )
 from planlang.geometry import Array, Pose
-from planlang.kernel import compute_in_thread
+from planlang.kernel import checkpoint, compute_in_thread
+from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
 from planlang.protocols import Trajectory

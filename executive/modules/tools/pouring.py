@@ -17,11 +17,11 @@ from executive.modules.platform import Platform
 from executive.modules.tools.motion_grounding import GroundedMotion
 from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
-from planlang import now
 from planlang.designators import Action, Object
 from planlang.effects import effects_of
 from planlang.failures import AmountNotPoured, VesselEmpty
 from planlang.geometry import Array, Pose
+from planlang.kernel import now
 from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.protocols import Trajectory

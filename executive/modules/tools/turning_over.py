@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.modules.platform import Platform
-from planlang import perform, sleep
 from planlang.designators import action
 from planlang.failures import LookingFailure, ObjectNotTurned, PerceptionFailure
 from planlang.geometry import Array, Pose
+from planlang.kernel import sleep
+from planlang.language.performing import perform
 from sim.bodies import axes_of
 from sim.falling import falling_time
 

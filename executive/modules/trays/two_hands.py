@@ -23,7 +23,6 @@ from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths
 from executive.modules.tries import Tries
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
-from planlang import checkpoint
 from planlang.designators import Action, Location, Object, resting_on
 from planlang.failures import (
     ActionUnresolvable,
@@ -42,6 +41,7 @@ from planlang.failures import (
     TooHeavy,
 )
 from planlang.geometry import Array, Pose
+from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 
 PLACES = 3

@@ -1,7 +1,8 @@
 """Drawings of a task: its steps with their properties, and the order of the steps.
 
 General layout: ``task_graph`` turns checked recipes into groups of boxes and arrows, with names made safe to display;
-``markup`` and ``svg`` write them as text; ``layers`` computes the layout of an SVG; ``graph_file`` writes the file.
+``markup`` and ``svg`` write them as text; ``layers`` computes the layout of an SVG, which ``png`` draws; ``graph_file``
+writes the file.
 """
 
 from planlang.compiler.drawing.graph_file import FORMATS, GraphDrawing, unknown_format

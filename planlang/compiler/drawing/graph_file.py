@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from importlib import import_module
 from os import PathLike
 from pathlib import Path
 
@@ -52,8 +51,9 @@ class GraphDrawing:
         if problems:
             raise BadInput(problems)
         if target.suffix.lower() in PNG:
-            # imported by name: the compiler must not depend on the executive, whose drawing library is slow to import
-            replace(target, partial(import_module("executive.pictures.graph_picture").save_graph, self.graph))
+            from planlang.compiler.drawing.png import save_graph  # Pillow is slow to import
+
+            replace(target, partial(save_graph, self.graph))
         else:
             write_text(target, FORMATS[target.suffix.lower()](self.graph))
         return target

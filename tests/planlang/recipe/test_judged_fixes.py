@@ -13,7 +13,7 @@ from planlang.files import bundled
 from planlang.ontology import load
 from planlang.recipe import Actions, read_recipe
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
-from planlang.testing.rehearsal import rehearse
+from planlang.rehearsal import rehearse
 from tests.support.examples import some
 
 ORDERS = ("R040", "R042", "R045", "R039")

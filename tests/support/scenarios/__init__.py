@@ -114,7 +114,7 @@ class Judged:
 
 def judged(scenario: Scenario, seed: int = 0) -> Judged:
     """Run a scenario in this process, in a folder of its own; raises BadInput as the command does."""
-    texts = [_at_home(one) for one in scenario.arguments]
+    texts = [at_home(one) for one in scenario.arguments]
     with TemporaryDirectory() as folder, chdir(folder):
         return judged_run(scenario, options_of(parsed([*texts, "--seed", str(seed), "--json"])))
 
@@ -134,7 +134,7 @@ def judged_run(scenario: Scenario, options: RunOptions) -> Judged:
     return Judged(result, unmet, watched.tilts)
 
 
-def _at_home(text: str) -> str:
+def at_home(text: str) -> str:
     """Return an argument with the path of the corpus, or of this checkout, if it names a file there."""
     folders = {"corpus/": CORPUS.parent, "docs/": TOP}
     mark, path = ("@", text[1:]) if text.startswith("@") else ("", text)

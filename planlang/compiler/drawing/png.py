@@ -9,10 +9,10 @@ from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
-from executive.pictures.drawing import FINE, Colour, Point, Sheet
-from planlang.compiler.drawing import TaskGraph, figure
-from planlang.compiler.drawing.svg import STYLE
+from planlang.compiler.drawing.svg import STYLE, figure
+from planlang.compiler.drawing.task_graph import TaskGraph
 from planlang.diagnostics import BadInput, error
+from planlang.sheets import FINE, Colour, Point, Sheet
 
 LARGEST = 25_000_000
 """Largest picture [pixels]; drawing takes 12 bytes per pixel."""

@@ -1,0 +1,158 @@
+"""Run the scenarios with fixed seeds, hash their traces, and compare those of two checkouts byte by byte.
+
+    python -m tests.benchmarks.equal_bytes --save FOLDER                    traces of this checkout, and FOLDER/sha256
+    python -m tests.benchmarks.equal_bytes --against FOLDER                 this checkout and what was saved
+    python -m tests.benchmarks.equal_bytes --checkout ../main --checkout .  two checkouts
+    ... --short                                                             eight scenarios, in a minute or two
+    ... --seeds 0,3 carry wipe                                              other worlds; scenarios with such names
+
+The first checkout is the one to compare with. Scenarios and their files are those of this checkout, whatever runs them.
+What differs is listed with the first line that does. Exit code 1 if something differs, 0 if all bytes are equal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import zip_longest
+from pathlib import Path
+
+from tests.support.scenarios import TOP, Scenario, at_home, scenarios
+
+SHORT = (
+    "serve_a_drink",
+    "move_the_bottle with amigo",
+    "fetch_from_cabinet with amigo",
+    "flipping",
+    "push_the_door_shut",
+    "stir_soup",
+    "carry_the_tray with amigo",
+    "object-search",
+)
+"""Scenarios that together enter most modules: hands, doors, constraints, pushing, tools, trays, looking."""
+HASHES = "sha256"
+"""The file of hashes in a folder of traces, in the format of sha256sum."""
+SHOWN = 160
+"""Characters of a line that are printed around the first that differs."""
+LONGEST = 900
+"""Seconds of wall clock after which a run is stopped; it counts as different."""
+
+Traces = Mapping[str, Path]
+"""Name of a run -> its trace; what the command printed stands there if it wrote none."""
+
+
+def names_of(chosen: Sequence[Scenario], seeds: Sequence[int]) -> dict[str, tuple[Scenario, int]]:
+    """Return the runs by the names of their traces."""
+    return {
+        f"{re.sub('[^a-z0-9]+', '_', one.name.lower())}-{seed}.jsonl": (one, seed) for one in chosen for seed in seeds
+    }
+
+
+def run(checkout: Path, scenario: Scenario, seed: int, trace: Path) -> None:
+    """Run a scenario with the code of a checkout, in a folder of its own."""
+    words = [*map(at_home, scenario.arguments), "--seed", str(seed), "--trace", str(trace), "--json"]
+    environment = {**os.environ, "PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "random"}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    command = [sys.executable, "-m", "executive", "run", *words]
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            done = subprocess.run(
+                command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=LONGEST
+            )
+            said = f"exit code {done.returncode}\n{done.stdout}{done.stderr}"
+        except subprocess.TimeoutExpired:
+            said = f"stopped after {LONGEST} s\n"
+    if not trace.exists():
+        trace.write_text(said, encoding="utf-8")
+
+
+def traces_of(
+    checkout: Path, runs: Mapping[str, tuple[Scenario, int]], folder: Path, pool: ThreadPoolExecutor
+) -> Traces:
+    """Run scenarios into a folder, and write the hashes of their traces beside them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in runs:
+        (folder / name).unlink(missing_ok=True)
+    started = {name: pool.submit(run, checkout, *one, folder / name) for name, one in runs.items()}
+    rows = []
+    for name, one in started.items():
+        one.result()
+        rows.append(f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}")
+        print(f"{checkout.name}  {rows[-1]}", file=sys.stderr, flush=True)
+    (folder / HASHES).write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return {name: folder / name for name in runs}
+
+
+def differences(before: Traces, after: Traces) -> Iterator[tuple[str, str]]:
+    """Yield the runs whose traces differ, each with the first line that does, as it was and as it is."""
+    for name in before:
+        old, new = before[name].read_bytes(), after[name].read_bytes()
+        if old != new:
+            yield name, first_difference(old.decode("utf-8", "replace"), new.decode("utf-8", "replace"))
+
+
+def first_difference(old: str, new: str) -> str:
+    """Return the number of the first line that differs, and both lines around the first character that does."""
+    lines = list(zip_longest(old.splitlines(), new.splitlines(), fillvalue="(the trace ends here)"))
+    numbers = [number for number, (was, now) in enumerate(lines) if was != now]
+    was, now = lines[numbers[0]]
+    place = next((place for place, (one, other) in enumerate(zip(was, now, strict=False)) if one != other), len(was))
+    start = max(0, place - SHOWN // 2)
+    cut = "..." if start else ""
+    before, after = (f"{cut}{one[start : start + SHOWN]}" for one in (was, now))
+    count = f"{len(numbers)} of {len(lines)} lines differ, the first is {numbers[0] + 1}, at character {place + 1}"
+    return f"{count}\n    before: {before}\n    after:  {after}"
+
+
+def chosen_of(given: argparse.Namespace) -> list[Scenario]:
+    """Return the scenarios that are asked for."""
+    known = scenarios()
+    if given.short:
+        return [known[name] for name in SHORT]
+    return [one for one in known.values() if not given.names or any(word in one.name for word in given.names)]
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run, save and compare what was asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("names", nargs="*", help="parts of names of scenarios (default: all)")
+    parser.add_argument("--short", action="store_true", help=f"{len(SHORT)} scenarios")
+    parser.add_argument("--seeds", default="0", help="seeds, with commas between them (default: 0)")
+    parser.add_argument("--checkout", type=Path, action="append", help="one, or two to compare (default: this)")
+    parser.add_argument("--against", type=Path, metavar="FOLDER", help="compare with the traces that were saved there")
+    parser.add_argument("--save", type=Path, metavar="FOLDER", help="keep the traces of the last checkout")
+    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (default: 2)")
+    given = parser.parse_args(words)
+    checkouts = [one.resolve() for one in given.checkout or [TOP]]
+    if len(checkouts) + (given.against is not None) > 2:
+        parser.error("two are compared: name two checkouts, or one with --against")
+    runs = names_of(chosen_of(given), [int(seed) for seed in given.seeds.split(",")])
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(given.jobs) as pool:
+        columns: list[Traces] = []
+        if given.against is not None:
+            missing = [name for name in runs if not (given.against / name).is_file()]
+            if missing:
+                parser.error(f"{given.against} has no {missing[0]}; save it with the same names and seeds")
+            columns.append({name: given.against / name for name in runs})
+        for number, checkout in enumerate(checkouts):
+            is_last = checkout is checkouts[-1]
+            folder = given.save if given.save is not None and is_last else Path(scratch, str(number))
+            columns.append(traces_of(checkout, runs, folder.resolve(), pool))
+        if len(columns) == 1:
+            return 0
+        found = list(differences(*columns))
+        for name, where in found:
+            print(f"{name}: {where}")
+        print(f"{len(runs) - len(found)} of {len(runs)} traces are equal")
+    return int(bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
