@@ -286,7 +286,8 @@ def unperformed_actions(plan: PlanSource, performed: Performed) -> Iterator[Diag
     """
     from executive.modules.bundled import bundled_registry  # slow, and most plans are compiled
 
-    if any(one.name == "otherwise" for one in plan.keywords("perform")) or not plan.actions:
+    performs = (one for one in plan.calls if one.function == "perform")
+    if any(keyword.name == "otherwise" for one in performs for keyword in one.keywords) or not plan.actions:
         return
     ontology, classes = load(bundled("ontologies") / "knowrob.omn"), bundled_registry().actions | performed()
     for action in plan.actions:
@@ -300,7 +301,7 @@ def unperformed_actions(plan: PlanSource, performed: Performed) -> Iterator[Diag
 
 def misspelt_roles(plan: PlanSource) -> Iterator[Diagnostic]:
     """Find misspelt roles of actions: unusual ones that resemble exactly one usual role."""
-    for role in plan.keywords("action"):
+    for role in (keyword for action in plan.actions for keyword in action.keywords):
         meant = meant_role(role.name) if role.name is not None else None
         if meant is not None:
             span = Span(plan.file, role.line, role.column)

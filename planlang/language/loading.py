@@ -43,8 +43,8 @@ def load_plan(source: PlanSource, name: str | None = None) -> ModuleType:
 def _misfits(source: PlanSource, module: ModuleType) -> Iterator[Diagnostic]:
     """Yield an error for each call of the plan language with arguments that do not fit the function."""
     for call in source.calls:
-        function = vars(module).get(call.name)
-        if call.is_open or not _is_of_the_language(function):
+        function = vars(module).get(call.written or "")
+        if call.given is None or not _is_of_the_language(function):
             continue
         try:
             signature = inspect.signature(function)
@@ -54,7 +54,7 @@ def _misfits(source: PlanSource, module: ModuleType) -> Iterator[Diagnostic]:
         try:
             bind(*[None] * call.given, **{str(keyword.name): None for keyword in call.keywords})
         except TypeError as problem:
-            message = f"{call.name} has other parameters in this version of planlang: {problem}"
+            message = f"{call.written} has other parameters in this version of planlang: {problem}"
             yield error("X001", message, Span(source.file, call.line, call.column), _advice(source))
 
 

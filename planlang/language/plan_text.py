@@ -8,8 +8,6 @@ from typing import NamedTuple
 from planlang.language.branches import Branch
 from planlang.records import dataclass
 
-MOVING = "Translation-LocationChange"
-"""Action class that ``at_location`` needs."""
 Performs = Callable[[str, Branch | None], bool]
 """Decides whether a process module performs an action of a class, rather than the plan given for it."""
 
@@ -25,31 +23,22 @@ class Keyword(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CallText:
-    """Call of a function by its name, directly or as ``partial(name, ...)``."""
+    """Call of a function."""
 
-    name: str
+    function: str | None
+    """Name of the function in planlang; None if the call names none."""
     line: int
     column: int
-    given: int
-    """Number of arguments without a name."""
     keywords: tuple[Keyword, ...]
-    is_open: bool
-    """True if there is an argument ``*others`` or ``**others``."""
+    written: str | None
+    """Name of the function that gets the arguments, for ``partial`` the first of them, if the file does not bind it."""
     is_partial: bool
-
-
-@dataclass(frozen=True, slots=True)
-class ClassUse:
-    """Call that names an action class: of ``action``, ``action_class`` or ``plan`` (``function``)."""
-
-    function: str
-    line: int
-    column: int
+    given: int | None
+    """Number of arguments without a name for it; None if there are ``*others`` or ``**others``."""
     cls: str | None
-    """Local name of the class; None if only the running plan knows it."""
+    """Local name of the class that the first argument names; None if only the running plan knows it."""
     literal: str | None
-    """The class as a string, if it is written as one."""
-    keywords: tuple[Keyword, ...]
+    """The first argument, if it is written as a string."""
 
 
 @dataclass(frozen=True, slots=True)

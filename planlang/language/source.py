@@ -10,6 +10,7 @@ import ast
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +23,8 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.files import read_file
 from planlang.language.branches import Branch
 from planlang.language.plan_text import (
-    MOVING,
     Alternative,
     CallText,
-    ClassUse,
     FunctionText,
     Keyword,
     Needs,
@@ -96,51 +95,41 @@ class PlanSource:
     @property
     def imports_planlang(self) -> bool:
         """True if the file imports planlang, or something of it, outside of functions."""
-        for one in self.tree.body:
-            names = [alias.name for alias in one.names] if isinstance(one, ast.Import) else []
-            names += [one.module or ""] if isinstance(one, ast.ImportFrom) else []
-            if any(name.partition(".")[0] == "planlang" for name in names):
-                return True
-        return False
+        body = self.tree.body
+        names = [alias.name for one in body if isinstance(one, ast.Import) for alias in one.names]
+        names += [one.module or "" for one in body if isinstance(one, ast.ImportFrom)]
+        return "planlang" in [name.partition(".")[0] for name in names]
 
     @cached_property
     def calls(self) -> tuple[CallText, ...]:
-        """Calls of functions by names that the file does not bind to values of its own; inner calls come later."""
+        """All calls; inner ones come later."""
         bound = {node.id for node in self._nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
         bound.update(node.arg for node in self._nodes if isinstance(node, ast.arg))
         found: list[CallText] = []
         for call in self._calls:
-            match call:
-                case ast.Call(func=ast.Name("partial"), args=[ast.Name(id=name), *given]):
-                    is_partial = True
-                case ast.Call(func=ast.Name(id=name), args=given):
-                    is_partial = False
-                case _:
-                    continue
-            if name not in bound:
-                keywords = _keywords(call)
-                is_open = any(isinstance(one, ast.Starred) for one in given) or None in [one.name for one in keywords]
-                found.append(CallText(name, *_place(call), len(given), keywords, is_open, is_partial))
+            function, given, first = call.func, call.args, next(iter(call.args), None)
+            if is_partial := isinstance(function, ast.Name) and function.id == "partial" and bool(given):
+                function, *given = given
+            keywords = tuple(Keyword(one.arg, *_place(one)) for one in call.keywords)
+            is_open = any(isinstance(one, ast.Starred) for one in given) or None in [one.name for one in keywords]
+            found.append(
+                CallText(
+                    self._called(call),
+                    *_place(call),
+                    keywords,
+                    written=function.id if isinstance(function, ast.Name) and function.id not in bound else None,
+                    is_partial=is_partial,
+                    given=None if is_open else len(given),
+                    cls=self._class_name(first, self._constants) if first is not None else None,
+                    literal=first.value if isinstance(first, ast.Constant) and isinstance(first.value, str) else None,
+                )
+            )
         return tuple(found)
 
-    @cached_property
-    def classes(self) -> tuple[ClassUse, ...]:
-        """Calls that name an action class; inner calls come later."""
-        return tuple(
-            ClassUse(function, *_place(call), self._class_name(cls), _text(cls, {}), _keywords(call))
-            for call in self._calls
-            for cls in call.args[:1]
-            if (function := self.name(call.func)) in ("action", "action_class", "plan")
-        )
-
     @property
-    def actions(self) -> tuple[ClassUse, ...]:
-        """Descriptions of actions, among :attr:`classes`."""
-        return tuple(one for one in self.classes if one.function == "action")
-
-    def keywords(self, function: str) -> Iterator[Keyword]:
-        """Yield the arguments with names in calls of a function of planlang."""
-        return (one for call in self._calls if self.name(call.func) == function for one in _keywords(call))
+    def actions(self) -> tuple[CallText, ...]:
+        """Descriptions of actions, among :attr:`calls`."""
+        return tuple(one for one in self.calls if one.function == "action")
 
     @cached_property
     def functions(self) -> tuple[FunctionText, ...]:
@@ -167,7 +156,7 @@ class PlanSource:
             for one in (call.func, *call.args[:1])
             if self._is_location(one)
             for keyword in call.keywords
-            if keyword.arg == "by" and (cls := self._class_name(keyword.value)) is not None
+            if keyword.arg == "by" and (cls := self._class_name(keyword.value, self._constants)) is not None
         }
 
     @cached_property
@@ -207,11 +196,22 @@ class PlanSource:
 
     def needs(self, module: ModuleType, plan: Plan[Any, Any]) -> Needs:
         """What a plan needs, including the functions that it calls; ``module`` is the loaded plan, with its values."""
-        return _Reading(self, module).needs(plan.name)
+        with self._refusing():
+            return _Reading(self, module).needs(plan.name)
 
     def read_names(self, module: ModuleType, plan: Plan[Any, Any], performs: Performs) -> frozenset[str]:
         """Names that a plan reads, except in plans that process modules replace."""
-        return _Reading(self, module).read(plan.name, performs)
+        with self._refusing():
+            return _Reading(self, module).read(plan.name, performs)
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        """Refuse what is nested so deeply that Python can parse it, but not walk through it."""
+        try:
+            yield
+        except RecursionError:
+            advice = "split long expressions: assign their parts to names"
+            raise BadInput([error("C002", "this plan is nested too deeply", Span(self.file), advice)]) from None
 
     def _arguments(self, name: str) -> Iterator[ast.expr]:
         """Yield what calls pass by a name."""
@@ -249,7 +249,7 @@ class PlanSource:
             if isinstance(node, ast.Name) and node.id in self._plans:  # called, or passed on: partial(right, BOTTLE)
                 steps.append(Step(function.name, *_place(node), node.id, True))
             elif isinstance(node, ast.Call) and self.name(node.func) == "action" and node.args:
-                what = self._class_name(node.args[0]) or ast.unparse(node.args[0])
+                what = self._class_name(node.args[0], self._constants) or ast.unparse(node.args[0])
                 stated = recoveries.get(node)
                 listed = stated.elts if isinstance(stated, ast.List | ast.Tuple) else [stated] if stated else []
                 written = tuple(map(ast.unparse, listed))
@@ -285,38 +285,32 @@ class PlanSource:
 
     @cached_property
     def _constants(self) -> Mapping[str, str]:
-        """Strings and action classes that the file itself assigns to names, as far as the text states them."""
+        """What the file assigns to names, as far as it may be a class: its local name."""
         constants: dict[str, str] = {}
         for one in self.tree.body:
-            if isinstance(one, ast.Assign) and (value := self._stated_class(one.value, constants)) is not None:
+            if isinstance(one, ast.Assign) and (value := self._class_name(one.value, constants)) is not None:
                 constants.update((target.id, value) for target in one.targets if isinstance(target, ast.Name))
         return constants
 
-    def _stated_class(self, node: ast.expr, values: Mapping[str, str]) -> str | None:
-        match node:
-            case ast.Call(args=[first, *_]) if self._called(node) == "action_class":
-                node = first
-        return _text(node, values)
-
-    def _class_name(self, node: ast.expr) -> str | None:
-        """Local name of the class that an expression names; the end of a sum or of an f-string may be enough."""
-        if (stated := self._stated_class(node, self._constants)) is not None:
-            return local_name(stated)
-        match node:
-            case ast.BinOp(right=last) | ast.JoinedStr(values=[*_, last]):
-                return self._class_name(last)
-            case ast.Call(args=[first, *_]) if self._called(node) == "action_class":
-                return self._class_name(first)
-        return None
+    def _class_name(self, node: ast.expr, constants: Mapping[str, str]) -> str | None:
+        """Local name of the class that an expression names: of a sum or an f-string, the end says it."""
+        while True:
+            match node:
+                case ast.Constant(value=str(text)):
+                    return local_name(text)
+                case ast.Name(id=name):
+                    return constants.get(name)
+                case ast.BinOp(right=last) | ast.JoinedStr(values=[*_, last]):
+                    node = last
+                case ast.Call(args=[first, *_]) if self._called(node) == "action_class":
+                    node = first
+                case _:
+                    return None
 
 
 def _place(node: Any) -> tuple[int, int]:
     """Line and column of a node, both from 1."""
     return node.lineno, node.col_offset + 1
-
-
-def _keywords(call: ast.Call) -> tuple[Keyword, ...]:
-    return tuple(Keyword(one.arg, *_place(one)) for one in call.keywords)
 
 
 def _text(node: ast.expr | None, values: Mapping[str, Any]) -> str | None:
@@ -376,11 +370,11 @@ class _Reading:
             case ast.Call(args=[first, described, *_]) if self._name(first) == "perform":  # partial(perform, ...)
                 return self._performed(described, node, scope)
             case ast.Call(func=function, args=branches) if self._name(function) == "try_in_order":
-                return self._choice([*branches, *(k.value for k in node.keywords if k.arg != "name")], scope)
+                return self._choice(branches, node, scope)
             case ast.Call(args=[first, *branches]) if self._name(first) == "try_in_order":  # partial(try_in_order, ...)
-                return self._choice([*branches, *(k.value for k in node.keywords if k.arg != "name")], scope)
+                return self._choice(branches, node, scope)
             case ast.Name() | ast.Attribute() if self._name(node) == "at_location":
-                needs = [Needs((MOVING,))]
+                needs = [Needs(("Translation-LocationChange",))]
             case ast.Name(id=name, ctx=ast.Load()) if name in scope:
                 definition = scope[name]
                 needs = [self._definition(definition, self._top if self._top.get(name) is definition else scope)]
@@ -397,12 +391,11 @@ class _Reading:
             own = replace(own, modular=())
         return _together([own, *(self._within(other, scope) for other in others)])
 
-    def _choice(self, branches: list[ast.expr], scope: Scope) -> Needs:
+    def _choice(self, positional: list[ast.expr], call: ast.Call, scope: Scope) -> Needs:
+        branches = [*positional, *(keyword.value for keyword in call.keywords if keyword.arg != "name")]
         if any(isinstance(branch, ast.Starred) for branch in branches):
             return _together(self._within(branch, scope) for branch in branches)
-        return Needs(
-            choices=(tuple(Alternative(_title(b), b.lineno, self._within(b, scope)) for b in branches),),
-        )
+        return Needs(choices=(tuple(Alternative(_title(b), b.lineno, self._within(b, scope)) for b in branches),))
 
     def read(self, name: str, performs: Performs) -> frozenset[str]:
         """Names that a plan function reads, itself or as arguments of functions that read them."""
@@ -482,11 +475,9 @@ def _definitions(body: list[ast.stmt]) -> dict[str, ast.AST]:
 
 def _together(needs: Iterable[Needs]) -> Needs:
     """Union of needs, with each action class and each choice once."""
-    actions: dict[str, None] = {}
-    modular: dict[str, None] = {}
-    choices: dict[tuple[Alternative, ...], None] = {}
-    for one in needs:
-        actions.update(dict.fromkeys(one.actions))
-        choices.update(dict.fromkeys(one.choices))
-        modular.update(dict.fromkeys(one.modular))
-    return Needs(tuple(actions), tuple(choices), tuple(modular))
+    every = list(needs)
+    return Needs(
+        tuple(dict.fromkeys(one for each in every for one in each.actions)),
+        tuple(dict.fromkeys(one for each in every for one in each.choices)),
+        tuple(dict.fromkeys(one for each in every for one in each.modular)),
+    )

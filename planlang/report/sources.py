@@ -50,7 +50,11 @@ def plan_source(source: PlanSource) -> Source:
     """
     name, text = source.path.name, cut(source.text)
     try:
-        named = [(one.function == "action_class", one.line, one.cls) for one in source.classes if one.cls is not None]
+        named = [
+            (one.function == "action_class", one.line, one.cls)
+            for one in source.calls
+            if one.function in ("action", "action_class", "plan") and one.cls
+        ]
     except BadInput:  # no Python
         return Source(name, text, {})
     named += [(False, one.line, one.name) for one in source.functions]

@@ -14,7 +14,7 @@ from loaded_plans import KITCHEN, PLAIN, needs, read
 
 from planlang.diagnostics import BadInput
 from planlang.language.loading import load_plan
-from planlang.language.plan_text import ClassUse, Keyword, Needs, Step
+from planlang.language.plan_text import CallText, Keyword, Needs, Step
 from planlang.language.source import PlanSource
 
 # What a plan needs
@@ -238,23 +238,30 @@ def test_a_plan_is_entered_once_behind_a_step_even_if_it_calls_itself() -> None:
 
 def test_classes_have_their_local_names_wherever_the_text_states_them() -> None:
     source = PlanSource(TEXT, "kitchen.py")
-    assert sorted((one.line, one.function, one.cls or "") for one in source.classes) == [
+    naming = [one for one in source.calls if one.function in ("action", "action_class", "plan")]
+    assert sorted((one.line, str(one.function), str(one.cls)) for one in naming) == [
         (6, "action_class", "Pour"),
         (12, "action", "CloseHand"),
         (15, "plan", "Serve"),
         (19, "action", "Pour"),
         (20, "action_class", "Drive"),
-        (21, "action", ""),
+        (21, "action", "None"),
         (21, "action", "Offer"),
     ]
     assert len(source.actions) == 4
 
 
-def test_a_class_that_is_written_as_a_string_is_told_as_it_is_written() -> None:
-    source = read("import planlang", "planlang.action('http://example.org/kitchen.owl#Pour', to_locaton=1, **others)")
-    keywords = Keyword("to_locaton", 2, 56), Keyword(None, 2, 70)
-    assert source.classes == (ClassUse("action", 2, 1, "Pour", "http://example.org/kitchen.owl#Pour", keywords),)
-    assert tuple(source.keywords("action")) == keywords
+def test_calls_are_told_with_what_their_arguments_say() -> None:
+    pour = "planlang.action('http://example.org/kitchen.owl#Pour', to_locaton=1, **others)"
+    source = read("import planlang", pour, "x = partial(look, 1, near=cup)", "x(f(*them))")
+    near, others = Keyword("near", 3, 22), (Keyword("to_locaton", 2, 56), Keyword(None, 2, 70))
+    iri = "http://example.org/kitchen.owl#Pour"
+    assert source.calls == (
+        CallText("action", 2, 1, others, None, False, None, "Pour", iri),
+        CallText("partial", 3, 5, (near,), "look", True, 1, None, None),
+        CallText("x", 4, 1, (), None, False, 1, None, None),
+        CallText("f", 4, 3, (), "f", False, None, None, None),
+    )
 
 
 def test_functions_are_told_with_parameters_words_and_lines_of_locations() -> None:
@@ -312,6 +319,14 @@ def test_a_text_that_is_no_python_is_refused_with_its_line(text: str, line: int,
     assert (problem.code, problem.span and problem.span[:2]) == ("C002", ("kitchen.py", line))
     assert problem.message.startswith("neither a recipe nor a plan: ")
     assert reason in problem.message
+
+
+def test_a_plan_that_is_nested_too_deeply_to_be_walked_through_is_refused() -> None:
+    source = read(PLAIN, "@plan", "async def count():", "    return 1" + " + 1" * 930)
+    module = load_plan(source)
+    assert source.needs(module, module.go).actions == ("Reaching",)
+    with pytest.raises(BadInput, match="C002 this plan is nested too deeply"):
+        source.needs(module, module.count)
 
 
 @settings(max_examples=examples(500))
