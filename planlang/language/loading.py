@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import inspect
 import linecache
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any, TypeGuard
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in
 from planlang.language.source import PlanSource
@@ -44,7 +43,9 @@ def _misfits(source: PlanSource, module: ModuleType) -> Iterator[Diagnostic]:
     """Yield an error for each call of the plan language with arguments that do not fit the function."""
     for call in source.calls:
         function = vars(module).get(call.written or "")
-        if call.given is None or not _is_of_the_language(function):
+        if call.given is None or not isinstance(function, FunctionType | type):
+            continue
+        if function.__module__.partition(".")[0] != "planlang":
             continue
         try:
             signature = inspect.signature(function)
@@ -56,10 +57,6 @@ def _misfits(source: PlanSource, module: ModuleType) -> Iterator[Diagnostic]:
         except TypeError as problem:
             message = f"{call.written} has other parameters in this version of planlang: {problem}"
             yield error("X001", message, Span(source.file, call.line, call.column), _advice(source))
-
-
-def _is_of_the_language(function: object) -> TypeGuard[Callable[..., Any]]:
-    return isinstance(function, FunctionType | type) and function.__module__.partition(".")[0] == "planlang"
 
 
 def _advice(source: PlanSource) -> str | None:
