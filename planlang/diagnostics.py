@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from enum import Enum
@@ -156,3 +157,9 @@ def unread(code: str, message: str, span: Span | None = None, help: str | None =
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
     """Check whether any diagnostic is an error."""
     return any(d.severity is Severity.ERROR for d in diagnostics)
+
+
+def line_in(problem: BaseException, file: str) -> int | None:
+    """Line of a file of Python that an exception passed last, or that a SyntaxError names."""
+    lines = [frame.lineno for frame in traceback.extract_tb(problem.__traceback__) if frame.filename == file]
+    return lines[-1] if lines else getattr(problem, "lineno", None)

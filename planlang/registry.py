@@ -12,7 +12,6 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from enum import IntEnum
 from functools import cached_property
@@ -22,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from planlang.designators import Action
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in, note
 from planlang.files import read_file
 from planlang.language.process_module import ProcessModule, WrappedModule, is_marked, selects
 from planlang.records import dataclass
@@ -209,11 +208,9 @@ def _imported(path: Path) -> ModuleType:
     except BadInput:
         raise
     except (Exception, SystemExit) as problem:
-        lines: Sequence[Any] = traceback.extract_tb(problem.__traceback__)
-        passed = [frame.lineno for frame in lines if frame.filename == str(path)]
-        line = passed[-1] if passed else getattr(problem, "lineno", None)
         message = f"the process modules cannot be imported: {_reason(problem)}"
-        raise BadInput([error("X011", message, Span(str(path), line or 1), _renamed(problem))]) from problem
+        span = Span(str(path), line_in(problem, str(path)) or 1)
+        raise BadInput([error("X011", message, span, _renamed(problem))]) from problem
     return module
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from inspect import Parameter, signature
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from planlang.action_conditions import Condition, Named
@@ -31,7 +30,9 @@ from planlang.designators import (
     snake_case,
 )
 from planlang.diagnostics import BadInput
+from planlang.language.loading import load_plan
 from planlang.language.plans import Plan
+from planlang.language.source import PlanSource
 from planlang.ontology import expand, load
 from planlang.recipe.fixes import Rehearsal
 from planlang.recipe.preconditions import Unmet
@@ -67,8 +68,7 @@ def _script(compiled: CompiledPlan) -> Script:
 
 def _plan(compiled: CompiledPlan) -> Callable[[], Any]:
     """Make a plan function without parameters: those without default get a placeholder of their type."""
-    module = ModuleType(compiled.functions[-1])
-    exec(compile(compiled.source, f"<plan of {compiled.task}>", "exec"), module.__dict__)
+    module = load_plan(PlanSource(compiled.source, f"<plan of {compiled.task}>"), compiled.functions[-1])
     plan = getattr(module, compiled.functions[-1])
     assert isinstance(plan, Plan)
     parameters = signature(plan.function).parameters.values()

@@ -7,11 +7,12 @@ from typing import Any
 
 from executive.cli.arguments import ReplayArguments
 from executive.commands.answers import Answer, ExitCode
-from executive.commands.inputs import PlanFile, RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
+from executive.commands.inputs import RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
 from executive.runs.options import RunOptions
 from executive.runs.plan_run import Run
 from executive.runs.traces import read_trace
 from planlang.diagnostics import Diagnostic
+from planlang.language.source import PlanSource
 from planlang.runs import Different
 
 WIDTH = 56
@@ -27,7 +28,7 @@ def command(arguments: ReplayArguments) -> Answer:
     check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
     refuse(problems)
     options = RunOptions(
-        plan=file.path if isinstance(file, PlanFile) else None,
+        plan=file.path if isinstance(file, PlanSource) else None,
         recipe=file.path if isinstance(file, RecipeFile) else None,
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),

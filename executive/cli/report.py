@@ -109,7 +109,6 @@ def _context(arguments: ReportArguments, header: Mapping[str, Any]) -> Context:
     named = arguments.file or header.get("plan")
     with suppress(BadInput):
         source = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
-        is_recipe = isinstance(source, RecipeFile)
-        plan, recipe = (None, source.path) if is_recipe else (source.path, None)
+        plan, recipe = (None, source.path) if isinstance(source, RecipeFile) else (source, None)
         return context_of(plan, None, recipe, frozenset(), arguments.folders, of=header)
     return Context()

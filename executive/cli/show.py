@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
@@ -18,7 +17,7 @@ from executive.cli.arguments import ReportArguments, ShowArguments
 from executive.commands.answers import Answer
 from executive.commands.arguments import CheckArguments
 from executive.commands.check import check
-from executive.commands.inputs import PlanFile, folders_beside, read, refuse
+from executive.commands.inputs import folders_beside, read, refuse
 from executive.maps import read_map, scene_of
 from executive.robots import bind_robot
 from executive.runs.ending import ending_of
@@ -29,6 +28,7 @@ from planlang.diagnostics import BadInput, error
 from planlang.files import Bundled, beginning
 from planlang.language.recovery import explain
 from planlang.ontology import load
+from planlang.language.source import PlanSource
 from planlang.outputs import PNG, check_outputs, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
@@ -99,7 +99,7 @@ def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:
     path = Bundled.RECIPE.find(name)
     if beginning(path, 8).startswith("{"):
         return path, _trace
-    return path, _plan if isinstance(read(name), PlanFile) else _recipe_or_other
+    return path, _plan if isinstance(read(name), PlanSource) else _recipe_or_other
 
 
 # Recipes and maps
@@ -193,88 +193,21 @@ def _robot(path: Path, arguments: ShowArguments) -> Shown:
 def _plan(path: Path, arguments: ShowArguments) -> Shown:
     """Show a plan file: whether it is up to date, and its functions with what they perform and raise."""
     plan = read(str(path))
-    assert isinstance(plan, PlanFile)
+    assert isinstance(plan, PlanSource)
     answer = check(CheckArguments(file=str(path), ontologies=arguments.ontologies))
     state = str(answer.text).partition("\n")[0]
-    module = ast.parse(plan.source)
-    functions, classes = _plan_functions(module), _classes(module)
-    lines = [line for one in functions.values() for line in _function_lines(one, functions, classes)]
-    return Shown(changed(answer, text="\n".join((state, *lines))))
+    return Shown(changed(answer, text="\n".join((state, *_plan_lines(plan)))))
 
 
-def _plan_functions(module: ast.Module) -> dict[str, ast.AsyncFunctionDef]:
-    """Plan functions of a module, by name."""
-    return {
-        one.name: one
-        for one in module.body
-        if isinstance(one, ast.AsyncFunctionDef) and any(_called(mark) == "plan" for mark in one.decorator_list)
-    }
-
-
-def _classes(module: ast.Module) -> dict[str, str]:
-    """Action classes that a module assigns to names, by name."""
-    return {
-        target.id: _class_of(one.value.args[0], {})
-        for one in module.body
-        if isinstance(one, ast.Assign) and isinstance(one.value, ast.Call) and _called(one.value) == "action_class"
-        for target in one.targets
-        if isinstance(target, ast.Name) and one.value.args
-    }
-
-
-def _function_lines(
-    function: ast.AsyncFunctionDef, plans: Mapping[str, ast.AsyncFunctionDef], classes: Mapping[str, str]
-) -> Iterator[str]:
-    """Yield a plan function with its actions and plan calls, in the order of the source."""
-    names = ", ".join(one.arg for one in (*function.args.args, *function.args.kwonlyargs))
-    words = (ast.get_docstring(function) or "").partition("\n")[0]
-    yield f"{function.name}({names})  {words}".rstrip()
-    nodes = [one for one in ast.walk(function) if isinstance(one, (ast.Call, ast.Name))]
-    steps = _step_names(function)
-    for node in sorted(nodes, key=lambda one: (one.lineno, one.col_offset)):
-        if isinstance(node, ast.Name):
-            if node.id in plans:  # called, or passed on: par(left), partial(right, BOTTLE)
-                yield f"  {node.id}()  line {node.lineno}"
-        elif _called(node) == "action" and node.args:
-            step = f"{steps[node]}: " if node in steps else ""
-            yield f"  {step}{_class_of(node.args[0], classes)}  line {node.lineno}"
-
-
-def _step_names(function: ast.AsyncFunctionDef) -> dict[ast.expr, str]:
-    """Names (``name=``) of actions that are performed where they are made, or by a variable of the function."""
-    nodes = list(ast.walk(function))
-    assigned = {
-        target.id: one.value
-        for one in nodes
-        if isinstance(one, ast.Assign)
-        for target in one.targets
-        if isinstance(target, ast.Name)
-    }
-    return {
-        assigned.get(passed.id, passed) if isinstance(passed, ast.Name) else passed: str(keyword.value.value)
-        for one in nodes
-        if isinstance(one, ast.Call)
-        for keyword in one.keywords
-        if keyword.arg == "name" and isinstance(keyword.value, ast.Constant)
-        for passed in one.args
-    }
-
-
-def _called(node: ast.expr) -> str | None:
-    function = node.func if isinstance(node, ast.Call) else node
-    return getattr(function, "attr", None) or getattr(function, "id", None)
-
-
-def _class_of(node: ast.expr, classes: Mapping[str, str]) -> str:
-    """Local name of an action's class, in any notation."""
-    match node:
-        case ast.BinOp(right=right):
-            return _class_of(right, classes)
-        case ast.Constant(value=str(iri)):
-            return local_name(iri)
-        case ast.Name(id=name) if name in classes:
-            return classes[name]
-    return ast.unparse(node)
+def _plan_lines(plan: PlanSource) -> Iterator[str]:
+    """Yield the plan functions, each with its actions and plan calls in the order of the source."""
+    for function in plan.functions:
+        if function.is_plan:
+            yield f"{function.name}({', '.join(function.parameters)})  {function.summary}".rstrip()
+            for step in plan.steps:
+                if step.function == function.name:
+                    name = f"{step.name}: " if step.name is not None else ""
+                    yield f"  {name}{step.what}{'()' * step.is_call}  line {step.line}"
 
 
 # Traces

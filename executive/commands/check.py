@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import difflib
 import os
 from collections.abc import Iterator, Sequence
@@ -13,12 +12,13 @@ import typer
 
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import CheckArguments
-from executive.commands.inputs import PlanFile, RecipeFile, folders_beside, read, read_recipe_file, unacceptable
+from executive.commands.inputs import RecipeFile, folders_beside, read, read_recipe_file, unacceptable
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
 from planlang.files import ONTOLOGIES, Bundled, bundled
+from planlang.language.source import PlanSource
 from planlang.ontology import expand, load, shorten
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.plan_versions import compiled_before
@@ -209,7 +209,7 @@ class Freshness:
     edits: str = ""
 
 
-def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
+def freshness(plan: PlanSource, *, folders: Sequence[Path] = ()) -> Freshness:
     """Compare a plan with what its recipe compiles to now, by the options of the compiled plan.
 
     The recipe is searched beside the plan, in ``folders``, then among the bundled ones. A changed recipe is an error;
@@ -218,7 +218,7 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     origin = plan.header
     if origin is None:
         return Freshness("a plan written by hand")
-    span = Span(str(plan.path))
+    span = Span(plan.file)
     recipe = origin.find_recipe(plan.path, folders)
     if recipe is None:
         advice = "name its folder with --ontologies DIR"
@@ -227,7 +227,7 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     is_same = origin.matches(recipe.read_bytes())
     diagnostics: list[Diagnostic] = []
     if not is_same:
-        how = "--merge keeps the edits" if origin.is_edited(plan.source) else "compiles the plan again"
+        how = "--merge keeps the edits" if origin.is_edited(plan.text) else "compiles the plan again"
         advice = f"planlang compile {quoted(recipe)} -o {quoted(plan.path)} {how}"
         message = f"the recipe has changed since this plan was compiled from it: {recipe}"
         diagnostics.append(error("C009", message, span, advice))
@@ -235,9 +235,9 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
     if fresh is None:
         state = "compiled from a recipe that no longer compiles" if is_same else "out of date"
         return Freshness(state, problems if is_same else tuple(diagnostics))
-    if fresh == plan.source:
+    if fresh == plan.text:
         return Freshness(f"what {recipe.name} compiles to")
-    is_edited = origin.is_edited(plan.source)
+    is_edited = origin.is_edited(plan.text)
     if is_same and not is_edited:
         message = f"{origin.recipe} compiles to a different plan now: planlang has changed ({_versions(origin, fresh)})"
         diagnostics.append(warning("C006", f"{message}, or what the recipe imports", span, "compile the plan again"))
@@ -247,11 +247,11 @@ def freshness(plan: PlanFile, *, folders: Sequence[Path] = ()) -> Freshness:
         message = f"the plan differs from what {origin.recipe} compiles to: it was edited, or planlang has changed"
         diagnostics.append(note("C010", message, span))
     state = "out of date" if not is_same or not is_edited else "an edited plan"
-    now, before = f"what {recipe.name} compiles to now", compiled_before(plan.path, plan.source, fresh)
+    now, before = f"what {recipe.name} compiles to now", compiled_before(plan.path, plan.text, fresh)
     if before is None or not is_edited:
-        return Freshness(state, tuple(diagnostics), _difference(plan.source, fresh, str(plan.path), now))
+        return Freshness(state, tuple(diagnostics), _difference(plan.text, fresh, str(plan.path), now))
     name = f"{plan.path} as compiled"
-    edits = _difference(before, plan.source, name, f"{plan.path} as edited")
+    edits = _difference(before, plan.text, name, f"{plan.path} as edited")
     return Freshness(state, tuple(diagnostics), _difference(before, fresh, name, now), edits)
 
 
@@ -279,38 +279,30 @@ def _difference(old: str, new: str, old_name: str, new_name: str) -> str:
     return "\n".join(difflib.unified_diff(old.splitlines(), new.splitlines(), old_name, new_name, lineterm=""))
 
 
-def unperformed_actions(plan: PlanFile, performed: Performed) -> Iterator[Diagnostic]:
+def unperformed_actions(plan: PlanSource, performed: Performed) -> Iterator[Diagnostic]:
     """Warn of actions of a plan written by hand whose class, stated as a string without ``below``, no module performs.
 
     A plan with ``otherwise`` may perform its actions itself and is not examined.
     """
     from executive.modules.bundled import bundled_registry  # slow, and most plans are compiled
 
-    calls = list(_calls(plan, "action"))
-    if any(keyword.arg == "otherwise" for call in _calls(plan, "perform") for keyword in call.keywords) or not calls:
+    performs = (one for one in plan.calls if one.function == "perform")
+    if any(keyword.name == "otherwise" for one in performs for keyword in one.keywords) or not plan.actions:
         return
     ontology, classes = load(bundled("ontologies") / "knowrob.omn"), bundled_registry().actions | performed()
-    for call in calls:
-        match call.args:
-            case [ast.Constant(value=str(cls)), *_] if not any(keyword.arg == "below" for keyword in call.keywords):
-                if classes.isdisjoint((local_name(cls), *map(shorten, ontology.ancestors(expand(cls))))):
-                    span = Span(str(plan.path), call.lineno, call.col_offset + 1)
-                    advice = "name a module with --modules FILE.py, or perform steps that planlang list actions lists"
-                    yield warning("R021", f"no process module performs {local_name(cls)}", span, advice)
+    for action in plan.actions:
+        if (cls := action.literal) is None or any(keyword.name == "below" for keyword in action.keywords):
+            continue
+        if classes.isdisjoint((local_name(cls), *map(shorten, ontology.ancestors(expand(cls))))):
+            span = Span(plan.file, action.line, action.column)
+            advice = "name a module with --modules FILE.py, or perform steps that planlang list actions lists"
+            yield warning("R021", f"no process module performs {local_name(cls)}", span, advice)
 
 
-def _calls(plan: PlanFile, function: str) -> Iterator[ast.Call]:
-    """Yield the calls of a function of this name in a plan."""
-    for node in ast.walk(ast.parse(plan.source)):
-        if isinstance(node, ast.Call) and function in (getattr(node.func, "attr", ""), getattr(node.func, "id", "")):
-            yield node
-
-
-def misspelt_roles(plan: PlanFile) -> Iterator[Diagnostic]:
+def misspelt_roles(plan: PlanSource) -> Iterator[Diagnostic]:
     """Find misspelt roles of actions: unusual ones that resemble exactly one usual role."""
-    for node in _calls(plan, "action"):
-        for keyword in node.keywords:
-            meant = meant_role(keyword.arg) if keyword.arg is not None else None
-            if meant is not None:
-                span = Span(str(plan.path), keyword.lineno, keyword.col_offset + 1)
-                yield error("C024", f"actions have no role {keyword.arg}", span, f"did you mean {meant}?")
+    for role in (keyword for action in plan.actions for keyword in action.keywords):
+        meant = meant_role(role.name) if role.name is not None else None
+        if meant is not None:
+            span = Span(plan.file, role.line, role.column)
+            yield error("C024", f"actions have no role {role.name}", span, f"did you mean {meant}?")

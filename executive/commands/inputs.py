@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 import os
 import re
@@ -13,7 +12,8 @@ import typer
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
-from planlang.outputs import LARGEST_PLAN, PlanHeader, header
+from planlang.language.source import PlanSource
+from planlang.outputs import LARGEST_PLAN
 from planlang.plan_versions import unresolved
 from planlang.records import dataclass
 from planlang.shell import quoted
@@ -120,15 +120,6 @@ def planar(text: str | None) -> tuple[float, float, float] | None:
 
 
 @dataclass(frozen=True, slots=True)
-class PlanFile:
-    """Source of a plan; ``header`` is None for a plan written by hand."""
-
-    path: Path
-    source: str
-    header: PlanHeader | None
-
-
-@dataclass(frozen=True, slots=True)
 class RecipeFile:
     """File with a recipe, judged by its first characters only."""
 
@@ -140,12 +131,12 @@ class RecipeFile:
         return self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
 
 
-def programs(file: PlanFile | RecipeFile, modules: Sequence[Path] | None) -> tuple[Path, ...]:
+def programs(file: PlanSource | RecipeFile, modules: Sequence[Path] | None) -> tuple[Path, ...]:
     """Files that will be executed: a plan, and process modules."""
-    return (*([file.path] if isinstance(file, PlanFile) else []), *(modules or ()))
+    return (*([file.path] if isinstance(file, PlanSource) else []), *(modules or ()))
 
 
-def read(name: str) -> PlanFile | RecipeFile:
+def read(name: str) -> PlanSource | RecipeFile:
     """Read a plan or a recipe. Raises BadInput if the file cannot be read, or is neither."""
     path = Bundled.RECIPE.find(name)
     try:
@@ -161,13 +152,13 @@ def read(name: str) -> PlanFile | RecipeFile:
         raise BadInput([error("C002", f"{path.name} is in UTF-16", Span(str(path)), "save it as UTF-8")])
     if "\ufffd" in text:
         decode(content, str(path))  # raises, unless the character is meant
-    return _plan(path, text, is_whole=len(content) <= LARGEST_PLAN)
+    return _plan(path, text, content)
 
 
 def read_recipe_file(name: str) -> RecipeFile:
     """Find a recipe by its name. Raises BadInput for a plan."""
     file = read(name)
-    if isinstance(file, PlanFile):
+    if isinstance(file, PlanSource):
         advice = f"planlang check {quoted(name)} checks a plan, planlang run {quoted(name)} runs it"
         raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(file.path)), advice)])
     return file
@@ -190,32 +181,14 @@ def starts_like_owl(text: str) -> bool:
     return True
 
 
-def _plan(path: Path, text: str, *, is_whole: bool) -> PlanFile:
-    if not is_whole:
+def _plan(path: Path, text: str, content: bytes) -> PlanSource:
+    if len(content) > LARGEST_PLAN:
         raise BadInput([error("C002", f"this plan is larger than {LARGEST_PLAN // 1_000_000} MB", Span(str(path)))])
     if has_conflicts(text):
         raise BadInput([unresolved(text, Span(str(path)))])
-    try:
-        module = ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
-        line = getattr(problem, "lineno", None) or 1
-        column = getattr(problem, "offset", None) or 1
-        reason = getattr(problem, "msg", None) or str(problem)
-        advice = "a plan is Python source; a recipe starts with an XML declaration, Prefix: or Ontology:"
-        diagnostic = error("C002", f"neither a recipe nor a plan: {reason}", Span(str(path), line, column), advice)
-        raise BadInput([diagnostic]) from None
-    if not _imports_planlang(module.body):
+    plan = PlanSource(text, str(path), content)
+    if not plan.imports_planlang:
         advice = "a plan imports its constructs: from planlang import plan, perform, ..."
         message = "Python source, but not a plan: it does not import planlang"
         raise BadInput([error("C003", message, Span(str(path)), advice)])
-    return PlanFile(path, text, header(text))
-
-
-def _imports_planlang(statements: Iterable[ast.stmt]) -> bool:
-    for statement in statements:
-        match statement:
-            case ast.ImportFrom(module=str(module)) if module.split(".")[0] == "planlang":
-                return True
-            case ast.Import(names=aliases) if any(alias.name.split(".")[0] == "planlang" for alias in aliases):
-                return True
-    return False
+    return plan

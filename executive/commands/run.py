@@ -12,7 +12,6 @@ import typer
 
 from executive.commands.arguments import RunArguments
 from executive.commands.inputs import (
-    PlanFile,
     RecipeFile,
     accepted,
     check_files,
@@ -30,6 +29,7 @@ from executive.runs.settings import settings_of
 from executive.runs.traces import TraceHeader, read_trace
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import Bundled, decode, read_file
+from planlang.language.source import PlanSource
 from planlang.outputs import PNG, WEBP, check_outputs
 
 
@@ -83,7 +83,7 @@ def options_of(arguments: RunArguments) -> RunOptions:
     }
     return RunOptions(
         **settings,
-        plan=file.path if isinstance(file, PlanFile) else None,
+        plan=file.path if isinstance(file, PlanSource) else None,
         recipe=file.path if isinstance(file, RecipeFile) else None,
         task=arguments.task or header.task,
         accepted=accepted(arguments.accept),

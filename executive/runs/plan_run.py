@@ -22,7 +22,6 @@ from executive.runs.assembly import RobotExecutive, platform_of, real_scene, wor
 from executive.runs.ended_run import EndedRun
 from executive.runs.failure import Failure
 from executive.runs.final_state import state_lines
-from executive.runs.importing import import_plan, line_in
 from executive.runs.in_hands import InHand, in_hands, take
 from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome, RunOptions, RunResult
@@ -37,21 +36,14 @@ from executive.runs.parameters import (
 )
 from executive.runs.plan_files import (
     Assessment,
-    Needs,
     Requirements,
     assess,
     compiled,
-    count_of_steps,
     fixed_recipe,
     located,
     main_plan,
-    needs_of,
-    outputs_of,
-    plan_file,
-    read_names,
     required,
     required_of_plan,
-    stated_waiting,
     without_module,
 )
 from executive.runs.remedies import able_robots, absent_things, command_of, performing
@@ -60,7 +52,7 @@ from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang.designators import Action, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in, note, warning
 from planlang.failures import (
     ActionUnresolvable,
     AmbiguousPerception,
@@ -70,12 +62,15 @@ from planlang.failures import (
 )
 from planlang.kernel import RunError, SimulationHost
 from planlang.language.budgets import budget
+from planlang.language.loading import load_plan
 from planlang.language.performing import module_for
+from planlang.language.plan_text import Needs
 from planlang.language.plans import Plan
 from planlang.language.recovery import explain
 from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.language.running import run
+from planlang.language.source import PlanSource
 from planlang.ontology import load
 from planlang.records import dataclass
 from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, restore
@@ -122,7 +117,7 @@ class Run:
                 self.registry.add_file(file)
             self._modules = self.registry.resolve(self.found)
             if options.plan is not None:
-                self.path = options.plan
+                self.source = PlanSource.read(options.plan)
             else:
                 assert options.recipe is not None
                 file, folders = options.recipe, options.ontologies
@@ -131,11 +126,11 @@ class Run:
                     folders = (options.recipe.parent, *folders)
                 recipe = self._inputs.once(load, file, folders=folders, also=options.recipes)
                 plan = self._compiled = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
-                self.path = plan_file(plan, stack)
+                self.source = plan.plan_source
                 self.found = [located(one, file, options.recipe) for one in (*self.found, *plan.diagnostics)]
                 self._requirements = required(recipe, plan.recipes)
-            self.source = import_plan(self.path)
-            self.plan: Plan[Any, Any] = main_plan(self.source, options.task if options.plan is not None else None)
+            self._module = load_plan(self.source)
+            self.plan: Plan[Any, Any] = main_plan(self._module, options.task if options.plan is not None else None)
             self._stack = stack.pop_all()
 
     def __enter__(self) -> Run:
@@ -154,7 +149,7 @@ class Run:
             advice = " ".join(f"--modules {quoted(name)}" for name in absent)
             message = "the trace was written with further process modules"
             raise BadInput([error("X022", message, Span(recorded.name), f"add {advice}")])
-        if sha256(self.path) != recorded.header.get("plan_sha256"):
+        if self.source.sha256 != recorded.header.get("plan_sha256"):
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
@@ -217,7 +212,7 @@ class Run:
         options, found = self.options, self.found
         assert options.environment is not None
         if options.plan is not None:
-            self._requirements = required_of_plan(self.path, self.plan, found, folders=options.ontologies)
+            self._requirements = required_of_plan(self.source, self.plan, found, folders=options.ontologies)
         read = self._inputs.once
         ontology = read(load, options.environment, folders=options.ontologies, also=options.additions)
         semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
@@ -227,9 +222,9 @@ class Run:
             bound = recorded_parameters(options.resume, plan_parameters(self.plan))
         else:
             bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
-        made = outputs_of(self.source)
+        made = self.source.outputs
         found += not_in_map(bound, semantic_map, made)
-        return _Subject(semantic_map, scene, bound, made, needs_of(self.source, self.plan))
+        return _Subject(semantic_map, scene, bound, made, self.source.needs(self._module, self.plan))
 
     def _assessment(self, subject: _Subject, robot: Robot | None = None) -> Assessment:
         """Assess what the process modules lack for the plan, and the robot if given."""
@@ -299,7 +294,7 @@ class Run:
         options, robot = self.options, platform.robot
         assert options.robot is not None
         header: dict[str, Any] = {
-            "plan_sha256": sha256(self.path),
+            "plan_sha256": self.source.sha256,
             "parameters": {name: dump(what) for name, what in subject.bound.items()},
             "start": [float(number) for number in platform.scene.world.scene.start],
             "robot": robot.name,
@@ -339,8 +334,8 @@ class Run:
 
     def _read_parameters(self, executive: RobotExecutive) -> frozenset[str]:
         """Parameters that the plan reads, given the process modules of this run."""
-        return read_names(
-            self.source, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
+        return self.source.read_names(
+            self._module, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
         )
 
     def _refuse(self, missing: Sequence[Missing]) -> RunResult:
@@ -367,7 +362,7 @@ class Run:
     def _allowance(self, bound: Mapping[str, Bound]) -> float:
         """Plan time after which the run is aborted [s]; stated waiting times extend it."""
         waiting = sum(value for value in bound.values() if isinstance(value, float))
-        return BUDGET + PER_STEP * count_of_steps(self.source) + stated_waiting(self.source) + waiting
+        return BUDGET + PER_STEP * len(self.source.actions) + self.source.waiting + waiting
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore the belief of a run whose world is as the trace left it."""
@@ -466,7 +461,7 @@ class Run:
         task = options.task if options.recipe is None else local_name(self.plan.iri or "") if several else None
         command = command_of(replace(options, task=task), header["start"], bindings, forced=forced)
         return replace(
-            context_of(self.path, self._compiled, options.recipe, self.registry.actions, options.ontologies),
+            context_of(self.source, self._compiled, options.recipe, self.registry.actions, options.ontologies),
             facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
             notes=[one for one in notes if one not in options.notes],
             remedies=dict.fromkeys(
@@ -479,7 +474,7 @@ class Run:
         files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
         plan = Path(str(inspect.getsourcefile(self.plan.function)))
         for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules or ())]:
-            line = line_in(problem, path)
+            line = line_in(problem, str(path))
             below = files[len(files) - files[::-1].index(path) :] if path in files else files
             if line is not None and not any(_is_own(file) for file in below):
                 return f"in {what}, {path.name}:{line}"

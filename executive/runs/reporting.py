@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from executive.runs.plan_files import compiled
 from planlang.diagnostics import BadInput
 from planlang.files import decode, read_file
+from planlang.language.source import PlanSource
 from planlang.ontology import Ontology, load
-from planlang.outputs import LONGEST, header
 from planlang.report import Context
 from planlang.report.sources import labels_of, plan_source, recipe_source, vocabulary_of
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def context_of(
-    plan: Path | None,
+    plan: PlanSource | None,
     made: CompiledPlan | None,
     recipe: Path | None,
     performed: frozenset[str],
@@ -34,18 +33,15 @@ def context_of(
     For a compiled plan, the recipe that its header names is read. Missing and unreadable files are left out, and so is
     the text of a plan that differs from that of the trace with the header ``of``.
     """
-    text = None if plan is None else _text(plan)
-    if plan is not None and text is not None and made is None and (origin := header(text[:LONGEST])) is not None:
-        recipe = origin.find_recipe(plan, folders)
+    if plan is not None and made is None and (origin := plan.header) is not None:
+        recipe = origin.find_recipe(plan.path, folders)
         made = None if recipe is None else _compiled(recipe, origin.task, performed, folders)
     elif made is None and recipe is not None:
         made = _compiled(recipe, None, performed, folders)
-    if text is None and made is not None:
-        text = made.source
-    name = f"{made.functions[-1]}.py" if plan is None and made is not None else "plan.py" if plan is None else plan.name
-    if of is not None and text is not None and of.get("plan_sha256") != hashlib.sha256(text.encode()).hexdigest():
-        text = None
-    shown = Context(None if text is None else plan_source(name, text))
+    if plan is None and made is not None:
+        plan = made.plan_source
+    is_other = of is not None and plan is not None and of.get("plan_sha256") != plan.sha256
+    shown = Context(None if plan is None or is_other else plan_source(plan))
     if made is None:
         return shown
     source = None if recipe is None else _text(recipe)

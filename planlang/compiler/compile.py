@@ -21,6 +21,7 @@ from planlang.compiler.tree import Function, PlanTree
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, has_errors
 from planlang.kernel.runner import quiet_collector
+from planlang.language.source import PlanSource
 from planlang.notebooks import highlighted, listed
 from planlang.ontology import Ontology, load
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, digest
@@ -197,18 +198,24 @@ def _sentence(text: str) -> str:
 class CompiledPlan:
     """Source of a plan, with the warnings and notes about its recipe; there are no errors.
 
-    ``functions`` are the names of the plan functions in the source, that of the task last. ``recipes`` are the compiled
-    recipes. ``added`` maps a recipe (IRI) to the orders of steps (IRIs) that its location scopes add, ``recoveries`` a
-    step of a recipe (both IRIs) to the recoveries from its failures, in words.
+    ``plan_source`` is the source in memory, for what reads and loads plans. ``functions`` are the names of the plan
+    functions in it, that of the task last. ``recipes`` are the compiled recipes. ``added`` maps a recipe (IRI) to the
+    orders of steps (IRIs) that its location scopes add, ``recoveries`` a step of a recipe (both IRIs) to the recoveries
+    from its failures, in words.
     """
 
-    source: str
+    plan_source: PlanSource
     task: str
     functions: tuple[str, ...]
     recipes: RecipeSet
     added: Mapping[str, tuple[tuple[str, str], ...]]
     diagnostics: tuple[Diagnostic, ...] = ()
     recoveries: Mapping[tuple[str, str], tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def source(self) -> str:
+        """Source of the plan."""
+        return self.plan_source.text
 
     @property
     def graph(self) -> GraphDrawing:
@@ -285,8 +292,8 @@ def _compiled(read: Actions, task: str | None, *, scopes: bool, data_flow: bool)
     options = tuple(option for option, is_set in switches if is_set)
     source, functions = emit(tree, recipes, installed_version(), options)
     reported = (*diagnostics, *lowering.diagnostics)
-    name = recipes.main.name
-    return CompiledPlan(source, name, functions, recipes, lowering.added, reported, lowering.recoveries)
+    name, text = recipes.main.name, PlanSource(source, f"<compiled>/{functions[-1]}.py")
+    return CompiledPlan(text, name, functions, recipes, lowering.added, reported, lowering.recoveries)
 
 
 def installed_version() -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import functools
 import inspect
 import linecache
@@ -11,6 +10,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
 from planlang.designators import local_name
+from planlang.diagnostics import BadInput
+from planlang.language.source import PlanSource
 from planlang.ontology import BNode, Ontology, Term
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.records import dataclass
@@ -42,38 +43,26 @@ class Source:
         return None if line is None else (line, self.ends.get(cls, line))
 
 
-def plan_source(name: str, text: str) -> Source:
+def plan_source(source: PlanSource) -> Source:
     """Read a plan with the lines of its actions, ``action(RECIPE + "GraspBottle", ...)``, and of its functions.
 
     If a class is performed at several lines the first is used, because a trace does not contain the line.
     """
+    name, text = source.path.name, cut(source.text)
     try:
-        tree = ast.parse(text)
-    except (SyntaxError, ValueError, RecursionError):
-        return Source(name, cut(text), {})
+        named = [
+            (one.function == "action_class", one.line, one.cls)
+            for one in source.calls
+            if one.function in ("action", "action_class", "plan") and one.cls
+        ]
+    except BadInput:  # no Python
+        return Source(name, text, {})
+    named += [(False, one.line, one.name) for one in source.functions]
     lines: dict[str, int] = {}
-    for _, number, cls in sorted(_named(tree)):
+    for _, number, cls in sorted(named):  # a class that is only declared comes last
         lines.setdefault(cls, number)
-    places = {
-        function.name: sorted(
-            node.lineno for node in ast.walk(function) if isinstance(node, ast.Name) and node.id == "at_location"
-        )
-        for function in ast.walk(tree)
-        if isinstance(function, ast.AsyncFunctionDef)
-    }
-    places = {function: found for function, found in places.items() if found}
-    return Source(name, cut(text), lines, places, drives=dict(_drives(tree)))
-
-
-def _drives(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Yield the lines of calls that name ``at_location``, with the class in their argument ``by``."""
-    for node in ast.walk(tree):
-        if not isinstance(node, ast.Call):
-            continue
-        named = [one for one in (node.func, *node.args[:1]) if isinstance(one, ast.Name) and one.id == "at_location"]
-        by = [one.value for one in node.keywords if one.arg == "by"]
-        names = [cls for _, _, cls in _named(ast.Module([ast.Expr(one) for one in by], []))]
-        yield from ((one.lineno, cls) for one in named for cls in names)
+    places = {one.name: one.locations for one in source.functions if one.locations}
+    return Source(name, text, lines, places, drives=source.drives)
 
 
 def source_of(function: object) -> Source | None:
@@ -82,35 +71,12 @@ def source_of(function: object) -> Source | None:
         function = function.func
     code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
     text = "".join(linecache.getlines(code.co_filename)) if code is not None else ""
-    return plan_source(names([code.co_filename])[0], text) if code is not None and text else None
+    return plan_source(PlanSource(text, code.co_filename)) if code is not None and text else None
 
 
 def cut(text: str) -> str:
     """Cut a text at the end of the last line that fits."""
     return text if len(text) <= LONGEST else text[: text.rfind("\n", 0, LONGEST) + 1] + "...\n"
-
-
-def _named(tree: ast.Module) -> Iterator[tuple[bool, int, str]]:
-    """Yield (whether it is only declared, line, class) for each class of actions that is named.
-
-    A constant of the module stands for its value.
-    """
-    constants = {
-        target.id: one.value
-        for one in tree.body
-        if isinstance(one, ast.Assign)
-        for target in one.targets
-        if isinstance(target, ast.Name)
-    }
-    for node in ast.walk(tree):
-        match node:
-            case ast.Call(func=ast.Name(id="action" | "action_class" | "plan" as called), args=[first, *_]):
-                value = constants.get(first.id, first) if isinstance(first, ast.Name) else first
-                strings = [one.value for one in ast.walk(value) if isinstance(one, ast.Constant)]
-                if strings and isinstance(strings[-1], str):
-                    yield called == "action_class", node.lineno, local_name(strings[-1])
-            case ast.AsyncFunctionDef():
-                yield False, node.lineno, node.name
 
 
 def recipe_source(recipes: RecipeSet, ontology: Ontology, name: str, text: str) -> Source:

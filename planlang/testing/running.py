@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import functools
-import linecache
 import os
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.compiler import compile_recipe
@@ -18,10 +16,12 @@ from planlang.kernel import VirtualHost
 from planlang.kernel.schedule import Schedule
 from planlang.kernel.tracebacks import without_internals
 from planlang.kernel.tree import name_of
+from planlang.language.loading import load_plan
 from planlang.language.plans import Plan
 from planlang.language.replaying import Replay
 from planlang.language.replaying import replay as replay_recorded
 from planlang.language.running import run
+from planlang.language.source import PlanSource
 from planlang.misuse import Usage, did_you_mean
 from planlang.outputs import write_text
 from planlang.runs import Past, RecordedRun, Trace, restore
@@ -248,10 +248,6 @@ def compiled(recipe: str | os.PathLike[str], task: str | None = None) -> Plan[..
         path = bundled("recipes") / f"{path}.omn"
     plan = compile_recipe(path, task=task)
     name = plan.functions[-1]
-    file = f"<plan of {path.name}>"
-    linecache.cache[file] = (len(plan.source), None, plan.source.splitlines(keepends=True), file)
-    module = ModuleType(name)
-    exec(compile(plan.source, file, "exec"), module.__dict__)
-    function = getattr(module, name)
+    function = getattr(load_plan(PlanSource(plan.source, f"<plan of {path.name}>"), name), name)
     assert isinstance(function, Plan)
     return function

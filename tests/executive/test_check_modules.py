@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from loaded_plans import loaded
 from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import read_map
-from executive.runs.importing import import_plan
 from executive.runs.parameters import bound_parameters
 from executive.runs.plan_files import main_plan
 from planlang import registry
@@ -113,7 +113,7 @@ def test_a_recipe_that_opens_a_refrigerator_opens_the_only_one_of_the_map(tmp_pa
         encoding="utf-8",
     )
     found: list[Diagnostic] = []
-    bound = bound_parameters(main_plan(import_plan(plan), None), {}, read_map(load(room)), found)
+    bound = bound_parameters(main_plan(loaded(plan), None), {}, read_map(load(room)), found)
     assert [str(value) for value in bound.values()] == ["fridge1"]
     assert [one.code for one in found] == ["X028"]
 

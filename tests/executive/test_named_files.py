@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.inputs import PlanFile, RecipeFile, read
+from executive.commands.inputs import RecipeFile, read
 from planlang.diagnostics import BadInput
+from planlang.language.source import PlanSource
 
 
 @pytest.mark.parametrize(
@@ -46,7 +47,7 @@ def test_owl_and_whatever_is_not_python_goes_to_the_recipe_reader(tmp_path: Path
 def test_python_that_imports_planlang_is_a_plan_whatever_its_suffix(tmp_path: Path, content: str, name: str) -> None:
     path = tmp_path / name
     path.write_text(content, encoding="utf-8")
-    assert isinstance(read(str(path)), PlanFile)
+    assert isinstance(read(str(path)), PlanSource)
 
 
 def test_a_plan_nested_too_deeply_for_the_parser_is_bad_input(tmp_path: Path) -> None:

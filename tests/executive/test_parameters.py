@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from loaded_plans import loaded
 
 from executive.maps import SemanticMap, read_map
-from executive.runs.importing import import_plan
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.parameters import bound_parameters, not_in_map, plan_parameters
 from executive.runs.plan_files import main_plan
@@ -72,7 +72,7 @@ GIVEN = {"Put.objectActedOn": "bottle1", "Put.toLocation": "on bedside_table1 an
 def put(tmp_path: Path) -> Plan[..., object]:
     path = tmp_path / "put.py"
     path.write_text(PLAN, encoding="utf-8")
-    return main_plan(import_plan(path), None)
+    return main_plan(loaded(path), None)
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +204,7 @@ def test_a_step_that_names_a_class_acts_on_the_only_thing_of_it(
 ) -> None:
     (tmp_path / "open.py").write_text(NAMED.format(step=step), encoding="utf-8")
     found: list[Diagnostic] = []
-    opening = main_plan(import_plan(tmp_path / "open.py"), None)
+    opening = main_plan(loaded(tmp_path / "open.py"), None)
     if thing is None:  # there are two cabinets
         with pytest.raises(BadInput, match="X014"):
             bound_parameters(opening, {}, room, found)
@@ -226,7 +226,7 @@ def test_what_can_be_grasped_is_proposed_to_steps_that_handle_it(
 ) -> None:
     (tmp_path / "open.py").write_text(NAMED.format(step=step), encoding="utf-8")
     with pytest.raises(BadInput) as caught:
-        bound_parameters(main_plan(import_plan(tmp_path / "open.py"), None), {}, room, [])
+        bound_parameters(main_plan(loaded(tmp_path / "open.py"), None), {}, room, [])
     assert [one.help for one in caught.value.diagnostics] == [f"{step}.objectActedOn may be {things}"]
 
 
@@ -243,7 +243,7 @@ def test_what_is_to_be_taken_is_no_furniture_and_nothing_is_done_to_joints(
     furniture = [one for one in room.objects if one.name in ("bed1", "cabinet1")]
     hinge = replace(furniture[0], iri="http://test#hinge", name="hinge", types=(expand("HingedJoint"),), size=None)
     (tmp_path / "open.py").write_text(NAMED.format(step=step), encoding="utf-8")
-    opening = main_plan(import_plan(tmp_path / "open.py"), None)
+    opening = main_plan(loaded(tmp_path / "open.py"), None)
     with pytest.raises(BadInput) as caught:
         bound_parameters(opening, {}, replace(room, objects=(*furniture, hinge)), [])
     assert [one.help for one in caught.value.diagnostics] == [advice]
@@ -262,7 +262,7 @@ def test_a_parameter_that_no_thing_can_fill_needs_a_number_or_a_default(
     path = tmp_path / "wait.py"
     path.write_text(f"from planlang import plan\n@plan\nasync def wait(*, amount: {kind}) -> None: ...\n")
     with pytest.raises(BadInput) as caught:
-        bound_parameters(main_plan(import_plan(path), None), {}, room, [])
+        bound_parameters(main_plan(loaded(path), None), {}, room, [])
     assert [(one.code, one.help) for one in caught.value.diagnostics] == [("X014", needed)]
 
 
@@ -271,7 +271,7 @@ def test_an_annotation_that_cannot_be_evaluated_says_nothing_of_a_parameter(tmp_
     file = tmp_path / "plan.py"
     source = PLAN.replace("thing: Object", f"thing: {annotation!r}")
     file.write_text(source, encoding="utf-8")
-    found = plan_parameters(main_plan(import_plan(file), None))
+    found = plan_parameters(main_plan(loaded(file), None))
     assert "thing" in found
     assert found["thing"].types == ()
 

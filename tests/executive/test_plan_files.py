@@ -7,24 +7,24 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from loaded_plans import loaded, needs
 
 from executive.maps import SemanticMap, read_map
 from executive.maps.environments import default_environment, environments_with
 from executive.robots import Availability, FindingKind, Missing
-from executive.runs.importing import import_plan
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.parameters import bound_parameters
 from executive.runs.plan_files import (
-    Needs,
     assess,
     main_plan,
-    needs_of,
     required_of_plan,
 )
 from executive.runs.plan_run import run_plan_file
 from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import Bundled, bundled
+from planlang.language.plan_text import Needs
+from planlang.language.source import PlanSource
 from planlang.ontology import load
 
 CHOSEN = "the environment visiting_hours is chosen, as hospital_room has no cup2"
@@ -44,7 +44,7 @@ def plan_named(folder: Path, task: str | None) -> str:
     """Name of the plan that is run for a task."""
     path = folder / "kitchen.py"
     path.write_text(SOURCE, encoding="utf-8")
-    return main_plan(import_plan(path), task).name
+    return main_plan(loaded(path), task).name
 
 
 @pytest.mark.parametrize("task", ["fill_glass", "FillGlass", "http://example.org/kitchen.owl#FillGlass"])
@@ -103,7 +103,7 @@ def bound(folder: Path, room: SemanticMap, **bindings: str) -> tuple[dict[str, s
     path = folder / "serve.py"
     path.write_text(PARAMETERS, encoding="utf-8")
     found: list[Diagnostic] = []
-    parameters = bound_parameters(main_plan(import_plan(path), None), bindings, room, found)
+    parameters = bound_parameters(main_plan(loaded(path), None), bindings, room, found)
     return {name: f"{thing.type} {thing.name}" for name, thing in parameters.items()}, found
 
 
@@ -193,40 +193,6 @@ def test_the_default_environment_is_that_of_the_recipe_or_the_only_one_that_has_
     assert [one.message for one in notes] == told
 
 
-HEAD = """
-from functools import partial
-import planlang
-from planlang import action, action as act, at_location, par, perform, plan, try_in_order
-
-KITCHEN = "http://example.org/kitchen.owl#"
-CLOSING = action("ClosingAGripper")
-
-@plan
-async def grasp(hard: bool = False) -> None:
-    await perform(CLOSING)
-
-@plan
-async def reach() -> None:
-    await perform(action("Reaching"))
-
-@plan
-async def look() -> None:
-    await perform(planlang.action("LookingForSomething"))
-"""
-
-
-FILLING = "Pouring", "http://example.org/kitchen.owl#Care"
-
-
-def needs(folder: Path, *body: str, before: str = "") -> Needs:
-    """Return what a plan with these lines needs."""
-    path = folder / "kitchen.py"
-    lines = "".join(f"    {line}\n" for line in body)
-    path.write_text(f"{HEAD}{before}\n@plan\nasync def serve() -> None:\n{lines}", encoding="utf-8")
-    module = import_plan(path)
-    return needs_of(module, main_plan(module, None))
-
-
 def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
     """Return what a robot lacks that cannot do some classes of actions, and the alternatives that it cannot do."""
 
@@ -243,33 +209,6 @@ def told(found: Needs, *unable: str) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 @pytest.mark.parametrize(
-    ("body", "expected"),
-    [
-        (["await perform(action('Reaching'))"], ["Reaching"]),
-        (["await perform(planlang.action('Reaching'))"], ["Reaching"]),
-        (["await perform(act('Reaching'))"], ["Reaching"]),
-        (["await perform(action(KITCHEN + 'Pouring'))"], ["http://example.org/kitchen.owl#Pouring"]),
-        (["await perform(action(KITCHEN + 'Fill', below='Pouring'))"], ["Pouring"]),
-        (["await perform(action(KITCHEN + 'Fill', below=('Pouring', KITCHEN + 'Care')))"], [*FILLING]),
-        (["await grasp()", "await look()"], ["ClosingAGripper", "LookingForSomething"]),
-        (["await par(grasp, partial(look))"], ["ClosingAGripper", "LookingForSomething"]),
-        (["await at_location(KITCHEN, reach)"], ["Translation-LocationChange", "Reaching"]),
-        (["await planlang.at_location(KITCHEN, lambda: reach())"], ["Translation-LocationChange", "Reaching"]),
-        (["await perform(action('GraspingSomething'), otherwise=grasp)"], ["GraspingSomething", "ClosingAGripper"]),
-        (["async def inner() -> None:", "    await look()", "await par(inner)"], ["LookingForSomething"]),
-        (["async def unused() -> None:", "    await look()", "await grasp()"], ["ClosingAGripper"]),
-        (["wanted = action('Reaching')", "await perform(wanted)"], ["Reaching"]),
-        (["seen = await perform(action('Perceiving'))"], ["Perceiving"]),
-        (["if KITCHEN:", "    await look()", "else:", "    await serve()"], ["LookingForSomething"]),
-    ],
-)
-def test_actions_are_those_of_what_the_plan_names(tmp_path: Path, body: list[str], expected: list[str]) -> None:
-    found = needs(tmp_path, *body)
-    assert sorted(found.actions) == sorted(expected)
-    assert found.choices == ()
-
-
-@pytest.mark.parametrize(
     "line",
     [
         "await try_in_order(grasp, look)",
@@ -278,27 +217,16 @@ def test_actions_are_those_of_what_the_plan_names(tmp_path: Path, body: list[str
         "await try_in_order(first=grasp, second=look)",
     ],
 )
-def test_one_feasible_alternative_is_enough(tmp_path: Path, line: str) -> None:
-    found = needs(tmp_path, line)
+def test_one_feasible_alternative_is_enough(line: str) -> None:
+    found = needs(line)
     assert told(found) == ([], [])
     assert told(found, "ClosingAGripper") == ([], [("grasp", "ClosingAGripper")])
     assert told(found, "LookingForSomething") == ([], [("look", "LookingForSomething")])
     assert told(found, "ClosingAGripper", "LookingForSomething") == (["ClosingAGripper", "LookingForSomething"], [])
 
 
-def test_a_process_module_is_needed_for_what_no_branch_of_the_plan_does_instead(tmp_path: Path) -> None:
+def test_local_branches_are_alternatives_too() -> None:
     found = needs(
-        tmp_path,
-        "await perform(action('GraspingSomething'), otherwise=grasp)",
-        "await par(partial(perform, action('Pouring'), otherwise=reach))",
-        "await perform(action('Stirring'))",
-    )
-    assert sorted(found.modular) == ["ClosingAGripper", "Reaching", "Stirring"]
-
-
-def test_local_branches_are_alternatives_too(tmp_path: Path) -> None:
-    found = needs(
-        tmp_path,
         "async def by_hand() -> None:",
         "    await grasp()",
         "by_eye = partial(look)",
@@ -308,13 +236,13 @@ def test_local_branches_are_alternatives_too(tmp_path: Path) -> None:
     assert told(found, "LookingForSomething") == ([], [("by_eye", "LookingForSomething")])
 
 
-def test_what_is_needed_beside_a_choice_stays_needed(tmp_path: Path) -> None:
-    found = needs(tmp_path, "await try_in_order(grasp, look)", "await grasp()")
+def test_what_is_needed_beside_a_choice_stays_needed() -> None:
+    found = needs("await try_in_order(grasp, look)", "await grasp()")
     assert told(found, "ClosingAGripper") == (["ClosingAGripper"], [("grasp", "ClosingAGripper")])
 
 
-def test_choices_may_be_nested(tmp_path: Path) -> None:
-    found = needs(tmp_path, "await try_in_order(either, look)", before="""
+def test_choices_may_be_nested() -> None:
+    found = needs("await try_in_order(either, look)", before="""
 @plan
 async def either() -> None:
     await try_in_order(grasp, reach)
@@ -327,18 +255,8 @@ async def either() -> None:
     )
 
 
-def test_plans_that_are_not_called_are_not_needed(tmp_path: Path) -> None:
-    assert told(needs(tmp_path, "await look()"), "ClosingAGripper", "Reaching") == ([], [])
-
-
-def test_plans_that_call_each_other_are_followed_once(tmp_path: Path) -> None:
-    found = needs(tmp_path, "await again()", before="""
-@plan
-async def again() -> None:
-    await serve()
-    await grasp()
-""")  # fmt: skip
-    assert found.actions == ("ClosingAGripper",)
+def test_plans_that_are_not_called_are_not_needed() -> None:
+    assert told(needs("await look()"), "ClosingAGripper", "Reaching") == ([], [])
 
 
 def test_what_a_robot_may_lack_is_a_warning_and_refuses_nothing() -> None:
@@ -427,7 +345,7 @@ def test_of_a_recipe_that_is_gone_or_has_changed_a_warning_says_that_its_require
     else:
         recipe.write_text(now, encoding="utf-8")
     found: list[Diagnostic] = []
-    assert required_of_plan(plan, main_plan(import_plan(plan), None), found) is None
+    assert required_of_plan(PlanSource.read(plan), main_plan(loaded(plan), None), found) is None
     assert [(one.severity, one.code, str(one.span)) for one in found] == [(Severity.WARNING, code, f"{plan}:1:1")]
 
 
@@ -435,7 +353,7 @@ def test_a_plan_that_a_person_wrote_has_no_recipe_and_no_warning(tmp_path: Path)
     plan = tmp_path / "wait.py"
     plan.write_text("from planlang import plan\n\n\n@plan\nasync def rest() -> None:\n    pass\n")
     found: list[Diagnostic] = []
-    assert required_of_plan(plan, main_plan(import_plan(plan), None), found) is None
+    assert required_of_plan(PlanSource.read(plan), main_plan(loaded(plan), None), found) is None
     assert not found
 
 
@@ -443,58 +361,3 @@ def test_what_only_adds_things_to_a_kitchen_that_is_not_bundled_is_not_offered()
     found = environments_with(["milk1"])
     assert "pancake_kitchen" in found
     assert "iai_kitchen_milk" not in found
-
-
-EARLIER = """
-from functools import partial
-from planlang import Recovery, an_object, action, at_location, a_location, perform, plan
-
-@plan("http://example.org/kitchen.owl#Fetch")
-async def fetch() -> None:
-    await at_location(a_location(near=an_object("Cup")), body, recoveries=[Recovery()])
-    await perform(action("Reaching"), **{"until": None})
-
-async def body() -> None:
-    await with_own(partial(perform, again=True))
-
-async def with_own(perform) -> None:
-    await perform(1, 2, 3)
-"""
-
-
-@pytest.mark.parametrize("is_compiled", [True, False])
-def test_a_plan_that_calls_the_language_as_an_earlier_version_did_is_refused_before_it_runs(
-    tmp_path: Path, *, is_compiled: bool
-) -> None:
-    path = tmp_path / "fetch.py"
-    origin = '"""Fetch.\n\nCompiled by planlang 0.0.9 from fetch.omn (sha256 0123456789abcdef), task Fetch.\n"""'
-    path.write_text(origin * is_compiled + EARLIER)
-    with pytest.raises(BadInput) as caught:
-        import_plan(path)
-    found = caught.value.diagnostics
-    line = EARLIER[: EARLIER.index("at_location(a_loc")].count("\n") + 1 + 3 * is_compiled
-    assert [(one.code, one.message.split()[0], one.span and one.span.line) for one in found] == [
-        ("X001", "at_location", line),
-        ("X001", "Recovery", line),
-    ]
-    advice = f"an earlier version compiled this plan: compile it again, planlang compile fetch.omn -o {path}"
-    assert {one.help for one in found} == {advice if is_compiled else None}
-
-
-def test_a_plan_may_raise_errors_of_the_language(tmp_path: Path) -> None:
-    path = tmp_path / "refuse.py"
-    errors = "PlanStructureError, RunError, DeadlockError, StepLimit"
-    path.write_text(f"from planlang import {errors}\nasync def refuse() -> None:\n")
-    with path.open("a") as file:
-        file.writelines(f"    raise {name}('nothing to do')\n" for name in errors.split(", "))
-    assert import_plan(path).__name__ == "planlang_run_refuse"
-
-
-def test_an_empty_superclass_is_refused_by_the_plan_and_not_by_its_reader(tmp_path: Path) -> None:
-    path = tmp_path / "empty.py"
-    path.write_text(
-        "from planlang import action, perform, plan\n@plan\nasync def go() -> None:\n"
-        '    await perform(action("http://example.org/kitchen.owl#Stir", below=""))\n'
-    )
-    module = import_plan(path)
-    assert needs_of(module, main_plan(module, None))

@@ -62,6 +62,14 @@ def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+def test_one_file_reads_plans_as_python() -> None:
+    files = (path for package in PACKAGES for path in (CHECKOUT / package).rglob("*.py"))
+    readers = [
+        str(one.relative_to(CHECKOUT)) for one in files if re.search(r"^\s*(import|from) ast\b", one.read_text(), re.M)
+    ]
+    assert readers == ["planlang/language/source.py"]
+
+
 def test_each_contract_is_broken_by_an_import_that_it_forbids(tmp_path: Path) -> None:
     configuration = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())
     contracts = {contract["name"]: contract for contract in configuration["tool"]["importlinter"]["contracts"]}

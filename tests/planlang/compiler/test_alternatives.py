@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -13,6 +12,7 @@ from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.drawing import FORMATS, task_graph
 from planlang.diagnostics import BadInput, Severity
 from planlang.failures import ManipulationFailure
+from planlang.language.loading import load_plan
 from planlang.ontology.convert import Target, convert
 from planlang.testing import Script, run_plan
 
@@ -57,12 +57,10 @@ def some(*names: str) -> str:
 
 def ran(plan: CompiledPlan, fails: str = "") -> list[str]:
     """The actions that a plan performs, in order, where some fail."""
-    module: dict[str, Any] = {}
-    exec(plan.source, module)
     script = Script()
     for name in fails:
         script.on(name, fails=ManipulationFailure)
-    run = run_plan(module["task"], script=script, allow_unused=True)
+    run = run_plan(load_plan(plan.plan_source).task, script=script, allow_unused=True)
     return [step.name for step in run.steps() if step.kind == "perform"]
 
 

@@ -1,6 +1,5 @@
 """The compiled plans of the bundled and of a real recipe run with a robot that does what the test says."""
 
-import importlib.util
 import subprocess
 import sys
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
@@ -10,6 +9,7 @@ from types import ModuleType
 from typing import Any
 
 import pytest
+from loaded_plans import loaded
 
 from planlang import Action, Condition, Location, VirtualHost, action, checkpoint, run
 from planlang.compiler import compile_recipe
@@ -104,18 +104,9 @@ class Robot:
         """Nothing of its own to write."""
 
 
-def imported(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("compiled_plan", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="module")
 def golden() -> ModuleType:
-    return imported(Path(__file__).parent / "golden" / "serve_a_drink.py")
+    return loaded(Path(__file__).parent / "golden" / "serve_a_drink.py")
 
 
 GRASP = ["Reaching", "OpeningAGripper", "Reaching", "ClosingAGripper", "Reaching", "Reaching"]
@@ -194,7 +185,7 @@ def test_plan_of_the_real_recipe_runs_to_its_end(corpus: Path, tmp_path: Path) -
     path = tmp_path / "serve_drink.py"
     path.write_text(source, encoding="utf-8")
     robot = Robot()
-    run(imported(path).serve_a_drink, host=VirtualHost(), executive=robot)
+    run(loaded(path).serve_a_drink, host=VirtualHost(), executive=robot)
     assert robot.log == [DRIVE, *GRASP, DRIVE, "Reaching", "OpeningAGripper"]
 
 

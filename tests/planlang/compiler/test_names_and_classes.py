@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -13,6 +12,7 @@ from hypothesis import strategies as st
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.failures import GraspMissed
+from planlang.language.loading import load_plan
 from planlang.testing import PlanRun, Script, run_plan
 
 HEAD = """
@@ -55,9 +55,7 @@ def plan_in(text: str, folder: Path) -> Any:
     """The plan that a recipe's text compiles to."""
     path = folder / "soup.omn"
     path.write_text(text, encoding="utf-8")
-    module = ModuleType("soup")
-    exec(compile(compile_recipe(path, task="MakeSoup").source, "<plan>", "exec"), module.__dict__)
-    return module.make_soup
+    return load_plan(compile_recipe(path, task="MakeSoup").plan_source).make_soup
 
 
 def performed(run: PlanRun) -> list[tuple[str, str | None]]:

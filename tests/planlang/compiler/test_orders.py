@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import networkx as nx
@@ -15,6 +14,7 @@ import pytest
 from examples import examples
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from loaded_plans import read
 
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
@@ -22,6 +22,7 @@ from planlang.compiler.compile import canonical, emit
 from planlang.compiler.expressions import snake_case
 from planlang.compiler.lowering import Lowering
 from planlang.designators import local_name
+from planlang.language.loading import load_plan
 from planlang.ontology import Ontology, load
 from planlang.outputs import DIGITS
 from planlang.protocols import Solution
@@ -254,10 +255,8 @@ class Robot:
 
 def waiting_for(source: str, steps: Sequence[str], slow: str, schedule: int) -> set[str]:
     """The steps that had not begun when the slow one ended."""
-    module = ModuleType("compiled_plan")
-    exec(compile(source, "<plan>", "exec"), module.__dict__)
     robot = Robot(steps, slow)
-    run(module.task, host=VirtualHost(), executive=robot, schedule=schedule)  # type: ignore[arg-type]
+    run(load_plan(read(source)).task, host=VirtualHost(), executive=robot, schedule=schedule)  # type: ignore[arg-type]
     assert sorted(robot.begun) == sorted(steps)
     begun = dict(robot.ended)[slow]
     return set(steps) - set(begun)

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
+from loaded_plans import read
 from plan_text import unbroken
 
 from planlang import given
@@ -15,6 +15,7 @@ from planlang.compiler.lowering import Lowering
 from planlang.designators import a_location, a_posture, an_object
 from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure, TransitionMissing
 from planlang.files import bundled
+from planlang.language.loading import load_plan
 from planlang.ontology import Ontology, load
 from planlang.recipe import (
     Actions,
@@ -84,9 +85,7 @@ def compiled(vocabulary: tuple[Ontology, Actions]) -> Callable[..., str]:
 
 
 def plan_of(source: str) -> Any:
-    module = ModuleType("compiled_plan")
-    exec(compile(source, "<plan>", "exec"), module.__dict__)
-    return module.task
+    return load_plan(read(source)).task
 
 
 def performed(source: str, of: Iterable[str], script: Script) -> Any:
@@ -318,11 +317,9 @@ def test_real_finite_state_recipe_runs_to_its_end(corpus: Path, vocabulary: tupl
     assert recipes is not None
     found = canonical(recipes)
     source = emit(Lowering(ontology, found, actions).tree(), found, "0")[0]
-    module = ModuleType("compiled_plan")
-    exec(compile(source, "<plan>", "exec"), module.__dict__)
     script = Script().on("check-if-found", returns=False, times=3)
     script.performs(*(step.action for step in recipes.main.steps))
-    done = run_plan(module.find_bottle, script=script)
+    done = run_plan(load_plan(read(source)).find_bottle, script=script)
     assert done.value is None
     assert done.attempts("go-to-next-best-pose") == 4
     assert done.attempts("upload-vslam-map") + done.attempts("upload_vslam_map") >= 1

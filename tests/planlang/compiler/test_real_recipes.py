@@ -7,7 +7,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -20,6 +19,7 @@ from planlang.compiler.layout import WIDTH
 from planlang.designators import a_posture
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.failures import ObjectNotFound
+from planlang.language.loading import load_plan
 from planlang.runs import RecordedRun
 from planlang.testing import Script, explore, run_plan
 
@@ -222,9 +222,7 @@ def compiled(corpus: Path, file: str) -> CompiledPlan:
 
 
 def plan_of(found: CompiledPlan) -> Any:
-    module = ModuleType("compiled_plan")
-    exec(compile(found.source, "<plan>", "exec"), module.__dict__)
-    return getattr(module, found.functions[-1])
+    return getattr(load_plan(found.plan_source), found.functions[-1])
 
 
 def script_for(found: CompiledPlan) -> Script:

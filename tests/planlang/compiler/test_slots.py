@@ -3,7 +3,6 @@
 import inspect
 from functools import partial
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from planlang import a_location, an_object
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.diagnostics import BadInput, Severity
+from planlang.language.loading import load_plan
 from planlang.testing import Script, run_plan
 
 HEAD = """
@@ -62,9 +62,7 @@ def found(plan: CompiledPlan, code: str) -> list[str]:
 
 
 def main(plan: CompiledPlan) -> Any:
-    module = ModuleType("plan")
-    exec(plan.source, module.__dict__)
-    return getattr(module, plan.functions[-1])
+    return getattr(load_plan(plan.plan_source), plan.functions[-1])
 
 
 def parameters(plan: CompiledPlan) -> dict[str, Any]:

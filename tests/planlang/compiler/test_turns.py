@@ -1,6 +1,5 @@
 """Unordered steps with recipes that share an arm, the base, the torso or the head run one after the other."""
 
-import importlib.util
 import subprocess
 import sys
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from planlang import Action, Condition, Location, Trace, VirtualHost, checkpoint
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.layout import WIDTH
 from planlang.failures import LocationUnresolvable
+from planlang.language.loading import load_plan
 from planlang.protocols import Solution
 from planlang.runs import with_paths
 
@@ -142,15 +142,8 @@ def compiled(tmp_path: Path) -> Callable[..., CompiledPlan]:
     return compile_text
 
 
-def imported(plan: CompiledPlan, folder: Path) -> Callable[[], Awaitable[Any]]:
-    path = folder / "serve.py"
-    path.write_text(plan.source, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location("plan_with_turns", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    serve: Callable[[], Awaitable[Any]] = module.serve
+def imported(plan: CompiledPlan) -> Callable[[], Awaitable[Any]]:
+    serve: Callable[[], Awaitable[Any]] = load_plan(plan.plan_source).serve
     return serve
 
 
@@ -171,13 +164,11 @@ def runs(names: list[str]) -> list[str]:
 GRASP = ("OpeningAGripper", "Reaching", "ClosingAGripper")
 
 
-def test_unordered_grasps_never_interleave_and_may_come_in_any_order(
-    compiled: Callable[..., CompiledPlan], tmp_path: Path
-) -> None:
+def test_unordered_grasps_never_interleave_and_may_come_in_any_order(compiled: Callable[..., CompiledPlan]) -> None:
     names = [f"Grasp{letter}" for letter in "ABC"]
     plan = compiled(unordered(*names), *(composite(name, *GRASP) for name in names))
     assert plan.source.count('async with using("torso", "arm", "gripper", "head"):') == 3
-    serve = imported(plan, tmp_path)
+    serve = imported(plan)
     seen = set()
     for schedule in SCHEDULES:
         done = performed(serve, schedule)
@@ -188,23 +179,21 @@ def test_unordered_grasps_never_interleave_and_may_come_in_any_order(
 
 
 def test_without_turns_the_same_steps_would_interleave(
-    compiled: Callable[..., CompiledPlan], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    compiled: Callable[..., CompiledPlan], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("planlang.compiler.terms.Roles.held", lambda *_: frozenset())
     plan = compiled(unordered("GraspA", "GraspB"), composite("GraspA", *GRASP), composite("GraspB", *GRASP))
-    serve = imported(plan, tmp_path)
+    serve = imported(plan)
     assert any(len(runs(performed(serve, schedule))) > 2 for schedule in SCHEDULES)
 
 
-def test_a_primitive_waits_for_the_step_that_it_shares_the_arm_with(
-    compiled: Callable[..., CompiledPlan], tmp_path: Path
-) -> None:
+def test_a_primitive_waits_for_the_step_that_it_shares_the_arm_with(compiled: Callable[..., CompiledPlan]) -> None:
     plan = compiled(unordered("Grasp", "Wipe"), composite("Grasp", *GRASP), primitive("Wipe", "Reaching"))
-    serve = imported(plan, tmp_path)
+    serve = imported(plan)
     assert {tuple(runs(performed(serve, schedule))) for schedule in SCHEDULES} == {("grasp", "wipe"), ("wipe", "grasp")}
 
 
-def test_roles_of_nested_recipes_are_held(compiled: Callable[..., CompiledPlan], tmp_path: Path) -> None:
+def test_roles_of_nested_recipes_are_held(compiled: Callable[..., CompiledPlan]) -> None:
     plan = compiled(
         unordered("Grasp", "Wipe"),
         composite("Grasp", "ClosingAGripper", "!Inner"),
@@ -212,7 +201,7 @@ def test_roles_of_nested_recipes_are_held(compiled: Callable[..., CompiledPlan],
         composite("Wipe", "Reaching", "OpeningAGripper"),
     )
     assert plan.source.count("async with using(") == 2
-    serve = imported(plan, tmp_path)
+    serve = imported(plan)
     assert {len(runs(performed(serve, schedule))) for schedule in SCHEDULES} == {2}
 
 

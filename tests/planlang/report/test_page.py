@@ -21,6 +21,7 @@ from planlang.designators import a_location, action, an_object
 from planlang.diagnostics import note
 from planlang.failures import GraspMissed, HandoverNotTaken, MissingCapability, ObjectNotFound
 from planlang.files import Bundled
+from planlang.language.source import PlanSource
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from planlang.report import Context, Told, model_of, page
@@ -204,8 +205,10 @@ def test_a_step_that_still_waits_names_what_is_held() -> None:
 
 def test_a_step_has_its_lines_in_plan_and_words_of_names() -> None:
     text = 'A = "x#"\n\n\nasync def serve():\n    await perform(action(A + "GraspBottle", what=1))\n'
-    assert plan_source("p.py", text).lines == {"serve": 4, "GraspBottle": 5}
-    assert plan_source("p.py", "no python (").lines == {}
+    assert plan_source(PlanSource(text, "p.py")).lines == {"serve": 4, "GraspBottle": 5}
+    assert plan_source(PlanSource("no python (", "p.py")).lines == {}
+    declared = 'GRASP = action_class("x#Grasp", below="Reaching")\nawait_it = action(GRASP)\n'
+    assert plan_source(PlanSource(declared, "p.py")).lines == {"Grasp": 2}
     assert words("MoveBaseToGraspPose#2") == "move base to grasp pose"
     assert words("OpenTVSet") == "open TV set"
 
@@ -224,7 +227,7 @@ async def visit() -> None:
 
 
 def test_a_place_has_the_line_that_names_its_relation_and_none_where_no_line_does() -> None:
-    model = model_of(Told.of(run_plan(visit).events), Context(plan_source("p.py", VISIT)))
+    model = model_of(Told.of(run_plan(visit).events), Context(plan_source(PlanSource(VISIT, "p.py"))))
     places = {node["text"].partition("(")[0]: node.get("lines") for node in named(model, "at_location")}
     assert places == {"in_reach_of": [[0, 4, 4]], "on": None}
 

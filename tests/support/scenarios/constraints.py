@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from planlang import Feature, MotionConstraint
 from planlang.compiler import compile_recipe
 from planlang.designators import Device
+from planlang.language.loading import load_plan
 from planlang.motion_constraints import a_feature
 from planlang.protocols import MotionState
 from planlang.testing import Script, run_plan
@@ -56,9 +56,7 @@ def phases_of(recipe: str) -> tuple[tuple[MotionConstraint, ...], ...]:
     script = Script().performs("ITaSCMotion")
     script.on("ITaSCMotion", does=lambda belief, action: found.append(action.get("constrained_by")))
     made = compile_recipe(CORPUS / Path(recipe).relative_to("corpus"), folders=folders)
-    module: dict[str, Any] = {}
-    exec(made.source, module)
-    run_plan(module[made.functions[-1]], script=script)
+    run_plan(getattr(load_plan(made.plan_source), made.functions[-1]), script=script)
     return tuple(found)
 
 
