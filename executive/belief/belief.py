@@ -388,7 +388,19 @@ class Belief(KnownThings):
         finally:
             self._poses, self.unknown, self._bound, self.revision = kept
 
-    def sync(self, world: PlanningWorld, configuration: Configuration) -> None:
+    def observed(self, configuration: Configuration, world: PlanningWorld) -> None:
+        """Take over the configuration that the robot's encoders tell; leaves in a hand are where the hand is.
+
+        ``world``: a planning world that computes where. It takes over all grips before the robot moves in it, because
+        what a held thing touches is found out where the hand has closed on it.
+        """
+        self.sync(world)
+        self.configuration = configuration
+        world.set_configuration(configuration)
+        for leaf in world.led():
+            self.moved(leaf, world.joint(leaf), "led")
+
+    def sync(self, world: PlanningWorld) -> None:
         """Copy the belief into a planning world: the robot's configuration, held objects, joints, and other poses."""
         riders = self.carried() - self.held.keys()
         for name in [name for name in world.attached() if name not in riders]:
@@ -398,9 +410,7 @@ class Belief(KnownThings):
         for leaf in world.led():
             if self.led.get(leaf) != world.led()[leaf]:
                 world.let_go(leaf)
-        world.set_configuration(configuration)
-        for leaf in world.led():  # the robot knows where its hand is, and so the position of the leaf
-            self.moved(leaf, world.joint(leaf), "led")
+        world.set_configuration(self.configuration)
         for leaf, value in self._values.items():
             if world.joint(leaf) != value:
                 world.set_joint(leaf, value)

@@ -43,6 +43,8 @@ class KnownThings:
         until the robot has seen them.
         """
         self.map = semantic_map
+        self.configuration = world.configuration()
+        """Configuration of the robot when it was last observed."""
         self.trusts_map = trusts_map
         self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0

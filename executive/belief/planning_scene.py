@@ -302,10 +302,10 @@ class PlanningScene:
         """Suppose within a ``with`` that objects are at other poses, or (None) absent."""
         try:
             with self.belief.supposing(poses):
-                self.belief.sync(self.world, self.world.configuration())
+                self.belief.sync(self.world)
                 yield
         finally:
-            self.belief.sync(self.world, self.world.configuration())
+            self.belief.sync(self.world)
 
     def posture(self) -> object:
         """Cache key of the robot's configuration."""

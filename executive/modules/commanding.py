@@ -73,11 +73,19 @@ class Control:
         """Read the positions (d,) of the joints of an arm, including a torso that carries it [rad, m]."""
         return self.joints(arm.joints)
 
-    def sync(self) -> None:
-        """Copy the belief into the planning scene; first drop grips on handles that the hand no longer feels."""
+    def observe(self) -> None:
+        """Read encoders and touch: believe the robot, and the handles that its hands still feel, where they are now.
+
+        Called at the end of a motion, after a hand has closed on a handle, and before a decision.
+        """
         for leaf in [leaf for leaf, link in self.belief.led.items() if not self.world.feels(link)]:
             self.belief.let_go(leaf)
-        self.belief.sync(self.scene.world, self.world.configuration())
+        self.belief.observed(self.world.configuration(), self.scene.world)
+        self.sync()
+
+    def sync(self) -> None:
+        """Copy the belief into the planning scene."""
+        self.belief.sync(self.scene.world)
 
     async def follow(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> Motion:
         """Execute a motion and wait for its end; halt it if the caller is evaporated or suspended.
@@ -95,7 +103,7 @@ class Control:
             return motion
         finally:
             self.world.halt(group)
-            self.sync()
+            self.observe()
 
     def _is_at_rest(self, group: str) -> bool:
         return self.world.motion(group).state is not MotionState.MOVING
@@ -233,7 +241,7 @@ class Hands:
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.grip(link)
         control.belief.leads(leaf, link)
-        control.sync()
+        control.observe()
 
     def _release_handle(self, arm: ArmModel) -> None:
         control, link = self._control, self._control.robot.arm(arm.name).tip

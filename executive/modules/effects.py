@@ -59,6 +59,10 @@ class ActionEffects:
         self._changed = 0 if self._physics is None else self._physics.changed
         """Number of changes of the world that are accounted for."""
 
+    def observe(self) -> None:
+        """Believe the robot where it is now."""
+        self._platform.observe()
+
     def pass_time(self) -> None:
         """Simulate heating in the believed world up to now, the only process that goes on there by itself."""
         try:
@@ -105,7 +109,6 @@ class ActionEffects:
         An object to turn over must be done on its heated side: a pancake is turned when its lower side is baked,
         although no step of the recipe waits for that.
         """
-        self._platform.sync()
         for what in (what for name in ACTED_ON for what in _objects(action, name)):
             try:
                 name = self._platform.scene.bodies.bind(what)
@@ -320,6 +323,7 @@ class ModuleWithEffects(WrappedModule):
         Raises PlanStructureError if the module has changed the world by itself, and ObjectNotTurned if the action's
         class turns objects over and none has turned.
         """
+        self._effects.observe()
         self._effects.pass_time()
         if (due := self._effects.due(action)) is not None:
             await sleep(due)

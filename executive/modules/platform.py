@@ -429,6 +429,7 @@ class Platform(Control):
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
         self.arms, self.phases = Arms(self, self.rng), Phases()
+        self.observe()
 
 
 class PlatformModule:

@@ -127,7 +127,6 @@ def platform_of(
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
     belief.recognition = Recognition(semantic_map.ontology, classes)
-    belief.sync(believed, interface.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -200,7 +199,7 @@ class RobotExecutive:
         resolver, is_found = self.platform.resolver, False
         try:
             while True:
-                self.platform.sync()
+                self.platform.observe()
                 revision = self.revision()
                 try:
                     for solution in resolver.bases(location):
@@ -242,6 +241,7 @@ class RobotExecutive:
         A door is open or closed, and a device on, only once the robot has seen or felt it: a map that says so is not
         enough for a goal to hold.
         """
+        self.platform.observe()
         self._effects.pass_time()
         match condition:
             case Condition("holding", (Object() as what,)):
@@ -255,12 +255,9 @@ class RobotExecutive:
                     return any(joint.is_open(value) for joint, value in values)
                 return 0 < len(leaves) == sum(joint.is_shut(value) for joint, value in values)
             case Condition("located", (Location() as where,)):
-                self.platform.sync()
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):
-                self.platform.sync()
                 return self.platform.resolver.holds(where, what)
-        self.platform.sync()
         decided = decide(condition, self.platform.belief, self.platform.scene.world)
         if decided is not None:
             return decided
