@@ -188,6 +188,11 @@ class PlanningWorld(KinematicScene):
             pieces.append(Solid(piece.body, piece.part.kind, (x, y, z), piece.pose, piece.yields))
         return tuple(pieces)
 
+    def led_joints(self, configuration: Configuration) -> Mapping[str, float]:
+        """Compute the joint values of leaves in a hand if the robot were at a configuration: they follow the hand."""
+        self._show(configuration)
+        return {leaf: self._leaves.values[leaf] for leaf in self._leaves.led}
+
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Bodies in touch with a held one since it was grasped: slight contact with them is allowed."""
         return frozenset(self._held[name].touched)

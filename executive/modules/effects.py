@@ -72,7 +72,6 @@ class ActionEffects:
         belief, changes = self._platform.belief, self._believed
         passed, belief.time = time - belief.time, time
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            self._platform.sync()
             warm(changes, passed)
 
     @property
@@ -127,7 +126,6 @@ class ActionEffects:
         effects = replace(self.of(action), completes=())
         if not effects:
             return
-        self._platform.sync()
         before = set(self._platform.scene.world.names())
         if effects.flow_rate is None:  # pouring creates only the object that lands
             self._transform(action, effects)
@@ -136,7 +134,6 @@ class ActionEffects:
         self._pour(action, effects, physical=physical)
         self._update_belief(before, {})
         self._name_what_landed(action, effects, before)
-        self._platform.sync()
 
     # One kind of effect after the other
 
@@ -213,7 +210,6 @@ class ActionEffects:
         effects = self.of(action)
         if not effects.turned:
             return None
-        self._platform.sync()
         return {name: self._platform.belief.pose(name) for name in self._turning(action, effects)}
 
     async def check_turned(self, lay: Mapping[str, Pose]) -> None:

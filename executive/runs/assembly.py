@@ -272,7 +272,6 @@ class RobotExecutive:
         platform = self.platform
         for name in platform.belief.dropped:  # the lost thing may stand between the fingers
             yield action("OpeningAGripper", device_used=self._device(name))
-        platform.sync()
         untucked = platform.arms.untucked()
         if not untucked:
             return

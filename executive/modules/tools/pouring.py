@@ -230,7 +230,6 @@ class Pouring:
     def _flowed(self, flow: Flow, seconds: float) -> None:
         """Update belief and record: the vessel has flowed for some time [s] into, or onto, what is below."""
         platform, pour = self._platform, self._phase.pours.get(flow.name)
-        platform.sync()
         world, tip = platform.scene.world, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
         matter = world.changes.matter
         before = 0.0 if pour is None or pour.into is None else matter.total(pour.into)

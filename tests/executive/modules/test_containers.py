@@ -316,7 +316,7 @@ def with_a_spoon_at_the_back(stack: ExitStack, value: float) -> Room:
     stage = room(stack, (case, leaf, grip, spoon), "panda")
     stage.truth.set_joint("leaf", value)
     stage.platform.belief.moved("leaf", value)
-    stage.platform.sync()
+    stage.platform.observe()
     return stage
 
 
