@@ -1,4 +1,4 @@
-"""Commands to the true world for base, fingers and camera; the planning scene is kept in sync with the belief."""
+"""Commands to the true world for base, fingers and camera; what they change is observed, and believed."""
 
 from __future__ import annotations
 
