@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +17,9 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
 from planlang.state import Grip, Hold, WorldState
-from sim import Mirror
+from planlang.state.matter import OFF, without
+from sim import WorldMirror
 from sim.leaves import inside
-from sim.matter import OFF
-
-T = TypeVar("T")
 
 MOVED = 0.002
 """Distance of a seen object from its believed position up to which it counts as not moved [m]."""
@@ -53,8 +51,8 @@ class Belief(KnownThings):
             self._witnessed.add(self._moving[detection.name])
         if detection.state is not None:
             self._witnessed.add(detection.name)
-            if self._matter.states.get(detection.name, OFF) != detection.state:
-                self._matter.states[detection.name] = detection.state
+            if self.state.matter.states.get(detection.name, OFF) != detection.state:
+                self._become(matter=self.state.matter.switched(detection.name, detection.state))
                 self._changed("seen", name=detection.name, state=detection.state)
 
     def touched(self, leaf: str, value: float) -> None:
@@ -78,7 +76,7 @@ class Belief(KnownThings):
     def not_there(self, name: str) -> None:
         """Record that an object is not at its believed pose, so that its place is unknown."""
         self.unknown[name] = self._poses[name]
-        self._become(poses=_without(self._poses, name))
+        self._become(poses=without(self._poses, name))
         for table in (self._known, self._in_vain):
             table.pop(name, None)
         self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
@@ -107,7 +105,7 @@ class Belief(KnownThings):
         name = next(iter(self._absent), pool[0])
         self._absent.pop(name, None)
         self.met = called or name
-        self._become(poses={**_without(self._poses, name), name: pose})  # at the end: the oldest obstacle comes first
+        self._become(poses={**without(self._poses, name), name: pose})  # at the end: the oldest obstacle comes first
         self._changed("felt", name=name, pose=pose)
 
     def forget(self, obstacles: Collection[str]) -> None:
@@ -135,19 +133,21 @@ class Belief(KnownThings):
     def let_go(self, leaf: str) -> None:
         """Record that a hand has released a leaf, which stays where it is."""
         if leaf in self.led:
-            self._become(led=_without(self.led, leaf))
+            self._become(led=without(self.led, leaf))
             self._changed("let go", name=leaf)
 
-    def observed(self, configuration: Configuration, mirror: Mirror) -> None:
+    def observed(self, configuration: Configuration, mirror: WorldMirror) -> None:
         """Take over the configuration that the robot's encoders tell; leaves in a hand are where the hand is.
 
         ``mirror`` computes where, and takes over all grips before the robot moves in it: what a held thing touches is
         found out where the hand has closed on it.
         """
-        for leaf, value in mirror.at(self.state).led_joints(configuration).items():
+        world = mirror.at(self.state)
+        leaves, touched = world.led_joints(configuration), world.still_touched(configuration)
+        for leaf, value in leaves.items():
             self.moved(leaf, value, "led")
-        if configuration != self.state.configuration:
-            self._become(configuration=configuration)
+        if configuration != self.state.robots[self.robot]:
+            self._become(robots={**self.state.robots, self.robot: configuration}, touched=touched)
 
     def base_moved(self) -> None:
         """Record that the base has moved, so that objects must be looked at again before they are manipulated."""
@@ -199,9 +199,14 @@ class Belief(KnownThings):
         grip = self.held.get(name)
         motion = pose @ self._poses[name].inverse()
         down = {name: pose, **{one: motion @ self._poses[one] for one in (grip.riders if grip is not None else ())}}
-        self._become(poses={**self._poses, **down}, held=_without(self.held, name))
+        touched = {one: bodies for one, bodies in self.state.touched.items() if one not in down}
+        self._become(poses={**self._poses, **down}, held=without(self.held, name), touched=touched)
         for one in down:
             self._know(one, Source.DONE)
+
+    def happened(self, state: WorldState) -> None:
+        """Go on to a state that effects of an action, heat or flow have led to; what it means is recorded apart."""
+        self.state = state
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:
         """Record that an object was created."""
@@ -222,7 +227,7 @@ class Belief(KnownThings):
     def _lose(self, name: str) -> None:
         self._gone[name] = None
         self._known.pop(name, None)
-        self._become(poses=_without(self._poses, name), held=_without(self.held, name))
+        self._become(poses=without(self._poses, name), held=without(self.held, name))
         self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
 
     def turned_over(self, name: str, pose: Pose) -> None:
@@ -367,7 +372,7 @@ class Belief(KnownThings):
             refused = state["refused"].items()
             self.refused = {str(name): [_pose(offset) for offset in offsets] for name, offsets in refused}
             self._taken, self._moves = set(state["taken"]), int(state["moves"])
-            self._become(poses=placed, joints=joints, led=led, held=held)
+            self._become(poses=placed, joints=joints, led=led, held=held, touched={})
             self._known = {
                 name: Knowledge(Source(source), float(time), int(moves))
                 for name, (source, time, moves) in state["known"].items()
@@ -408,10 +413,6 @@ class Belief(KnownThings):
         contents = {name: parts[leaf] @ offset for name, offset in offsets.items()}
         poses, joints = {**self._poses, **parts, **contents}, {**self.state.joints, leaf: value}
         return replace(self.state, poses=poses, joints=joints)
-
-
-def _without(table: Mapping[str, T], name: str) -> dict[str, T]:
-    return {one: value for one, value in table.items() if one != name}
 
 
 def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:

@@ -17,10 +17,10 @@ from planlang.geometry import Array, Pose
 from planlang.ontology import shorten
 from planlang.protocols import Touch
 from planlang.records import dataclass
-from sim import Body, ComfortZone, Mirror
+from planlang.state.matter import KG_PER_ML
+from sim import Body, ComfortZone, WorldMirror
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
-from sim.matter import KG_PER_ML
 from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
 
 LEANING = 0.05
@@ -154,7 +154,7 @@ class Door:
 class BelievedBodies(ScenePart):
     """Bodies of the believed world, by name."""
 
-    def __init__(self, mirror: Mirror, belief: Belief) -> None:
+    def __init__(self, mirror: WorldMirror, belief: Belief) -> None:
         super().__init__(mirror, belief)
         self._masses: Kept[dict[str, float]] = Kept()
 

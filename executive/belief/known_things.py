@@ -36,14 +36,20 @@ class KnownThings:
     """Read access to the robot's knowledge of objects; :class:`executive.belief.Belief` changes it."""
 
     def __init__(
-        self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False, unknown: Iterable[str] = ()
+        self,
+        semantic_map: SemanticMap,
+        world: PlanningWorld,
+        *,
+        robot: str = "robot",
+        trusts_map: bool = False,
+        unknown: Iterable[str] = (),
     ) -> None:
-        """Begin with the poses of ``world``, a planning world of the map's scene.
+        """Begin with the poses of ``world``, a planning world of the map's scene; ``robot`` names the robot in it.
 
         With ``trusts_map`` they count as seen from every base pose. The places of objects in ``unknown`` are unknown
         until the robot has seen them.
         """
-        self.map = semantic_map
+        self.map, self.robot = semantic_map, robot
         self.trusts_map = trusts_map
         self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0
@@ -71,7 +77,8 @@ class KnownThings:
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
         joints = {leaf: world.joint(leaf) for leaf in self.joints}
-        self.state = WorldState(world.configuration(), poses, joints, away=frozenset(self._absent))
+        away, matter = frozenset(self._absent), world.changes.matter
+        self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
@@ -79,8 +86,6 @@ class KnownThings:
         """Leaves and devices whose state the robot has seen or felt, or set itself, since it could have changed."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
-        self._matter = world.changes.matter
-        """Contents of the believed world."""
         self.made: dict[str, MapObject] = {}
         """Objects created during the run, by name."""
         self._gone: dict[str, None] = {}
@@ -98,6 +103,10 @@ class KnownThings:
     def led(self) -> Mapping[str, str]:
         """Leaf -> link of the hand that moves it."""
         return self.state.led
+
+    def is_gone(self, name: str) -> bool:
+        """Check whether an object is known to have been destroyed."""
+        return name in self._gone
 
     @property
     def _poses(self) -> Mapping[str, Pose]:
@@ -222,7 +231,7 @@ class KnownThings:
         individual = self._missing(what)
         containers = [
             name
-            for name, content in self._matter.contents.items()
+            for name, content in self.state.matter.contents.items()
             if name in self._poses and any(self._is_kind(one.type, what.type) for one in content.values())
             if individual is None or any(individual in one.origins for one in content.values())
         ]
@@ -246,7 +255,7 @@ class KnownThings:
 
     def is_a(self, thing: MapObject, cls: str) -> bool:
         """Check whether an object is of a class, or was before it was heated."""
-        return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
+        return any(self._is_kind(one, cls) for one in (*thing.types, *self.state.matter.types.get(thing.name, ())))
 
     def _is_kind(self, one: str, cls: str) -> bool:
         """Check whether a class is a subclass of ``cls``; classes unknown to the map's ontology compare by name."""

@@ -26,7 +26,7 @@ from planlang.kernel import still_computing
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import WorldState
-from sim import Mirror, PlanningWorld
+from sim import PlanningWorld, WorldMirror
 
 if TYPE_CHECKING:
     from executive.belief.explored_space import ExploredSpace
@@ -150,7 +150,9 @@ def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tu
 class Visibility(ScenePart):
     """Visibility of objects in the planning world for the robot's camera on its neck."""
 
-    def __init__(self, mirror: Mirror, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None) -> None:
+    def __init__(
+        self, mirror: WorldMirror, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
+    ) -> None:
         super().__init__(mirror, belief)
         self._robot, self._bodies, self.gaze = robot, bodies, gaze
         self._hidden: Kept[dict[tuple[BasePose, str], str | None]] = Kept()
@@ -229,7 +231,7 @@ class Visibility(ScenePart):
 class RobotArms(ScenePart):
     """Arms of the robot, with their poses and the objects that they are believed to hold."""
 
-    def __init__(self, mirror: Mirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         super().__init__(mirror, belief)
         self._robot = robot
         self.all: tuple[ArmModel, ...] = tuple(arms)
@@ -277,7 +279,7 @@ class PlanningScene:
     def __init__(
         self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
     ) -> None:
-        self.mirror, self.robot, self.belief = Mirror(world), robot, belief
+        self.mirror, self.robot, self.belief = WorldMirror(world, belief.robot), robot, belief
         self.space: ExploredSpace | None = None
         """Explored space of the room; None unless an exploration has begun."""
         self.bodies = BelievedBodies(self.mirror, belief)

@@ -27,7 +27,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.kernel import still_computing
 from planlang.protocols import Configuration, Contact, Touch
-from sim import Mirror
+from sim import WorldMirror
 from sim.bodies import FLOOR
 from sim.scene import BodyShape
 
@@ -91,7 +91,7 @@ def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
 class SceneCollisions(ScenePart):
     """Collisions of the robot and its held objects in the planning world; results are cached until something moves."""
 
-    def __init__(self, mirror: Mirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
         super().__init__(mirror, belief)
         self._robot, self._arms, world = robot, tuple(arms), self._world
         self._bodies: Kept[tuple[Boxes, Solids]] = Kept()
@@ -447,7 +447,7 @@ class SceneCollisions(ScenePart):
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
     ) -> QuickCheck:
         """Build a check of parts of the robot against the room, or look it up until something moves."""
-        cached = self._checks.of((self._state(), self._posture()), dict)
+        cached = self._checks.of((self._state(), self._belief.state.touched, self._posture()), dict)
         full_key = key, None if near is None else (near[0].tobytes(), near[1])
         if full_key not in cached:
             cached[full_key] = bodies().against(np.eye(4), self._room_near(near), ignored)
@@ -477,7 +477,7 @@ class SceneCollisions(ScenePart):
 
     def _in_hands(self) -> object:
         """Cache key of held objects; None with empty hands."""
-        return self._state() if self._belief.held else None
+        return (self._state(), self._belief.state.touched) if self._belief.held else None
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that the joints of an arm move, the torso's left out."""

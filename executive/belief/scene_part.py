@@ -7,7 +7,7 @@ from copy import copy
 from typing import Generic, TypeVar
 
 from executive.belief.belief import Belief
-from sim import Mirror, PlanningWorld
+from sim import PlanningWorld, WorldMirror
 
 T = TypeVar("T")
 Part = TypeVar("Part", bound="ScenePart")
@@ -37,7 +37,7 @@ class Kept(Generic[T]):
 class ScenePart:
     """Answers from a belief, and from a planning world that mirrors it."""
 
-    def __init__(self, mirror: Mirror, belief: Belief) -> None:
+    def __init__(self, mirror: WorldMirror, belief: Belief) -> None:
         self._mirror, self._belief = mirror, belief
 
     @property

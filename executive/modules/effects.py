@@ -8,11 +8,11 @@ motions pour or turn objects over in the simulator; these effects are then appli
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count, islice
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from executive.maps import MapObject
 from executive.maps.class_names import known
@@ -28,8 +28,11 @@ from planlang.kernel import PlanStructureError, now
 from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
+from sim import PlanningWorld
 from sim.changes import Changes
 from sim.processes import due, warm
+
+T = TypeVar("T")
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action that name what it destroys, turns over or pours."""
@@ -72,7 +75,7 @@ class ActionEffects:
         belief, changes = self._platform.belief, self._believed
         passed, belief.time = time - belief.time, time
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            warm(changes, passed)
+            self._happen(lambda world: warm(world.changes, passed))
 
     @property
     def _believed(self) -> Changes:
@@ -256,17 +259,24 @@ class ActionEffects:
         return [self._platform.scene.world, *([] if self._physics is None else [self._physics])]
 
     def _do(self, change: Change, *, only_believed: bool = False) -> float:
-        """Apply a change to both worlds; return the amount believed to have flowed [ml]."""
-        flowed = self._platform.scene.world.do(change)
+        """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
+        flowed = self._happen(lambda world: world.do(change))
         if self._physics is not None and not only_believed:
             self._physics.do(change)
         return flowed
+
+    def _happen(self, happening: Callable[[PlanningWorld], T]) -> T:
+        """Let something happen to things as they are believed to be."""
+        belief = self._platform.belief
+        state, result = self._platform.scene.mirror.after(belief.state, happening)
+        belief.happened(state)
+        return result
 
     def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
         """Remove destroyed objects of the planning scene from the belief, and add new ones."""
         belief = self._platform.belief
         for name in sorted(before - set(self._platform.scene.world.names())):
-            if name in belief.names():
+            if not belief.is_gone(name):
                 belief.destroyed(name)
         self.learn(before, outputs)
 

@@ -123,7 +123,7 @@ def platform_of(
     ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
     ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
     """
-    belief = Belief(semantic_map, believed, trusts_map=trusts_map, unknown=unknown)
+    belief = Belief(semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown)
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
     belief.recognition = Recognition(semantic_map.ontology, classes)
@@ -308,7 +308,8 @@ class RobotExecutive:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
-            platform.scene.world.restore_state(left["things"])
+            mirror, before = platform.scene.mirror, platform.belief.state
+            platform.belief.happened(mirror.after(before, lambda world: world.restore_state(left["things"]))[0])
             platform.belief.restore(left["belief"])
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.records import dataclass
+from planlang.state.matter import Matter
 
 
 class Hold(NamedTuple):
@@ -54,8 +55,8 @@ class WorldState:
     use them as keys: the same object is equal at once, an equal one made anew after a comparison.
     """
 
-    configuration: Configuration
-    """Configuration of the robot."""
+    robots: Mapping[str, Configuration]
+    """Robot -> its configuration."""
     poses: Mapping[str, Pose]
     """Body -> pose of its box centre in the map; of a held one, where it stood before."""
     joints: Mapping[str, float] = field(default_factory=dict)
@@ -64,8 +65,16 @@ class WorldState:
     """Held object -> grip, in the order of grasping."""
     led: Mapping[str, str] = field(default_factory=dict)
     """Leaf -> link of the hand that moves it."""
+    touched: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """Carried object -> bodies that it has touched without interruption since it was grasped, as far as computed."""
+    matter: Matter = field(default_factory=Matter)
+    """What things hold, and how they are."""
     away: frozenset[str] = frozenset()
     """Bodies with a pose that are not in the room: in a person's hands, or in reserve."""
+
+    def with_robot(self, name: str, configuration: Configuration) -> WorldState:
+        """Make the state in which a robot has another configuration."""
+        return replace(self, robots={**self.robots, name: configuration})
 
     def placed(self, poses: Mapping[str, Pose | None]) -> WorldState:
         """Make the state in which bodies are at other poses, or (None) absent."""

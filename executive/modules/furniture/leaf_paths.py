@@ -409,7 +409,7 @@ class _ArmPaths:
         joints = {**scene.world.configuration().joints, **fingers}
         at = Configuration(base, joints | dict(zip(arm.joints, rows[0].tolist(), strict=True)))
         led = {**scene.belief.led, self._joint.leaf: scene.robot.arm(arm.name).tip}
-        world = scene.supposing(replace(scene.belief.state, configuration=at, led=led)).world
+        world = scene.supposing(replace(scene.belief.state.with_robot(scene.belief.robot, at), led=led)).world
         for number, row in enumerate(rows[1:]):
             hits = world.contacts(Configuration(base, joints | dict(zip(arm.joints, row.tolist(), strict=True))))
             if hits:

@@ -229,7 +229,7 @@ class PairPaths:
         thing, tips = state.poses[name], [(arm.name, control.robot.arm(arm.name).tip) for arm in self.pair.arms]
         holds = [Hold(arm, tip, world.link_pose(tip, at).inverse() @ thing) for arm, tip in tips]
         held = {**state.held, name: Grip(*holds[0], thing, tuple(holds[1:]))}
-        supposed = control.scene.supposing(replace(state, configuration=at, held=held))
+        supposed = control.scene.supposing(replace(state.with_robot(control.belief.robot, at), held=held))
         bodies = (self._collides(base, row, world=supposed.world) for row in rows[1:])
         return next((body for body in bodies if body is not None), None)
 

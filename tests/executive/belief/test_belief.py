@@ -22,7 +22,7 @@ from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Configuration, Detection
 from planlang.state import Grip
-from sim import Mirror, PlanningWorld
+from sim import PlanningWorld, WorldMirror
 
 HERE = (0.0, 0.0, 0.0)
 MAP = "http://example.org/map.owl#"
@@ -226,7 +226,7 @@ def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: P
     belief.see([Detection("cup1", Pose((-2.0, 0.4, 0.05)), 1.0)])
     belief.grasped("bottle1", "right", hand, Pose((0.14, 0.0, 0.0)))
     belief.released("bottle2", Pose((0.0, 0.0, 1.0)), to="somebody")
-    mirror = Mirror(planning)
+    mirror = WorldMirror(planning, belief.robot)
     belief.observed(here, mirror)
     mirror.at(belief.state)
     assert planning.configuration().base == here.base
@@ -244,12 +244,13 @@ def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: P
 def test_the_planning_world_is_as_before_after_it_was_asked_about_other_states(
     belief: Belief, planning: PlanningWorld, robot: Robot
 ) -> None:
-    mirror, hand, cup = Mirror(planning), robot.arm("right").hand_link, belief.pose("cup1")
+    mirror, hand, cup = WorldMirror(planning, belief.robot), robot.arm("right").hand_link, belief.pose("cup1")
     believed = belief.state
     before = mirror.at(believed).state()
     elsewhere = believed.placed({"cup1": Pose((-2.0, 0.4, 0.05)), "bottle2": None})
     grip = Grip("right", hand, Pose((0.14, 0.0, 0.0)), believed.poses["bottle1"])
-    held = replace(elsewhere, configuration=Configuration(HERE, robot.postures["carrying"]), held={"bottle1": grip})
+    tucked = elsewhere.with_robot(belief.robot, Configuration(HERE, robot.postures["carrying"]))
+    held = replace(tucked, held={"bottle1": grip})
     assert (mirror.at(elsewhere).pose("cup1").position, "bottle2" in planning.names()) == ((-2.0, 0.4, 0.05), False)
     assert mirror.at(held).attached() == {"bottle1": hand}
     assert mirror.at(believed).state() == before
@@ -271,7 +272,7 @@ def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_aga
     offset = Pose((0.05, 0.0, 0.0))
     belief.grasped("bottle1", arm.name, arm.tip, offset)
     belief.released("bottle1", belief.pose("bottle1"), to="somebody")
-    mirror = Mirror(planning)
+    mirror = WorldMirror(planning, belief.robot)
     mirror.at(belief.state)
     assert "bottle1" not in planning.names()
     belief.grasped("bottle1", arm.name, arm.tip, offset)
@@ -282,7 +283,7 @@ def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_aga
 
 def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_map: SemanticMap, robot: Robot) -> None:
     world = PlanningWorld(with_store(scene_of(semantic_map)), robot.body())
-    belief, mirror = Belief(semantic_map, world), Mirror(world)
+    belief, mirror = Belief(semantic_map, world), WorldMirror(world, "robot")
     mirror.at(belief.state)
     assert not set(world.names()) & set(NAMES)
     for number in range(MOST + 1):
