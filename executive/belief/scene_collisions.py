@@ -447,7 +447,7 @@ class SceneCollisions(ScenePart):
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
     ) -> QuickCheck:
         """Build a check of parts of the robot against the room, or look it up until something moves."""
-        cached = self._checks.of((self._state(), self._belief.state.touched, self._posture()), dict)
+        cached = self._checks.of((self._state(), self._posture()), dict)
         full_key = key, None if near is None else (near[0].tobytes(), near[1])
         if full_key not in cached:
             cached[full_key] = bodies().against(np.eye(4), self._room_near(near), ignored)
@@ -477,7 +477,8 @@ class SceneCollisions(ScenePart):
 
     def _in_hands(self) -> object:
         """Cache key of held objects; None with empty hands."""
-        return (self._state(), self._belief.state.touched) if self._belief.held else None
+        # Not of what they touched since the grasp: that only shrinks, and a larger set leaves more to exact checks.
+        return self._state() if self._belief.held else None
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that the joints of an arm move, the torso's left out."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import count, islice
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -62,12 +63,9 @@ class ActionEffects:
         self._changed = 0 if self._physics is None else self._physics.changed
         """Number of changes of the world that are accounted for."""
 
-    def observe(self) -> None:
-        """Believe the robot where it is now."""
+    def catch_up(self) -> None:
+        """Believe the robot where it is now, and things as heat has made them, the only process without an action."""
         self._platform.observe()
-
-    def pass_time(self) -> None:
-        """Simulate heating in the believed world up to now, the only process that goes on there by itself."""
         try:
             time = now()
         except PlanStructureError:  # without a running plan, no time passes
@@ -260,7 +258,7 @@ class ActionEffects:
 
     def _do(self, change: Change, *, only_believed: bool = False) -> float:
         """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
-        flowed = self._happen(lambda world: world.do(change))
+        flowed = self._happen(partial(PlanningWorld.do, change=change))
         if self._physics is not None and not only_believed:
             self._physics.do(change)
         return flowed
@@ -329,14 +327,13 @@ class ModuleWithEffects(WrappedModule):
         Raises PlanStructureError if the module has changed the world by itself, and ObjectNotTurned if the action's
         class turns objects over and none has turned.
         """
-        self._effects.observe()
-        self._effects.pass_time()
+        self._effects.catch_up()
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
         before, lay = self._effects.there(), self._effects.lying(action) or {}
         result = await super().execute(action)
         self._effects.learn(before)
-        self._effects.pass_time()
+        self._effects.catch_up()
         if not self._effects.untouched():
             raise PlanStructureError(
                 f"process module {self.name} has changed the world itself, which only declared effects may do: state "

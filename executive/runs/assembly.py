@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import chain, islice
 from typing import Any
 
@@ -241,8 +241,7 @@ class RobotExecutive:
         A door is open or closed, and a device on, only once the robot has seen or felt it: a map that says so is not
         enough for a goal to hold.
         """
-        self.platform.observe()
-        self._effects.pass_time()
+        self._effects.catch_up()
         match condition:
             case Condition("holding", (Object() as what,)):
                 bodies = self.platform.scene.bodies  # a thing that was not found yet is in no hand
@@ -308,8 +307,8 @@ class RobotExecutive:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
-            mirror, before = platform.scene.mirror, platform.belief.state
-            platform.belief.happened(mirror.after(before, lambda world: world.restore_state(left["things"]))[0])
+            restored = partial(PlanningWorld.restore_state, state=left["things"])
+            platform.belief.happened(platform.scene.mirror.after(platform.belief.state, restored)[0])
             platform.belief.restore(left["belief"])
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()
