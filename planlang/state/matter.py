@@ -171,7 +171,11 @@ class Matter:
 
 def without(table: Mapping[str, T], name: str) -> Mapping[str, T]:
     """Leave a name out of a table; the table itself if it does not have it."""
-    return table if name not in table else {one: value for one, value in table.items() if one != name}
+    if name not in table:
+        return table
+    left = dict(table)
+    del left[name]
+    return left
 
 
 def _with(content: Mapping[str, Portion], portion: Portion) -> Mapping[str, Portion]:

@@ -78,9 +78,13 @@ class WorldState:
 
     def placed(self, poses: Mapping[str, Pose | None]) -> WorldState:
         """Make the state in which bodies are at other poses, or (None) absent."""
-        there = {**self.poses, **{name: pose for name, pose in poses.items() if pose is not None}}
-        absent = {name for name, pose in poses.items() if pose is None}
-        return replace(self, poses={name: pose for name, pose in there.items() if name not in absent})
+        there = dict(self.poses)
+        for name, pose in poses.items():
+            if pose is None:
+                there.pop(name, None)
+            else:
+                there[name] = pose
+        return replace(self, poses=there)
 
     def carried(self) -> frozenset[str]:
         """Collect the held objects and those that stand on them."""
