@@ -1,14 +1,16 @@
 """A simulated world: rooms of simple shapes, one robot, and people who take what is offered to them.
 
 :class:`PyBulletWorld` (``world.py``) is the true world: it is commanded and sensed like a robot's real environment;
-``truth.py`` is what goals and reports see of it. Planning queries :class:`PlanningWorld`. Both extend
-``kinematic.py``; ``scene.py`` describes their contents, ``displacing.py`` lets the true ones differ from a map.
-``bodies.py``, ``description.py`` and ``robot.py`` own the objects in the physics client, ``contact.py`` and
-``camera.py`` answer queries, ``falling.py`` and ``people.py`` move things, ``snapshots.py`` saves and restores bodies.
+``truth.py`` is what goals and reports see of it. Planning queries :class:`PlanningWorld`, which :class:`WorldMirror`
+brings to the state that is asked about. Both worlds extend ``kinematic.py``; ``scene.py`` describes their contents,
+``displacing.py`` lets the true ones differ from a map. ``bodies.py``, ``description.py`` and ``robot.py`` own the
+objects in the physics client, ``contact.py`` and ``camera.py`` answer queries, ``falling.py`` and ``people.py`` move
+things, ``snapshots.py`` saves and restores bodies.
 Only ``engine.py`` imports PyBullet.
 """
 
 from sim.displacing import perturb
+from sim.mirror import WorldMirror
 from sim.people import ComfortZone
 from sim.planning_world import PlanningWorld, Solid
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
@@ -24,5 +26,6 @@ __all__ = [
     "RobotBody",
     "Scene",
     "Solid",
+    "WorldMirror",
     "perturb",
 ]

@@ -16,12 +16,13 @@ from planlang.changes import Change, Poured, Switched, Transformed, TurnedOver
 from planlang.designators import local_name
 from planlang.geometry import Pose
 from planlang.geometry.shapes import half_extents
+from planlang.state.matter import Matter, Portion, merged
 from sim.bodies import Bodies
 from sim.camera import Rays
 from sim.contact import HeldObject
 from sim.falling import Falling, upright
 from sim.leaves import inside
-from sim.matter import PUDDLE, Matter, Portion, Rules, Size, merged
+from sim.rules import PUDDLE, Rules, Size
 from sim.scene import Body, BodyShape
 
 Point = tuple[float, float, float]
@@ -46,7 +47,6 @@ class Changes:
     def __init__(
         self,
         bodies: Bodies,
-        matter: Matter,
         rules: Rules,
         rays: Rays,
         falling: Falling,
@@ -54,7 +54,11 @@ class Changes:
         create: Callable[[Body], None],
         remove: Callable[[str], None],
     ) -> None:
-        self.bodies, self.matter, self.rules = bodies, matter, rules
+        self.bodies, self.rules = bodies, rules
+        self.matter = Matter()
+        """What things hold, and how they are, now."""
+        self.count = 0
+        """Number of changes made by actions; those that time brings are not counted."""
         self.rays, self.falling, self.held = rays, falling, held
         self._create, self._remove = create, remove
         self._heats: dict[str, tuple[str, bool] | None] = {}
@@ -140,12 +144,12 @@ class Changes:
 
     def _transform(self, what: Transformed) -> None:
         """Destroy inputs and create outputs; no effect if no input exists."""
-        matter, bodies = self.matter, self.bodies
+        bodies = self.bodies
         inputs = {name: amount for name, amount in what.things if name in bodies.bodies and name not in bodies.removed}
         places = [bodies.poses[name] for name in (*inputs, *(name for name, _ in what.used))]
         sizes = [bodies.bodies[name].size for name in inputs]
         origins = merged(inputs, *(origins_of(self, name) for name in inputs))
-        volume = sum(matter.total(name) or amount for name, amount in inputs.items())
+        volume = sum(self.matter.total(name) or amount for name, amount in inputs.items())
         taken = [portion for name, type in what.used for portion in self.consume(name, type)]
         if (what.things or what.used) and not inputs and not taken:
             return
@@ -171,61 +175,56 @@ class Changes:
         """Create a thing, at rest on what is below a pose; ``amount`` [ml] of its class, if given."""
         shape = BodyShape.CYLINDER if math.isclose(size[0], size[1]) else BodyShape.BOX
         self._create(Body(name, at, size, shape, type=type, movable=True))
-        self.matter.origins[name] = tuple(origins)
+        self.matter = self.matter.created(name, origins)
         if amount is not None:
-            self.matter.put(name, Portion(type, amount, tuple(origins)))
+            self.matter = self.matter.put(name, Portion(type, amount, tuple(origins)))
         rest, support = self.falling.rest(name)
         if support is not None:
             self.bodies.place(name, rest)
-        self.matter.count += 1
+        self.count += 1
 
     def destroy(self, name: str) -> None:
         """Destroy a thing and its contents."""
         self._remove(name)
-        self.matter.gone[name] = None
-        self.matter.contents.pop(name, None)
-        self.matter.states.pop(name, None)
-        self.matter.count += 1
+        self.matter = self.matter.destroyed(name)
+        self.count += 1
 
     def turn_over(self, name: str) -> None:
         """Turn a thing over in place; no effect on a held one."""
         pose, half_turn = self.bodies.poses[name], Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         if name not in self.held:
             self.bodies.place(name, upright(pose @ half_turn))
-            self.matter.count += 1
+            self.count += 1
 
     def switch(self, name: str, state: str) -> None:
         """Set the state of a device."""
-        self.matter.states[name] = state
-        self.matter.count += 1
+        self.matter = self.matter.switched(name, state)
+        self.count += 1
 
     # Contents
 
     def consume(self, name: str, type: str) -> list[Portion]:
         """Take everything of a class out of a thing."""
         content = self.matter.contents.get(name, {})
-        taken = [portion for key, portion in content.items() if self.rules.is_a(key, type)]
-        for portion in taken:
-            del content[portion.type]
-        if not content:
-            self.matter.contents.pop(name, None)
-        self.matter.count += 1
-        return taken
+        taken = {key: portion for key, portion in content.items() if self.rules.is_a(key, type)}
+        self.matter = self.matter.holding(name, {key: one for key, one in content.items() if key not in taken})
+        self.count += 1
+        return list(taken.values())
 
     def fill(self, name: str, portion: Portion) -> None:
         """Add a portion to a thing's contents."""
         self.give([portion], name, self.bodies.poses[name].position)
-        self.matter.count += 1
+        self.count += 1
 
     def pour(self, source: str, target: str, amount: float) -> float:
         """Move an amount [ml] of a thing's contents onto or into another thing; return the amount moved."""
-        portions = self.matter.take(source, amount)
+        self.matter, portions = self.matter.take(source, amount)
         if not self.is_vessel(source) and source not in self.matter.contents and portions:
             self.destroy(source)
         x, y, z = self.bodies.poses[target].position
         top = z + float(half_extents(self.bodies.poses[target], self.bodies.bodies[target].size)[2])
         self.give(portions, target, (x, y, top))
-        self.matter.count += 1
+        self.count += 1
         return sum(portion.amount for portion in portions)
 
     def drop(self, portions: Sequence[Portion], point: Point, source: str) -> str | None:
@@ -243,7 +242,7 @@ class Changes:
             self._fill(portions, target)
         elif target in self.matter.origins and target in self.matter.contents:
             for one in portions:
-                self.matter.put(target, one)
+                self.matter = self.matter.put(target, one)
         else:
             for one in portions:
                 self._spread(one, target, point)
@@ -253,9 +252,9 @@ class Changes:
         body = self.bodies.bodies[vessel]
         volume, room = sum(one.amount for one in portions), max(0.0, body.capacity - self.matter.total(vessel))
         share = 1.0 if volume <= room else room / volume
-        self.matter.heated.pop(vessel, None)
+        self.matter = self.matter.cooled(vessel)
         for one in portions:
-            self.matter.put(vessel, Portion(one.type, one.amount * share, one.origins))
+            self.matter = self.matter.put(vessel, Portion(one.type, one.amount * share, one.origins))
         below = self.under(vessel) if share < 1 else None
         if below is not None:
             half_x, _, half_z = half_extents(self.bodies.poses[vessel], body.size).tolist()
@@ -270,7 +269,7 @@ class Changes:
             x, y, z = self.bodies.poses[name].position
             near = math.dist((x, y), point[:2]) <= ONE_PUDDLE and z <= point[2] + ONE_PUDDLE / 2
             if near and name not in self.bodies.removed and portion.type == self.type_of(name):
-                self.matter.put(name, portion)
+                self.matter = self.matter.put(name, portion)
                 return
         size = self._size(portion.type)
         name = self.new_name(f"{local_name(portion.type)}_on_{target}")

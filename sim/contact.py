@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from itertools import combinations
 from types import MappingProxyType
@@ -23,7 +23,6 @@ from planlang.records import dataclass
 from sim.bodies import Bodies
 from sim.engine import bullet
 from sim.leaves import LeafGrasp, Leaves
-from sim.matter import Matter
 from sim.robot import Robot
 
 TOLERANCE = 0.0005
@@ -59,6 +58,8 @@ FOLD = 0.05
 GROUND = 0.001
 """Greatest height of a piece that counts as floor [m]."""
 
+GivesWay = Callable[[str], bool]
+"""Whether a body is a substance that gives way to what is pushed into it."""
 Ignored = Collection[str | tuple[str, str]]
 
 
@@ -119,9 +120,9 @@ class Contacts:
     """Finds penetrations at the configuration shown last; held objects must have been moved along."""
 
     def __init__(
-        self, robot: Robot, bodies: Bodies, held: dict[str, HeldObject], leaves: Leaves, matter: Matter
+        self, robot: Robot, bodies: Bodies, held: dict[str, HeldObject], leaves: Leaves, gives_way: GivesWay
     ) -> None:
-        self.robot, self.bodies, self.held, self.leaves, self.matter = robot, bodies, held, leaves, matter
+        self.robot, self.bodies, self.held, self.leaves, self.gives_way = robot, bodies, held, leaves, gives_way
         self.self_pairs = watched_pairs(robot)
         """Pairs of solid links, by number, that must not touch."""
         self.watched = np.zeros((len(robot.solid), len(robot.solid)), bool)
@@ -187,7 +188,7 @@ class Contacts:
 
     def _may_touch(self, held: str, body: str) -> bool:
         """Check whether a held object may go into or under a body: a blade, or anything in a puddle."""
-        return self.bodies.lets_touch(held, body) or self.matter.gives_way(body)
+        return self.bodies.lets_touch(held, body) or self.gives_way(body)
 
     def _of_links(self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]) -> None:
         for number, index in zip(*self.bodies.near(lower, upper), strict=True):
@@ -282,8 +283,12 @@ class Contacts:
     def part(self) -> None:
         """Drop bodies from which held objects have parted from their ``touched`` sets."""
         for name, held in self.held.items():
-            if held.touched:
-                held.touched &= self.touching(name, PARTED)
+            held.touched = self.still_touched(name)
+
+    def still_touched(self, name: str) -> set[str]:
+        """Find the bodies from which a held object has not parted since it was grasped."""
+        touched = self.held[name].touched
+        return touched & self.touching(name, PARTED) if touched else set()
 
     def touches(self, links: Collection[str]) -> tuple[Touch, ...]:
         """List where links are touched: the nearest point of each piece within :data:`SKIN` of a link.

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from planlang.geometry import Pose
 from planlang.protocols import Touch
 from planlang.records import dataclass
+from planlang.state.matter import OFF, ON
 from sim.joints import Articulation
-from sim.matter import OFF, ON, Matter
 
 Point = tuple[float, float, float]
 
@@ -40,32 +40,36 @@ class Controls:
     def __init__(
         self,
         controls: Sequence[Control],
-        matter: Matter,
+        state: Callable[[str], str | None],
+        put: Callable[[str, str], None],
         values: Mapping[str, float],
         joints: Mapping[str, Articulation],
     ) -> None:
-        """Switch on the devices whose knob, of the joint values ``values``, is turned at first."""
+        """Switch on the devices whose knob, of the joint values ``values``, is turned at first.
+
+        ``state`` and ``put`` read and change the state of a device.
+        """
         self._buttons = [one for one in controls if not one.turns]
         self._knobs = [one for one in controls if one.turns]
-        self._matter = matter
+        self._state, self._put = state, put
         self._turned = {one.body: _is_turned(one, values, joints) for one in self._knobs}
         for knob in self._knobs:
             if self._turned[knob.body]:
-                self._put(knob.device, True)
+                put(knob.device, ON)
         self._on_at_zero = {
-            one.device: matter.is_on(one.device) and not self._turned.get(one.body, False) for one in controls
+            one.device: self._is_on(one.device) and not self._turned.get(one.body, False) for one in controls
         }
 
     def shown(self, name: str) -> str | None:
         """Look up the state that a body shows: ON or OFF for a device; None for a body that is neither."""
-        state = self._matter.states.get(name, OFF if name in self._on_at_zero else None)
+        state = self._state(name) or (OFF if name in self._on_at_zero else None)
         return state if state in (ON, OFF) else None
 
     def pushed(self, body: str, touch: Touch, pose: Pose) -> None:
         """Toggle the device of a button that a hand touches on a body at a pose."""
         for button in self._buttons:
             if button.body == body and math.dist((pose @ Pose(button.point)).position, touch.point) <= AT_BUTTON:
-                self._put(button.device, not self._matter.is_on(button.device))
+                self._put(button.device, OFF if self._is_on(button.device) else ON)
 
     def turned(self, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> None:
         """Switch devices by their knobs' joint values; one that was on at first with its knob at 0 is on there."""
@@ -73,10 +77,10 @@ class Controls:
             is_turned = _is_turned(knob, values, joints)
             if is_turned != self._turned[knob.body]:
                 self._turned[knob.body] = is_turned
-                self._put(knob.device, is_turned != self._on_at_zero[knob.device])
+                self._put(knob.device, ON if is_turned != self._on_at_zero[knob.device] else OFF)
 
-    def _put(self, device: str, is_on: bool) -> None:
-        self._matter.states[device] = ON if is_on else OFF
+    def _is_on(self, device: str) -> bool:
+        return self._state(device) == ON
 
 
 def _is_turned(knob: Control, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> bool:

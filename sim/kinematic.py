@@ -15,6 +15,7 @@ from planlang.changes import Change
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
+from planlang.state.matter import ON, Matter
 from sim import snapshots
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Rays
@@ -23,7 +24,6 @@ from sim.contact import PARTED, Contacts, HeldObject, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
 from sim.leaves import LeafGrasp, Leaves
-from sim.matter import ON, Matter
 from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
@@ -53,7 +53,6 @@ class KinematicScene:
         self._people = People(self._bodies, rate)
         self._held: dict[str, HeldObject] = {}
         self._leaves = Leaves(scene, self._bodies)
-        self._matter = Matter()
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
         self._shown: tuple[Configuration, int] | None = None
@@ -65,15 +64,15 @@ class KinematicScene:
                 self.close()
                 raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
-            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves, self._matter)
+            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves, self._gives_way)
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
-        for body in scene.bodies:
-            self._contain(body)
         self.changes = Changes(
-            self._bodies, self._matter, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
+            self._bodies, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
         )
         """Changes of things; actions apply theirs through :meth:`do`."""
+        for body in scene.bodies:
+            self._contain(body)
         self._show(self._now)
 
     # Changes: implements planlang.changes.Physics
@@ -81,11 +80,14 @@ class KinematicScene:
     @property
     def changed(self) -> int:
         """Number of changes of things, whoever made them."""
-        return self._matter.count
+        return self.changes.count
 
     def do(self, change: Change) -> float:
         """Apply a change caused by an action; return the volume that flowed [ml]."""
         return self.changes.do(change)
+
+    def _gives_way(self, name: str) -> bool:
+        return self.changes.matter.gives_way(name)
 
     def is_free(self, name: str) -> bool:
         """Check whether nothing has or had a name."""
@@ -267,9 +269,9 @@ class KinematicScene:
     def _contain(self, body: Body) -> None:
         """Set the initial contents and device state of a body."""
         for portion in body.content:
-            self._matter.put(body.name, portion)
+            self.changes.matter = self.changes.matter.put(body.name, portion)
         if body.is_on:
-            self._matter.states[body.name] = ON
+            self.changes.matter = self.changes.matter.switched(body.name, ON)
 
     # Doors and drawers
 
@@ -357,12 +359,12 @@ class KinematicScene:
             tuple(self.led().items()),
             tuple(self._falling.on_the_way),
             self._people.state(),
-            self._matter.state(),
+            self.changes.matter.state(),
         )
 
     def snapshot(self) -> dict[str, Any]:
         """Serialise created bodies and the contents and states of things, which a belief does not record."""
-        return {"created": snapshots.created(self._bodies), "matter": self._matter.snapshot()}
+        return {"created": snapshots.created(self._bodies), "matter": self.changes.matter.snapshot()}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Restore a :meth:`snapshot` of the same scene, in a world in which nothing has been created yet.
@@ -372,8 +374,8 @@ class KinematicScene:
         try:
             for body in snapshots.created_of(state["created"], self._bodies):
                 self._create(body)
-            self._matter.restore(state["matter"], self._bodies.bodies)
-            for name in self._matter.gone:
+            self.changes.matter = Matter.of(state["matter"], self._bodies.bodies)
+            for name in self.changes.matter.gone:
                 self._bodies.remove(name)
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the world is damaged: {problem!r}") from None

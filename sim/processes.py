@@ -15,7 +15,6 @@ from planlang.records import dataclass
 from sim.bodies import BLADE, axes_of
 from sim.changes import Changes
 from sim.falling import turned_up
-from sim.matter import Portion
 from sim.scene import Body
 
 NEAR_BLADE = 0.03
@@ -39,7 +38,7 @@ class Processes:
     """Advances the processes of one world."""
 
     def __init__(self, changes: Changes) -> None:
-        self._changes, self._bodies, self._matter = changes, changes.bodies, changes.matter
+        self._changes, self._bodies = changes, changes.bodies
         self.riding: dict[str, Riding] = {}
         self.heights: dict[str, float] = {}
         """Tool -> height of its blade one step earlier [m]."""
@@ -52,14 +51,14 @@ class Processes:
 
     def flow(self, seconds: float) -> None:
         """Empty held vessels whose axis points down."""
-        changed = self._matter.count
-        for name in self._changes.held:
+        changes, changed = self._changes, self._changes.count
+        for name in changes.held:
             pose = self._bodies.poses[name]
-            if name in self._matter.contents and self._changes.is_vessel(name) and pose.rotation[2, 2] < 0:
-                portions = self._matter.take(name, self._changes.rules.flow_rate * seconds)
+            if name in changes.matter.contents and changes.is_vessel(name) and pose.rotation[2, 2] < 0:
+                changes.matter, portions = changes.matter.take(name, changes.rules.flow_rate * seconds)
                 mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
-                self._changes.drop(portions, mouth.position, name)
-        self._matter.count = changed  # flow is no change by anybody
+                changes.drop(portions, mouth.position, name)
+        changes.count = changed  # flow is no change by anybody
 
     def carry(self) -> None:
         """Move thin things with the blades under them; drop those whose blade turns over."""
@@ -150,21 +149,20 @@ def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iter
 
 
 def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:
-    matter, rules = changes.matter, changes.rules
-    low, high = matter.heated.get(name, (0.0, 0.0))
+    rules = changes.rules
+    low, high = changes.matter.heated.get(name, (0.0, 0.0))
     lies_on_lower = bool(changes.bodies.poses[name].rotation[2, 2] >= 0)
     low, high = low + seconds * (within or lies_on_lower), high + seconds * (within or not lies_on_lower)
-    matter.heated[name] = low, high
+    changes.matter = changes.matter.warmed(name, low, high)
     source = changes.type_of(device)
     type_now = changes.type_of(name)
     result = rules.result(type_now, source)
     if result is not None and max(low, high) >= result.seconds - ROUNDING:
-        matter.became(name, result.output, type_now)
-    for type in list(matter.contents.get(name, {})):
+        changes.matter = changes.matter.became(name, result.output, type_now)
+    for type in changes.matter.contents.get(name, {}):
         result = rules.result(type, source)
         if result is not None and max(low, high) >= result.seconds - ROUNDING:
-            portion = matter.contents[name].pop(type)
-            matter.put(name, Portion(result.output, portion.amount, portion.origins))
+            changes.matter = changes.matter.turned_into(name, type, result.output)
 
 
 def _blade_size(body: Body) -> tuple[float, float, float]:

@@ -14,9 +14,10 @@ from pathlib import Path
 
 from planlang.geometry import Pose
 from planlang.records import dataclass
+from planlang.state.matter import Portion
 from sim.controls import Control
 from sim.joints import Articulation
-from sim.matter import Portion, Rules
+from sim.rules import Rules
 
 
 class BodyShape(StrEnum):

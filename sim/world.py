@@ -184,7 +184,9 @@ class PyBulletWorld(KinematicScene):
         """Motion group that pushes -> link of the hand with which it pushes."""
         self._processes = Processes(self.changes)
         self._motions: dict[str, Playback] = {}
-        self._controls = Controls(scene.controls, self._matter, self._leaves.values, self._leaves.joints)
+        self._controls = Controls(
+            scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
+        )
         hands = {} if robot is None else robot.hands
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
         if self._robot is not None:
@@ -343,11 +345,15 @@ class PyBulletWorld(KinematicScene):
 
     def contents(self, name: str) -> Mapping[str, float]:
         """Class of substance -> amount of it in a body [ml]."""
-        return {one.type: one.amount for one in self._matter.contents.get(name, {}).values()}
+        return {one.type: one.amount for one in self.changes.matter.contents.get(name, {}).values()}
 
     def condition(self, name: str) -> str | None:
         """State of a body, such as on or clean; None if it has none."""
-        return self._matter.states.get(name)
+        return self.changes.matter.states.get(name)
+
+    def _switch(self, device: str, state: str) -> None:
+        """Switch a device by hand, which is no change by an action's effects."""
+        self.changes.matter = self.changes.matter.switched(device, state)
 
     def falling(self, name: str) -> bool:
         """Check whether a body is falling."""

@@ -6,6 +6,5 @@ with the robot's changes, ``map_writing`` a new map of the belief.
 """
 
 from executive.belief.belief import Belief
-from executive.belief.knowledge import Grip
 
-__all__ = ["Belief", "Grip"]
+__all__ = ["Belief"]

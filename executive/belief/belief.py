@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from executive.belief.knowledge import Grip, Hold, Knowledge, Source
-from executive.belief.known_things import KnownThings
+from executive.belief.knowledge import Knowledge, Source
+from executive.belief.known_things import KnownThings, ignore
 from executive.belief.obstacles import NAMES
 from executive.maps.semantic_map import MapObject
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Detection
 from planlang.runs.codec import dump, load
-from sim import PlanningWorld
+from planlang.state import Grip, Hold, WorldState
+from planlang.state.matter import OFF, without
+from sim import WorldMirror
 from sim.leaves import inside
-from sim.matter import OFF
 
 MOVED = 0.002
 """Distance of a seen object from its believed position up to which it counts as not moved [m]."""
@@ -50,8 +51,8 @@ class Belief(KnownThings):
             self._witnessed.add(self._moving[detection.name])
         if detection.state is not None:
             self._witnessed.add(detection.name)
-            if self._matter.states.get(detection.name, OFF) != detection.state:
-                self._matter.states[detection.name] = detection.state
+            if self.state.matter.states.get(detection.name, OFF) != detection.state:
+                self._become(matter=self.state.matter.switched(detection.name, detection.state))
                 self._changed("seen", name=detection.name, state=detection.state)
 
     def touched(self, leaf: str, value: float) -> None:
@@ -64,7 +65,7 @@ class Belief(KnownThings):
         self._witnessed.discard(name)
 
     def _find_out(self, name: str) -> None:
-        self._poses[name] = self.unknown.pop(name)
+        self._become(poses={**self._poses, name: self.unknown.pop(name)})
         self._changed("found", name=name)
 
     def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
@@ -74,7 +75,8 @@ class Belief(KnownThings):
 
     def not_there(self, name: str) -> None:
         """Record that an object is not at its believed pose, so that its place is unknown."""
-        self.unknown[name] = self._poses.pop(name)
+        self.unknown[name] = self._poses[name]
+        self._become(poses=without(self._poses, name))
         for table in (self._known, self._in_vain):
             table.pop(name, None)
         self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
@@ -102,44 +104,50 @@ class Belief(KnownThings):
             return
         name = next(iter(self._absent), pool[0])
         self._absent.pop(name, None)
-        del self._poses[name]  # and insert it anew at the end, so that the oldest obstacle comes first
-        self._poses[name], self.met = pose, called or name
+        self.met = called or name
+        self._become(poses={**without(self._poses, name), name: pose})  # at the end: the oldest obstacle comes first
         self._changed("felt", name=name, pose=pose)
 
     def forget(self, obstacles: Collection[str]) -> None:
         """Return obstacles to the pool, because a known body explains the touch."""
         for name in obstacles:
             self._absent[name] = None
+            self._become()
             self._changed("explained", name=name)
         if obstacles and not any(name in NAMES for name in self.names()):
             self.met = None
 
     def moved(self, leaf: str, value: float, how: str = "moved") -> None:
         """Record the position of a leaf's joint [rad, m]; its parts and the objects inside it move with it."""
-        joint = self.joints[leaf]
-        value = joint.within(value)
-        if value == self._values[leaf]:
-            return
-        elsewhere = {*self.joints, *self.held, *self._taken}
-        loose = [name for name in self._boxes if name in self._poses and name not in elsewhere]
-        before, places = self._poses[leaf], np.array([self._poses[name].position for name in loose]).reshape(-1, 3)
-        within = np.flatnonzero(inside(before, self._boxes[leaf], places)).tolist()
-        offsets = {loose[index]: before.inverse() @ self._poses[loose[index]] for index in within}
-        motion, self._values[leaf] = joint.motion(value), value
-        self._poses |= {name: motion @ self._first[name] if value else self._first[name] for name in joint.bodies}
-        self._poses |= {name: self._poses[leaf] @ offset for name, offset in offsets.items()}
-        self._changed(how, name=leaf, value=value)
+        value = self.joints[leaf].within(value)
+        if value != self.joint(leaf):
+            self.state = self.with_leaf(leaf, value)
+            self._changed(how, name=leaf, value=value)
 
     def leads(self, leaf: str, link: str) -> None:
         """Record that a hand has closed on a leaf's handle, so that they move together."""
-        self.led[leaf] = link
+        self._become(led={**self.led, leaf: link})
         self._witnessed.add(leaf)
         self._changed("leads", name=leaf, link=link)
 
     def let_go(self, leaf: str) -> None:
         """Record that a hand has released a leaf, which stays where it is."""
-        if self.led.pop(leaf, None) is not None:
+        if leaf in self.led:
+            self._become(led=without(self.led, leaf))
             self._changed("let go", name=leaf)
+
+    def observed(self, configuration: Configuration, mirror: WorldMirror) -> None:
+        """Take over the configuration that the robot's encoders tell; leaves in a hand are where the hand is.
+
+        ``mirror`` computes where, and takes over all grips before the robot moves in it: what a held thing touches is
+        found out where the hand has closed on it.
+        """
+        world = mirror.at(self.state)
+        leaves, touched = world.led_joints(configuration), world.still_touched(configuration)
+        for leaf, value in leaves.items():
+            self.moved(leaf, value, "led")
+        if configuration != self.state.robots[self.robot]:
+            self._become(robots={**self.state.robots, self.robot: configuration}, touched=touched)
 
     def base_moved(self) -> None:
         """Record that the base has moved, so that objects must be looked at again before they are manipulated."""
@@ -152,14 +160,15 @@ class Belief(KnownThings):
         self.dropped = {arm: dropped for arm, dropped in self.dropped.items() if dropped != name}
         grip = self.held.get(name)
         if grip is None or arm in grip.arms:
-            self.held[name] = Grip(arm, link, offset, self._poses[name])
+            grip = Grip(arm, link, offset, self._poses[name])
         else:
-            self.held[name] = replace(grip, others=(*grip.others, Hold(arm, link, offset)))
+            grip = replace(grip, others=(*grip.others, Hold(arm, link, offset)))
+        self._become(held={**self.held, name: grip})
         self._changed("grasped", name=name, arm=arm)
 
     def loaded(self, name: str, riders: Iterable[str]) -> None:
         """Record that objects stand on a held one and move with it."""
-        self.held[name] = replace(self.held[name], riders=tuple(riders))
+        self._become(held={**self.held, name: replace(self.held[name], riders=tuple(riders))})
 
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
         """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
@@ -167,6 +176,7 @@ class Belief(KnownThings):
         self.refused.pop(name, None)
         if to is not None:
             self._taken.add(name)
+            self._become()
         self._changed("released", name=name, pose=pose, to=to)
 
     def pushed(self, name: str, pose: Pose) -> None:
@@ -186,12 +196,17 @@ class Belief(KnownThings):
         self._changed("lost", name=name, pose=pose)
 
     def _came_down(self, name: str, pose: Pose) -> None:
-        grip = self.held.pop(name, None)
+        grip = self.held.get(name)
         motion = pose @ self._poses[name].inverse()
         down = {name: pose, **{one: motion @ self._poses[one] for one in (grip.riders if grip is not None else ())}}
-        self._poses |= down
+        touched = {one: bodies for one, bodies in self.state.touched.items() if one not in down}
+        self._become(poses={**self._poses, **down}, held=without(self.held, name), touched=touched)
         for one in down:
             self._know(one, Source.DONE)
+
+    def happened(self, state: WorldState) -> None:
+        """Go on to a state that effects of an action, heat or flow have led to; what it means is recorded apart."""
+        self.state = state
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:
         """Record that an object was created."""
@@ -200,7 +215,8 @@ class Belief(KnownThings):
 
     def _make(self, thing: MapObject, pose: Pose) -> None:
         self.made[thing.name] = thing
-        self._poses[thing.name] = self._first[thing.name] = pose
+        self._first[thing.name] = pose
+        self._become(poses={**self._poses, thing.name: pose})
         self._boxes[thing.name] = thing.size or (0.0, 0.0, 0.0)
 
     def destroyed(self, name: str) -> None:
@@ -210,13 +226,13 @@ class Belief(KnownThings):
 
     def _lose(self, name: str) -> None:
         self._gone[name] = None
-        for table in (self.held, self._poses, self._known):
-            table.pop(name, None)
+        self._known.pop(name, None)
+        self._become(poses=without(self._poses, name), held=without(self.held, name))
         self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
 
     def turned_over(self, name: str, pose: Pose) -> None:
         """Record that an object has been turned over."""
-        self._poses[name] = pose
+        self._become(poses={**self._poses, name: pose})
         self._changed("turned over", name=name, pose=pose)
 
     def switched(self, name: str, state: str) -> None:
@@ -236,7 +252,7 @@ class Belief(KnownThings):
         if name in self._moving:
             leaf = self._moving[name]
             value = self.joints[leaf].value_of(self._first[name], pose)
-            joint, known = self.joints[leaf], self._values[leaf]
+            joint, known = self.joints[leaf], self.joint(leaf)
             same = joint.is_shut(value) is joint.is_shut(known) and joint.is_open(value) is joint.is_open(known)
             if abs(value - known) > TURNED or not same:
                 self.moved(leaf, value, how)
@@ -244,10 +260,10 @@ class Belief(KnownThings):
         if pose.distance(before) <= MOVED and pose.turn(before) <= TURNED:
             return
         riders = self._riders(name)
-        self._poses[name] = pose
+        self._become(poses={**self._poses, name: pose})
         self._changed(how, name=name, pose=pose)
         for rider in riders:
-            self._poses[rider] = pose @ before.inverse() @ self._poses[rider]
+            self._become(poses={**self._poses, rider: pose @ before.inverse() @ self._poses[rider]})
             self._changed("went along", name=rider, pose=self._poses[rider])
 
     def _riders(self, name: str) -> list[str]:
@@ -270,6 +286,10 @@ class Belief(KnownThings):
         """Check whether the pose of an object is only known from the map."""
         elsewhere = name in self.joints or name in self.held or name in self._taken or name not in self._poses
         return not elsewhere and self.knowledge(name).source in (Source.MAP, Source.TOLD)
+
+    def _become(self, **changes: Any) -> None:
+        """Go on to another state: the last one with other tables."""
+        self.state = replace(self.state, away=frozenset((*self._absent, *self._taken)), **changes)
 
     def _changed(self, how: str, **details: Any) -> None:
         self.revision += 1
@@ -306,7 +326,7 @@ class Belief(KnownThings):
             "recognition": self.recognition.snapshot(),
             "met": self.met,
             "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
-            "leaves": {leaf: value for leaf, value in self._values.items() if value},
+            "leaves": {leaf: value for leaf, value in self.state.joints.items() if value},
             "led": dict(self.led),
             **({"witnessed": sorted(self._witnessed)} if self._witnessed else {}),
             "known": {name: [one.source.value, one.time, one.moves] for name, one in self._known.items()},
@@ -324,7 +344,8 @@ class Belief(KnownThings):
             unknown |= {*dropped.values(), *state["felt"]}
             for name in self.made:
                 del self._first[name], self._boxes[name]
-            self.made, self._poses, self._gone = {}, dict(self._first), {}
+            self.made, self._gone = {}, {}
+            self._become(poses=dict(self._first))
             for name, iri, types, size, pose in state["made"]:
                 x, y, z = map(float, size)
                 one = MapObject(str(iri), str(name), tuple(map(str, types)), None, (x, y, z))
@@ -334,23 +355,24 @@ class Belief(KnownThings):
                 raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
             self.time = float(state["time"])
             values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
-            self._values = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
-            self.led = {leaf: str(link) for leaf, link in state["led"].items()}
+            joints = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
+            led = {leaf: str(link) for leaf, link in state["led"].items()}
             self._witnessed = set(map(str, state.get("witnessed", ())))
             poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
             felt = {str(name): poses.pop(name) for name in state["felt"]}
-            self._poses = {**poses, **felt}
-            self.unknown = {str(name): self._poses.pop(name) for name in state["unknown"]}
+            placed = {**poses, **felt}
+            self.unknown = {str(name): placed.pop(name) for name in state["unknown"]}
             self.recognition.restore(state["recognition"])
             self._absent = {name: None for name in NAMES if name in poses}
             self.met = None if state["met"] is None else str(state["met"])
-            self.held = {name: _grip(*grip) for name, grip in state["held"].items()}
-            if unknown := {rider for grip in self.held.values() for rider in grip.riders} - self._poses.keys():
+            held = {name: _grip(*grip) for name, grip in state["held"].items()}
+            if unknown := {rider for grip in held.values() for rider in grip.riders} - placed.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown))}")
             self.dropped = dropped
             refused = state["refused"].items()
             self.refused = {str(name): [_pose(offset) for offset in offsets] for name, offsets in refused}
             self._taken, self._moves = set(state["taken"]), int(state["moves"])
+            self._become(poses=placed, joints=joints, led=led, held=held, touched={})
             self._known = {
                 name: Knowledge(Source(source), float(time), int(moves))
                 for name, (source, time, moves) in state["known"].items()
@@ -368,67 +390,29 @@ class Belief(KnownThings):
 
     # Hypotheses
 
-    @contextmanager
-    def supposing(self, poses: Mapping[str, Pose | None]) -> Iterator[None]:
-        """Suppose within a ``with`` that objects are at other poses, or (None) absent, without notifying the listener.
+    def supposing(self, state: WorldState) -> Belief:
+        """Make a belief of another state, with the same knowledge of where facts come from; nobody is told of it.
 
-        The revision is a new one meanwhile, so that cached answers about the real belief are not used.
+        Bodies without a pose there are unknown. Designators that it binds are bound for it alone.
         """
-        kept = self._poses, self.unknown, dict(self._bound), self.revision
-        self._poses, self.unknown = dict(self._poses), dict(self.unknown)
-        for name, pose in poses.items():
-            if pose is None:
-                self.unknown[name] = self._poses.pop(name)
-            else:
-                self._poses[name] = pose
-        self._suppositions += 1
-        self.revision = -self._suppositions
-        try:
-            yield
-        finally:
-            self._poses, self.unknown, self._bound, self.revision = kept
+        other = copy(self)
+        other.state, other.tell, other._bound = state, ignore, dict(self._bound)
+        other.unknown = self.unknown | {name: pose for name, pose in self._poses.items() if name not in state.poses}
+        return other
 
-    def sync(self, world: PlanningWorld, configuration: Configuration) -> None:
-        """Copy the belief into a planning world: the robot's configuration, held objects, joints, and other poses."""
-        riders = self.carried() - self.held.keys()
-        for name in [name for name in world.attached() if name not in riders]:
-            held = self.held[name].hands if name in self.held else ()
-            if name in world.attached() and world.holders(name) != tuple(hand.link for hand in held):
-                world.release(name)
-        for leaf in world.led():
-            if self.led.get(leaf) != world.led()[leaf]:
-                world.let_go(leaf)
-        world.set_configuration(configuration)
-        for leaf in world.led():  # the robot knows where its hand is, and so the position of the leaf
-            self.moved(leaf, world.joint(leaf), "led")
-        for leaf, value in self._values.items():
-            if world.joint(leaf) != value:
-                world.set_joint(leaf, value)
-            if leaf in self.led and leaf not in world.led():
-                world.lead(self.led[leaf], leaf)
-        there = set(world.names())
-        for name in self.unknown:
-            world.remove(name)
-        for name, pose in self._poses.items():
-            if name in self._taken or name in self._absent:
-                world.remove(name)
-                continue
-            if name not in there:
-                world.restore(name)
-            if name not in self.held and name not in riders and world.pose(name) != pose:
-                world.set_pose(name, pose)
-        for name, grip in self.held.items():
-            if name not in world.attached():
-                self._put_into_hands(world, name, grip)
-
-    def _put_into_hands(self, world: PlanningWorld, name: str, grip: Grip) -> None:
-        """Move an object, with all that stands on it, into the hands of a planning world, and attach it."""
-        held_at = world.link_pose(grip.link) @ grip.offset
-        motion = held_at @ self._poses[name].inverse()
-        for one in (name, *grip.riders):
-            world.set_pose(one, motion @ self._poses[one])
-        for hand in grip.hands:
-            world.attach(hand.link, name)
+    def with_leaf(self, leaf: str, value: float) -> WorldState:
+        """Make the state with a leaf's joint at a position [rad, m]; its parts and the objects inside move with it."""
+        joint, value = self.joints[leaf], self.joints[leaf].within(value)
+        elsewhere = {*self.joints, *self.held, *self._taken}
+        loose = [name for name in self._boxes if name in self._poses and name not in elsewhere]
+        before, places = self._poses[leaf], np.array([self._poses[name].position for name in loose]).reshape(-1, 3)
+        within = np.flatnonzero(inside(before, self._boxes[leaf], places)).tolist()
+        offsets = {loose[index]: before.inverse() @ self._poses[loose[index]] for index in within}
+        motion = joint.motion(value)
+        parts = {name: motion @ self._first[name] if value else self._first[name] for name in joint.bodies}
+        contents = {name: parts[leaf] @ offset for name, offset in offsets.items()}
+        poses, joints = {**self._poses, **parts, **contents}, {**self.state.joints, leaf: value}
+        return replace(self.state, poses=poses, joints=joints)
 
 
 def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:

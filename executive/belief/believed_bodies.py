@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from executive.belief.belief import Belief
+from executive.belief.scene_part import Kept, ScenePart
 from executive.maps.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
@@ -16,10 +17,10 @@ from planlang.geometry import Array, Pose
 from planlang.ontology import shorten
 from planlang.protocols import Touch
 from planlang.records import dataclass
-from sim import Body, ComfortZone, PlanningWorld
+from planlang.state.matter import KG_PER_ML
+from sim import Body, ComfortZone, WorldMirror
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
-from sim.matter import KG_PER_ML
 from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
 
 LEANING = 0.05
@@ -150,14 +151,12 @@ class Door:
     heading: float
 
 
-class BelievedBodies:
+class BelievedBodies(ScenePart):
     """Bodies of the believed world, by name."""
 
-    def __init__(self, world: PlanningWorld, belief: Belief) -> None:
-        self._world, self._belief = world, belief
-        self._masses: dict[str, float] = {}
-        self._masses_at: int | None = None
-        """Revision of the belief for which the masses were computed."""
+    def __init__(self, mirror: WorldMirror, belief: Belief) -> None:
+        super().__init__(mirror, belief)
+        self._masses: Kept[dict[str, float]] = Kept()
 
     def bind(self, what: Object) -> str:
         """Resolve an object designator to a body. Raises ObjectUnresolvable."""
@@ -267,14 +266,14 @@ class BelievedBodies:
 
         This is what hands carry that lift it.
         """
-        if self._masses_at != self._belief.revision:
-            self._masses, self._masses_at = {}, self._belief.revision
-        if name not in self._masses:
+        state = self._belief.state
+        masses = self._masses.of((self._belief.revision, state.poses, state.held), dict)
+        if name not in masses:
             held = self._belief.held.get(name)
             loaded = (name, *(self._world.standing_on(name) if held is None else held.riders))
             matter, body = self._world.changes.matter, self._world.scene.body
-            self._masses[name] = sum(body(one).mass + matter.total(one) * KG_PER_ML for one in loaded)
-        return self._masses[name]
+            masses[name] = sum(body(one).mass + matter.total(one) * KG_PER_ML for one in loaded)
+        return masses[name]
 
     def hands(self, name: str) -> int:
         """Look up how many hands it takes to hold a body."""

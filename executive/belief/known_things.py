@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.belief.knowledge import Grip, Knowledge, Source
+from executive.belief.knowledge import Knowledge, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
 from executive.maps.class_names import is_kind
@@ -19,6 +19,7 @@ from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
+from planlang.state import Grip, WorldState
 from sim import PlanningWorld
 from sim.joints import Articulation
 from sim.leaves import inside
@@ -27,7 +28,7 @@ ALIKE = 0.02
 """Difference of distances from the robot below which two objects are equally near [m]."""
 
 
-def _ignore(event: str, details: Mapping[str, Any]) -> None:
+def ignore(event: str, details: Mapping[str, Any]) -> None:
     """Ignore a change, as no listener is registered."""
 
 
@@ -35,31 +36,35 @@ class KnownThings:
     """Read access to the robot's knowledge of objects; :class:`executive.belief.Belief` changes it."""
 
     def __init__(
-        self, semantic_map: SemanticMap, world: PlanningWorld, *, trusts_map: bool = False, unknown: Iterable[str] = ()
+        self,
+        semantic_map: SemanticMap,
+        world: PlanningWorld,
+        *,
+        robot: str = "robot",
+        trusts_map: bool = False,
+        unknown: Iterable[str] = (),
     ) -> None:
-        """Begin with the poses of ``world``, a planning world of the map's scene.
+        """Begin with the poses of ``world``, a planning world of the map's scene; ``robot`` names the robot in it.
 
         With ``trusts_map`` they count as seen from every base pose. The places of objects in ``unknown`` are unknown
         until the robot has seen them.
         """
-        self.map = semantic_map
+        self.map, self.robot = semantic_map, robot
         self.trusts_map = trusts_map
         self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0
-        self._suppositions = 0
-        self.held: dict[str, Grip] = {}
         self.refused: dict[str, list[Pose]] = {}
         """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
         self.dropped: dict[str, str] = {}
         """Arm -> object that it lost and that has not been grasped since: it may stand between the fingers."""
-        self.tell: Callable[[str, Mapping[str, Any]], None] = _ignore
+        self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
-        self._poses: dict[str, Pose] = {name: world.pose(name) for name in world.names()}
+        poses = {name: world.pose(name) for name in world.names()}
         closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
-        self._first = self._poses | {name: pose for name, pose in closed.items() if name in self._poses}
-        self.unknown = {name: self._poses.pop(name) for name in dict.fromkeys(unknown) if name in self._poses}
+        self._first = poses | {name: pose for name, pose in closed.items() if name in poses}
+        self.unknown = {name: poses.pop(name) for name in dict.fromkeys(unknown) if name in poses}
         """Objects whose place is unknown -> pose that the map states."""
-        self._absent = {name: None for name in NAMES if name in self._poses}
+        self._absent = {name: None for name in NAMES if name in poses}
         """Unused obstacles of the pool, the next one first."""
         self.met: str | None = None
         """Name of the obstacle that was touched last; None while there is none."""
@@ -71,17 +76,16 @@ class KnownThings:
         self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
-        self._values = {leaf: world.joint(leaf) for leaf in self.joints}
-        self.led: dict[str, str] = {}
-        """Leaf -> link of the hand that moves it."""
+        joints = {leaf: world.joint(leaf) for leaf in self.joints}
+        away, matter = frozenset(self._absent), world.changes.matter
+        self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
+        """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
         self._witnessed: set[str] = set()
         """Leaves and devices whose state the robot has seen or felt, or set itself, since it could have changed."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
-        self._matter = world.changes.matter
-        """Contents of the believed world."""
         self.made: dict[str, MapObject] = {}
         """Objects created during the run, by name."""
         self._gone: dict[str, None] = {}
@@ -91,17 +95,35 @@ class KnownThings:
     # Queries
 
     @property
+    def held(self) -> Mapping[str, Grip]:
+        """Held objects -> grips."""
+        return self.state.held
+
+    @property
+    def led(self) -> Mapping[str, str]:
+        """Leaf -> link of the hand that moves it."""
+        return self.state.led
+
+    def is_gone(self, name: str) -> bool:
+        """Check whether an object is known to have been destroyed."""
+        return name in self._gone
+
+    @property
+    def _poses(self) -> Mapping[str, Pose]:
+        return self.state.poses
+
+    @property
     def things(self) -> Iterator[MapObject]:
         """Objects of the map, then created ones, including those without a pose."""
         return chain(self.map.objects, self.made.values())
 
     def joint(self, leaf: str) -> float:
         """Look up how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
-        return self._values[leaf]
+        return self.state.joints[leaf]
 
     def is_left_open(self, leaf: str) -> bool:
         """Check whether a door or drawer is believed to be open, even a little; False for knobs."""
-        return not (self.joints[leaf].is_knob or self.joints[leaf].is_shut(self._values[leaf]))
+        return not (self.joints[leaf].is_knob or self.joints[leaf].is_shut(self.state.joints[leaf]))
 
     def witnessed(self, name: str) -> bool:
         """Check whether the robot itself has seen or felt the state of a leaf or a device as it is now.
@@ -122,10 +144,10 @@ class KnownThings:
         """Compute the believed pose of an object as if the door or drawer that it moves with were closed."""
         pose, leaf = self._poses[name], self._moving.get(name)
         if leaf is None and name not in self.held:
-            opened = (one for one, value in self._values.items() if value and not self.joints[one].is_knob)
+            opened = (one for one, value in self.state.joints.items() if value and not self.joints[one].is_knob)
             within = (one for one in opened if inside(self._poses[one], self._boxes[one], np.array([pose.position]))[0])
             leaf = next(within, None)
-        return pose if leaf is None else self.joints[leaf].motion(self._values[leaf]).inverse() @ pose
+        return pose if leaf is None else self.joints[leaf].motion(self.state.joints[leaf]).inverse() @ pose
 
     def reference_pose(self, name: str) -> Pose:
         """Look up the pose to which relative locations refer: for a held object, the one before it was grasped."""
@@ -133,7 +155,7 @@ class KnownThings:
 
     def carried(self) -> frozenset[str]:
         """Collect the held objects and those that stand on them."""
-        return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))
+        return self.state.carried()
 
     def seen_from_here(self, name: str) -> bool:
         """Check whether an object has been seen since the base last moved, or the map is trusted about it."""
@@ -209,7 +231,7 @@ class KnownThings:
         individual = self._missing(what)
         containers = [
             name
-            for name, content in self._matter.contents.items()
+            for name, content in self.state.matter.contents.items()
             if name in self._poses and any(self._is_kind(one.type, what.type) for one in content.values())
             if individual is None or any(individual in one.origins for one in content.values())
         ]
@@ -233,7 +255,7 @@ class KnownThings:
 
     def is_a(self, thing: MapObject, cls: str) -> bool:
         """Check whether an object is of a class, or was before it was heated."""
-        return any(self._is_kind(one, cls) for one in (*thing.types, *self._matter.types.get(thing.name, ())))
+        return any(self._is_kind(one, cls) for one in (*thing.types, *self.state.matter.types.get(thing.name, ())))
 
     def _is_kind(self, one: str, cls: str) -> bool:
         """Check whether a class is a subclass of ``cls``; classes unknown to the map's ontology compare by name."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,19 +12,21 @@ from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies, Block
-from executive.belief.scene_collisions import BasePose, Latest, SceneCollisions
+from executive.belief.scene_collisions import BasePose, SceneCollisions
+from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Gaze
 from executive.motion.bodies import Solids
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
-from planlang.geometry import Array, Pose
+from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.kernel import still_computing
 from planlang.protocols import Configuration
 from planlang.records import dataclass
-from sim import PlanningWorld
+from planlang.state import WorldState
+from sim import PlanningWorld, WorldMirror
 
 if TYPE_CHECKING:
     from executive.belief.explored_space import ExploredSpace
@@ -145,15 +147,22 @@ def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tu
     return (SolidKind.BOX, (CORE * x, CORE * y, CORE * z)) if kind == SolidKind.MESH else (kind, size)
 
 
-class Visibility:
+class Visibility(ScenePart):
     """Visibility of objects in the planning world for the robot's camera on its neck."""
 
     def __init__(
-        self, world: PlanningWorld, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
+        self, mirror: WorldMirror, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
     ) -> None:
-        self._world, self._robot, self._belief, self._bodies, self.gaze = world, robot, belief, bodies, gaze
-        self._hidden: Latest[dict[tuple[BasePose, str], str | None]] = Latest()
-        self._unseen: Latest[dict[str, Unseen]] = Latest()
+        super().__init__(mirror, belief)
+        self._robot, self._bodies, self.gaze = robot, bodies, gaze
+        self._hidden: Kept[dict[tuple[BasePose, str], str | None]] = Kept()
+        self._unseen: Kept[dict[str, Unseen]] = Kept()
+
+    def supposing(self, belief: Belief) -> Visibility:
+        """Make the same part for another belief."""
+        other = super().supposing(belief)
+        other._bodies = self._bodies.supposing(belief)
+        return other
 
     def sighted(self) -> bool:
         """Check whether the robot has a camera."""
@@ -194,7 +203,8 @@ class Visibility:
 
     def _state(self) -> object:
         """Cache key of visibility."""
-        return self._belief.revision, tuple(self._world.configuration().joints.items())
+        state = self._belief.state
+        return state.poses, state.away, state.held, tuple(self._world.configuration().joints.items())
 
     def _hides(self, base: BasePose, name: str) -> str | None:
         """Compute :meth:`hidden` without the cache."""
@@ -218,11 +228,12 @@ class Visibility:
         return max(hits, key=lambda hit: hits[hit]) if hits else ""
 
 
-class RobotArms:
+class RobotArms(ScenePart):
     """Arms of the robot, with their poses and the objects that they are believed to hold."""
 
-    def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
-        self._world, self._robot, self._belief = world, robot, belief
+    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+        super().__init__(mirror, belief)
+        self._robot = robot
         self.all: tuple[ArmModel, ...] = tuple(arms)
         """All arms, in the robot's order."""
 
@@ -260,7 +271,7 @@ class RobotArms:
 
 
 class PlanningScene:
-    """Planning world in sync with the belief, by subject: bodies, arms, collisions and visibility.
+    """What is believed, as planning asks about it, by subject: bodies, arms, collisions and visibility.
 
     Functions take the part that they need. Nothing here reads or changes the true world.
     """
@@ -268,13 +279,18 @@ class PlanningScene:
     def __init__(
         self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
     ) -> None:
-        self.world, self.robot, self.belief = world, robot, belief
+        self.mirror, self.robot, self.belief = WorldMirror(world, belief.robot), robot, belief
         self.space: ExploredSpace | None = None
         """Explored space of the room; None unless an exploration has begun."""
-        self.bodies = BelievedBodies(world, belief)
-        self.arms = RobotArms(world, robot, belief, arms)
-        self.collisions = SceneCollisions(world, robot, belief, arms)
-        self.visibility = Visibility(world, robot, belief, self.bodies, gaze)
+        self.bodies = BelievedBodies(self.mirror, belief)
+        self.arms = RobotArms(self.mirror, robot, belief, arms)
+        self.collisions = SceneCollisions(self.mirror, robot, belief, arms)
+        self.visibility = Visibility(self.mirror, robot, belief, self.bodies, gaze)
+
+    @property
+    def world(self) -> PlanningWorld:
+        """The planning world as it is believed now."""
+        return self.mirror.at(self.belief.state)
 
     def base(self) -> BasePose:
         """Look up the pose of the base."""
@@ -297,15 +313,13 @@ class PlanningScene:
         """Look up the revision of the belief."""
         return self.belief.revision
 
-    @contextmanager
-    def supposing(self, poses: Mapping[str, Pose | None]) -> Iterator[None]:
-        """Suppose within a ``with`` that objects are at other poses, or (None) absent."""
-        try:
-            with self.belief.supposing(poses):
-                self.belief.sync(self.world, self.world.configuration())
-                yield
-        finally:
-            self.belief.sync(self.world, self.world.configuration())
+    def supposing(self, state: WorldState) -> PlanningScene:
+        """Make the scene of another state, such as one with a thing elsewhere; this one stays as it is."""
+        other = copy(self)
+        other.belief = belief = self.belief.supposing(state)
+        other.bodies, other.arms = self.bodies.supposing(belief), self.arms.supposing(belief)
+        other.collisions, other.visibility = self.collisions.supposing(belief), self.visibility.supposing(belief)
+        return other
 
     def posture(self) -> object:
         """Cache key of the robot's configuration."""

@@ -7,13 +7,14 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from operator import itemgetter
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.belief.belief import Belief
 from executive.belief.believed_bodies import MEANT, Block, handles_of
 from executive.belief.floor import CELL, Floor
+from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
@@ -26,7 +27,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.kernel import still_computing
 from planlang.protocols import Configuration, Contact, Touch
-from sim import PlanningWorld
+from sim import WorldMirror
 from sim.bodies import FLOOR
 from sim.scene import BodyShape
 
@@ -42,22 +43,6 @@ ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
 """Offsets from the middle of the straight line at which to try the corner of a path with one turn [m]."""
 MOST_FLOOR = 10_000.0
 """Largest area of a map for which base reachability is computed [m^2]."""
-
-
-T = TypeVar("T")
-
-
-class Latest(Generic[T]):
-    """Cache of one value, valid for the state for which it was computed."""
-
-    def __init__(self) -> None:
-        self._known: tuple[object, T] | None = None
-
-    def of(self, state: object, compute: Callable[[], T]) -> T:
-        """Look up the value for a state, or compute and keep it."""
-        if self._known is None or self._known[0] != state:
-            self._known = state, compute()
-        return self._known[1]
 
 
 CLOSING_STEPS = 24
@@ -103,15 +88,16 @@ def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
     return drivable(base, grid, free_poses(grid, floor.boxes, floor.silhouette, floor.outlines, slack))
 
 
-class SceneCollisions:
+class SceneCollisions(ScenePart):
     """Collisions of the robot and its held objects in the planning world; results are cached until something moves."""
 
-    def __init__(self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
-        self._world, self._robot, self._belief, self._arms = world, robot, belief, tuple(arms)
-        self._bodies: Latest[tuple[Boxes, Solids]] = Latest()
-        self._floor: Latest[Floor] = Latest()
-        self._drivable: Latest[Drivable] = Latest()
-        self._reached: Latest[Drivable] = Latest()
+    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+        super().__init__(mirror, belief)
+        self._robot, self._arms, world = robot, tuple(arms), self._world
+        self._bodies: Kept[tuple[Boxes, Solids]] = Kept()
+        self._floor: Kept[Floor] = Kept()
+        self._drivable: Kept[Drivable] = Kept()
+        self._reached: Kept[Drivable] = Kept()
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
         links = links_of(world)
@@ -119,14 +105,14 @@ class SceneCollisions:
             arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
             for arm in arms
         }
-        self._checks: Latest[dict[object, QuickCheck]] = Latest()
-        self._obstacles: Latest[Room] = Latest()
-        self._near: Latest[Room] = Latest()
+        self._checks: Kept[dict[object, QuickCheck]] = Kept()
+        self._obstacles: Kept[Room] = Kept()
+        self._near: Kept[Room] = Kept()
         """Most recent query only, since consecutive checks ask for the same."""
-        self._touched: Latest[tuple[Contact, ...]] = Latest()
-        self._lifts: Latest[dict[tuple[str, float], list[tuple[str, str]]]] = Latest()
+        self._touched: Kept[tuple[Contact, ...]] = Kept()
+        self._lifts: Kept[dict[tuple[str, float], list[tuple[str, str]]]] = Kept()
         self._groups: dict[tuple[str, ...], ArmShapes] = {}
-        self._arm_bodies: dict[tuple[str, Fingers], Latest[ArmBodies]] = {}
+        self._arm_bodies: dict[tuple[str, Fingers], Kept[ArmBodies]] = {}
 
     # Room
 
@@ -175,7 +161,7 @@ class SceneCollisions:
         """Compute where the base can surely drive from its current pose, arms ignored, with SPARE clearance left."""
         return self._flooded(self._reached, self.floor(), -SPARE)
 
-    def _flooded(self, cache: Latest[Drivable], floor: Floor, slack: float) -> Drivable:
+    def _flooded(self, cache: Kept[Drivable], floor: Floor, slack: float) -> Drivable:
         """Compute the base poses reachable from the current one, as :func:`_flood`, or look them up."""
         current = self._world.configuration()
 
@@ -253,8 +239,9 @@ class SceneCollisions:
         return tuple(self._world.configuration().joints.items())
 
     def _state(self) -> object:
-        """Cache key of the poses of all bodies."""
-        return self._belief.revision, tuple(self._belief.held), tuple(self._world.attached())
+        """Cache key of the poses of all bodies, and of what is in a hand."""
+        state = self._belief.state
+        return state.poses, state.away, state.held
 
     # Exact checks
 
@@ -284,7 +271,7 @@ class SceneCollisions:
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
         """Compute self-collisions of the robot with its held objects, which do not depend on the base pose."""
-        state = tuple(joints.items()), tuple(self._world.attached())
+        state = tuple(joints.items()), self._belief.held
         configuration = Configuration(self._world.configuration().base, joints)
         return self._touched.of(state, lambda: self._world.self_contacts(configuration))
 
@@ -460,7 +447,7 @@ class SceneCollisions:
         self, key: object, near: tuple[Array, float] | None, bodies: Callable[[], ArmBodies], ignored: Ignored
     ) -> QuickCheck:
         """Build a check of parts of the robot against the room, or look it up until something moves."""
-        cached = self._checks.of((self._state(), self._posture(), tuple(self._belief.held.values())), dict)
+        cached = self._checks.of((self._state(), self._posture()), dict)
         full_key = key, None if near is None else (near[0].tobytes(), near[1])
         if full_key not in cached:
             cached[full_key] = bodies().against(np.eye(4), self._room_near(near), ignored)
@@ -485,13 +472,13 @@ class SceneCollisions:
         joints = self._world.configuration().joints
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
         chain, changed = self._chains[arm.name], {name: value for name, value in fingers if joints.get(name) != value}
-        cached = self._arm_bodies.setdefault((arm.name, fingers if changed else ()), Latest())
+        cached = self._arm_bodies.setdefault((arm.name, fingers if changed else ()), Kept())
         return cached.of((rest, self._in_hands()), lambda: chain.now(self._world, changed))
 
     def _in_hands(self) -> object:
         """Cache key of held objects; None with empty hands."""
-        held = tuple(self._belief.held.values())
-        return (self._state(), held) if held or self._world.attached() else None
+        # Not of what they touched since the grasp: that only shrinks, and a larger set leaves more to exact checks.
+        return self._state() if self._belief.held else None
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that the joints of an arm move, the torso's left out."""

@@ -40,8 +40,8 @@ ROUND = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 GRAZING = 5e-3
 """Height by which a displaced thing may overlap others [m]: it stands on one of them."""
 
-IsFeasible = Callable[[Rejections], bool]
-"""Check whether the scene, as changed, has a base pose; counts why others are rejected."""
+IsFeasible = Callable[[PlanningScene, Rejections], bool]
+"""Check whether a scene, which is supposed, has a base pose; counts why others are rejected."""
 
 
 def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
@@ -267,9 +267,8 @@ class Changes:
             return False
         self._left -= 1
         skipped = self.meanwhile.counts[NOT_LOOKED_AT]
-        with self.scene.supposing(poses):
-            if self._is_feasible(self.meanwhile):
-                return True
+        if self._is_feasible(self.scene.supposing(self.scene.belief.state.placed(poses)), self.meanwhile):
+            return True
         is_complete = self.meanwhile.counts[NOT_LOOKED_AT] == skipped
         self._tried += [said] if said and is_complete else []
         return False

@@ -324,9 +324,8 @@ def goals_of(body: str, actions: Iterable[Action], scene: PlanningScene) -> list
 def bodies_meant(location: Location, actions: Iterable[Action], scene: PlanningScene) -> frozenset[str]:
     """Collect the bodies that a location or enclosing actions refer to: without them neither means anything."""
     fillers = [filler for one in actions for _, filler in one.properties]
-    bodies = scene.bodies
-    with scene.belief.supposing({}):  # so that nothing is bound for good
-        return frozenset(name for what in _things([location, *fillers]) if (name := bodies.known(what)) is not None)
+    bodies = scene.supposing(scene.belief.state).bodies  # so that nothing is bound for good
+    return frozenset(name for what in _things([location, *fillers]) if (name := bodies.known(what)) is not None)
 
 
 def _things(fillers: Iterable[object]) -> Iterator[Object]:

@@ -135,7 +135,7 @@ def holdings(
     robot: Robot, models: Sequence[ArmModel], world: PlanningWorld, report: Report = unreported
 ) -> tuple[Holding, ...]:
     """Close the hands of a robot on the test things, which ``world`` contains. ``report`` gets the progress."""
-    belief = Belief(SemanticMap(None, _nothing(), (), ()), world, trusts_map=True)
+    belief = Belief(SemanticMap(None, _nothing(), (), ()), world, robot=robot.name, trusts_map=True)
     scene = PlanningScene(world, robot, belief, models, None)
     found: list[Holding] = []
     for arm, model in zip(robot.arms, models, strict=True):

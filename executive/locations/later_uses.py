@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
-from executive.belief.scene_collisions import Latest
+from executive.belief.scene_part import Kept
 from executive.locations.base_candidates import InverseMaps, blocks
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
@@ -48,8 +48,8 @@ class LaterUses:
 
     def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
         self._scene, self._maps = scene, maps
-        self._known: Latest[dict[tuple[Reach, Grip], bool]] = Latest()
-        self._spots: Latest[dict[tuple[Reach, str], Spots]] = Latest()
+        self._known: Kept[dict[tuple[Reach, Grip], bool]] = Kept()
+        self._spots: Kept[dict[tuple[Reach, str], Spots]] = Kept()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
         """Generate the candidates of a reach; of a grasp only those that suit all later uses."""

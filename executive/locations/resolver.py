@@ -134,16 +134,16 @@ class Resolver:
             watcher(location, log)
         return Question(log)
 
-    def _is_feasible(self, location: Location, common: Findings, log: Rejections) -> bool:
-        """Check quickly whether a location has a base pose in the scene as currently supposed.
+    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene, log: Rejections) -> bool:
+        """Check quickly whether a location has a base pose in a scene that is supposed.
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
         """
         if common.allowance.is_spent:
             log.add(NOT_LOOKED_AT)
             return False
-        validator = BaseValidator(self.scene, self.maps)  # a fresh one: self._validator remembers the unchanged scene
-        demand = base_demand(location, self.scene, self._viewer(location))
+        validator = BaseValidator(scene, self.maps)
+        demand = base_demand(location, scene, self._viewer(location))
         tried = Question(known=Findings(common.allowance, walled=common.walled))
         with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
             is_found = next(found, None) is not None

@@ -1,11 +1,12 @@
-"""Commands to the true world for base, fingers and camera; the planning scene is kept in sync with the belief."""
+"""Commands to the true world for base, fingers and camera; what they change is observed, and believed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from copy import copy
 from functools import partial
-from typing import NoReturn, TypeVar
+from typing import NoReturn, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,11 +75,20 @@ class Control:
         """Read the positions (d,) of the joints of an arm, including a torso that carries it [rad, m]."""
         return self.joints(arm.joints)
 
-    def sync(self) -> None:
-        """Copy the belief into the planning scene; first drop grips on handles that the hand no longer feels."""
+    def observe(self) -> None:
+        """Read encoders and touch: believe the robot, and the handles that its hands still feel, where they are now.
+
+        Called at the end of a motion, after a hand has closed on a handle, and before a decision.
+        """
         for leaf in [leaf for leaf, link in self.belief.led.items() if not self.world.feels(link)]:
             self.belief.let_go(leaf)
-        self.belief.sync(self.scene.world, self.world.configuration())
+        self.belief.observed(self.world.configuration(), self.scene.mirror)
+
+    def supposing(self, scene: PlanningScene) -> Self:
+        """Make the same robot in a scene that is supposed, to plan there."""
+        other = copy(self)
+        other.scene, other.belief = scene, scene.belief
+        return other
 
     async def follow(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> Motion:
         """Execute a motion and wait for its end; halt it if the caller is evaporated or suspended.
@@ -96,7 +106,7 @@ class Control:
             return motion
         finally:
             self.world.halt(group)
-            self.sync()
+            self.observe()
 
     def _is_at_rest(self, group: str) -> bool:
         return self.world.motion(group).state is not MotionState.MOVING
@@ -134,7 +144,6 @@ class Control:
 
     def _lose(self, what: str, arm: str) -> NoReturn:
         self.belief.lost(what, self.below(what))
-        self.sync()
         raise ObjectLost(what=what) from GraspSlipped(arm=arm, what=what)
 
     def _emptied(self, arms: Sequence[str]) -> str | None:
@@ -148,7 +157,6 @@ class Control:
 
     def below(self, name: str) -> Pose:
         """Predict the pose at which a body comes to rest when it leaves the hand."""
-        self.sync()
         believed = self.scene.world.pose(name)
         x, y, z = believed.position
         drop = self.scene.world.height_above_support(name)
@@ -234,14 +242,13 @@ class Hands:
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.grip(link)
         control.belief.leads(leaf, link)
-        control.sync()
+        control.observe()
 
     def _release_handle(self, arm: ArmModel) -> None:
         control, link = self._control, self._control.robot.arm(arm.name).tip
         control.world.loosen(link)
         for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
             control.belief.let_go(leaf)
-        control.sync()
 
     def is_on(self, arm: ArmModel, name: str) -> bool:
         """Check whether the closed fingers feel something where a body is believed to be."""
@@ -262,7 +269,6 @@ class Hands:
         control.world.grip(link)
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
         control.belief.grasped(name, arm.name, link, offset)
-        control.sync()
         if riders := control.scene.world.riders(name):
             control.belief.loaded(name, riders)
 
@@ -275,7 +281,6 @@ class Hands:
         for hand in control.belief.held[name].hands:
             control.world.loosen(hand.link)
         control.belief.released(name, rest, to=to)
-        control.sync()
 
     async def settled(self, name: str) -> None:
         """Wait until a released body has had the time to come to rest."""
@@ -318,10 +323,8 @@ class Sensing:
         visible = self._control.world.detect(camera.link)
         detections = [one for one in visible if belief.recognises(one.name)]
         belief.see(detections)
-        self._control.sync()
         if corrected := out_of_arms(detections, self._control.scene):
             belief.see(corrected)
-            self._control.sync()
         self._explain()
         return tuple(detection.name for detection in detections)
 
@@ -359,7 +362,6 @@ class Sensing:
         others = (name for name in belief.names() if obstacles and name not in obstacles)
         seen = [bodies.block(name) for name in others if belief.seen_from_here(name)]
         belief.forget([name for name, at in obstacles.items() if any(block.away(at) <= EDGE for block in seen)])
-        self._control.sync()
 
     def not_seen(self, name: str) -> None:
         """Record that a body was not seen from here.
@@ -371,7 +373,6 @@ class Sensing:
         belief.not_seen(name, self._control.base())
         if again and scene.bodies.is_graspable(name) and scene.visibility.hidden(scene.base(), name) is None:
             belief.not_there(name)
-            self._control.sync()
 
     def is_out_of_sight(self, name: str) -> bool:
         """Check whether a body was seen from elsewhere, not touched since, and is hidden from here."""
@@ -405,7 +406,6 @@ class Sensing:
             belief.obstacle(behind(touch), motion.blocked_by)
         elif not (belief.seen(explained[0]) or control.scene.bodies.is_person(explained[0])):
             self._felt(*explained, np.array(touch.normal) * [1.0, 1.0, 0.0])
-        control.sync()
 
     def _felt(self, name: str, pose: Pose, normal: Array) -> None:
         """Move a believed body to a pose, or on against the contact normal (3,) until it overlaps no arm."""
@@ -413,7 +413,6 @@ class Sensing:
         for number in range(FARTHER):
             x, y, z = (np.array(pose.position) - number * ASIDE * normal).tolist()
             control.belief.bump(name, Pose((x, y, z), pose.orientation))
-            control.sync()
             arms = [(arm, control.arm_joints(arm)) for arm in control.scene.arms.all]
             contacts = (contact for arm, q in arms for contact in collisions.contacts(control.base(), arm, q))
             if all(contact.body != name for contact in contacts):

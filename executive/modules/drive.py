@@ -48,7 +48,6 @@ class Drive:
         no room to turn freely, searches headings too (:func:`plan_tight_path`).
         """
         control = self._control
-        control.sync()
         scene, radius, start = control.scene, control.robot.base.radius, control.base()
         x_min, y_min, x_max, y_max = scene.world.scene.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
@@ -134,4 +133,3 @@ class Drive:
     def moved(self) -> None:
         """Record that the base has moved, so that objects must be looked at again before they are handled."""
         self._control.belief.base_moved()
-        self._control.sync()

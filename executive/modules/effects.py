@@ -8,11 +8,12 @@ motions pour or turn objects over in the simulator; these effects are then appli
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import count, islice
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from executive.maps import MapObject
 from executive.maps.class_names import known
@@ -27,8 +28,11 @@ from planlang.kernel import PlanStructureError, now, sleep
 from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
+from sim import PlanningWorld
 from sim.changes import Changes
 from sim.processes import due, warm
+
+T = TypeVar("T")
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action that name what it destroys, turns over or pours."""
@@ -58,8 +62,9 @@ class ActionEffects:
         self._changed = 0 if self._physics is None else self._physics.changed
         """Number of changes of the world that are accounted for."""
 
-    def pass_time(self) -> None:
-        """Simulate heating in the believed world up to now, the only process that goes on there by itself."""
+    def catch_up(self) -> None:
+        """Believe the robot where it is now, and things as heat has made them, the only process without an action."""
+        self._platform.observe()
         try:
             time = now()
         except PlanStructureError:  # without a running plan, no time passes
@@ -67,8 +72,7 @@ class ActionEffects:
         belief, changes = self._platform.belief, self._believed
         passed, belief.time = time - belief.time, time
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            self._platform.sync()
-            warm(changes, passed)
+            self._happen(lambda world: warm(world.changes, passed))
 
     @property
     def _believed(self) -> Changes:
@@ -104,7 +108,6 @@ class ActionEffects:
         An object to turn over must be done on its heated side: a pancake is turned when its lower side is baked,
         although no step of the recipe waits for that.
         """
-        self._platform.sync()
         for what in (what for name in ACTED_ON for what in _objects(action, name)):
             try:
                 name = self._platform.scene.bodies.bind(what)
@@ -123,7 +126,6 @@ class ActionEffects:
         effects = replace(self.of(action), completes=())
         if not effects:
             return
-        self._platform.sync()
         before = set(self._platform.scene.world.names())
         if effects.flow_rate is None:  # pouring creates only the object that lands
             self._transform(action, effects)
@@ -132,7 +134,6 @@ class ActionEffects:
         self._pour(action, effects, physical=physical)
         self._update_belief(before, {})
         self._name_what_landed(action, effects, before)
-        self._platform.sync()
 
     # One kind of effect after the other
 
@@ -209,7 +210,6 @@ class ActionEffects:
         effects = self.of(action)
         if not effects.turned:
             return None
-        self._platform.sync()
         return {name: self._platform.belief.pose(name) for name in self._turning(action, effects)}
 
     async def check_turned(self, lay: Mapping[str, Pose]) -> None:
@@ -256,17 +256,24 @@ class ActionEffects:
         return [self._platform.scene.world, *([] if self._physics is None else [self._physics])]
 
     def _do(self, change: Change, *, only_believed: bool = False) -> float:
-        """Apply a change to both worlds; return the amount believed to have flowed [ml]."""
-        flowed = self._platform.scene.world.do(change)
+        """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
+        flowed = self._happen(partial(PlanningWorld.do, change=change))
         if self._physics is not None and not only_believed:
             self._physics.do(change)
         return flowed
+
+    def _happen(self, happening: Callable[[PlanningWorld], T]) -> T:
+        """Let something happen to things as they are believed to be."""
+        belief = self._platform.belief
+        state, result = self._platform.scene.mirror.after(belief.state, happening)
+        belief.happened(state)
+        return result
 
     def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
         """Remove destroyed objects of the planning scene from the belief, and add new ones."""
         belief = self._platform.belief
         for name in sorted(before - set(self._platform.scene.world.names())):
-            if name in belief.names():
+            if not belief.is_gone(name):
                 belief.destroyed(name)
         self.learn(before, outputs)
 
@@ -319,13 +326,13 @@ class ModuleWithEffects(WrappedModule):
         Raises PlanStructureError if the module has changed the world by itself, and ObjectNotTurned if the action's
         class turns objects over and none has turned.
         """
-        self._effects.pass_time()
+        self._effects.catch_up()
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
         before, lay = self._effects.there(), self._effects.lying(action) or {}
         result = await super().execute(action)
         self._effects.learn(before)
-        self._effects.pass_time()
+        self._effects.catch_up()
         if not self._effects.untouched():
             raise PlanStructureError(
                 f"process module {self.name} has changed the world itself, which only declared effects may do: state "

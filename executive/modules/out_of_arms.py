@@ -39,14 +39,10 @@ def _beside(name: str, scene: PlanningScene) -> Pose | None:
     """Find the nearest horizontally shifted pose of an object that overlaps no arm; None if none is in range."""
     believed = scene.world.pose(name)
     x, y, z = believed.position
-    try:
-        for number in range(1, STEPS + 1):
-            for heading in range(HEADINGS):
-                angle, away = heading * 2 * math.pi / HEADINGS, number * STEP
-                pose = Pose((x + away * math.cos(angle), y + away * math.sin(angle), z), believed.orientation)
-                scene.world.set_pose(name, pose)
-                if name not in _in_arms(scene):
-                    return pose
-        return None
-    finally:
-        scene.world.set_pose(name, believed)
+    for number in range(1, STEPS + 1):
+        for heading in range(HEADINGS):
+            angle, away = heading * 2 * math.pi / HEADINGS, number * STEP
+            pose = Pose((x + away * math.cos(angle), y + away * math.sin(angle), z), believed.orientation)
+            if name not in _in_arms(scene.supposing(scene.belief.state.placed({name: pose}))):
+                return pose
+    return None

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
 from executive.locations.base_poses import BasePoses
@@ -134,7 +136,6 @@ class Arms:
         control, held = self._control, self._control.scene.arms.held(arm.name)
         if held is None or control.world.pulled(control.robot.arm(arm.name).tip):
             return held is not None
-        control.sync()
         return control.scene.world.height_above_support(held.name) <= STANDS
 
     def use(self, arm: ArmModel, solution: HandSolution) -> None:
@@ -209,7 +210,6 @@ class Arms:
         named, held = self.posture(arm, name), self._control.scene.arms.held(arm.name)
         if held is None or held.largest_tilt is None:
             return [named]
-        self._control.sync()
         return upright_postures(self._control, arm, held, named)
 
     def untucked(self) -> list[tuple[ArmModel, Array]]:
@@ -246,7 +246,6 @@ class Arms:
         MotionError if no path is found within ``iterations``.
         """
         control = self._control
-        control.sync()
         chain, base, start = arm.solver.chain, control.base(), control.arm_joints(arm)
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
         quick = control.scene.collisions.quick_check(arm, touches)
@@ -309,7 +308,6 @@ class Arms:
         ``touches``: the body that the hand may touch. Raises a MotionError with the reason.
         """
         control = self._control
-        control.sync()
         start, base = control.arm_joints(arm), control.base()
         quick = control.scene.collisions.quick_check(arm, touches)
 
@@ -369,7 +367,6 @@ class Platform(Control):
 
     def base_poses(self) -> BasePoses:
         """Build a checker of base poses in the current planning scene."""
-        self.sync()
         return BasePoses(self.scene)
 
     @property
@@ -428,6 +425,7 @@ class Platform(Control):
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
         self.arms, self.phases = Arms(self, self.rng), Phases()
+        self.observe()
 
 
 class PlatformModule:
@@ -435,6 +433,12 @@ class PlatformModule:
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
+
+    def supposing(self, scene: PlanningScene) -> Self:
+        """Make the same module on a platform with a scene that is supposed; it may plan, but not act."""
+        other = copy(self)
+        other.platform = self.platform.supposing(scene)
+        return other
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """List the parts of the robot that an action needs."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from itertools import chain, islice
 from typing import Any
 
@@ -123,11 +123,10 @@ def platform_of(
     ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
     ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
     """
-    belief = Belief(semantic_map, believed, trusts_map=trusts_map, unknown=unknown)
+    belief = Belief(semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown)
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
     belief.recognition = Recognition(semantic_map.ontology, classes)
-    belief.sync(believed, interface.configuration())
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -200,7 +199,7 @@ class RobotExecutive:
         resolver, is_found = self.platform.resolver, False
         try:
             while True:
-                self.platform.sync()
+                self.platform.observe()
                 revision = self.revision()
                 try:
                     for solution in resolver.bases(location):
@@ -242,7 +241,7 @@ class RobotExecutive:
         A door is open or closed, and a device on, only once the robot has seen or felt it: a map that says so is not
         enough for a goal to hold.
         """
-        self._effects.pass_time()
+        self._effects.catch_up()
         match condition:
             case Condition("holding", (Object() as what,)):
                 bodies = self.platform.scene.bodies  # a thing that was not found yet is in no hand
@@ -255,12 +254,9 @@ class RobotExecutive:
                     return any(joint.is_open(value) for joint, value in values)
                 return 0 < len(leaves) == sum(joint.is_shut(value) for joint, value in values)
             case Condition("located", (Location() as where,)):
-                self.platform.sync()
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):
-                self.platform.sync()
                 return self.platform.resolver.holds(where, what)
-        self.platform.sync()
         decided = decide(condition, self.platform.belief, self.platform.scene.world)
         if decided is not None:
             return decided
@@ -275,7 +271,6 @@ class RobotExecutive:
         platform = self.platform
         for name in platform.belief.dropped:  # the lost thing may stand between the fingers
             yield action("OpeningAGripper", device_used=self._device(name))
-        platform.sync()
         untucked = platform.arms.untucked()
         if not untucked:
             return
@@ -312,7 +307,8 @@ class RobotExecutive:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
-            platform.scene.world.restore_state(left["things"])
+            restored = partial(PlanningWorld.restore_state, state=left["things"])
+            platform.belief.happened(platform.scene.mirror.after(platform.belief.state, restored)[0])
             platform.belief.restore(left["belief"])
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()

@@ -38,13 +38,12 @@ def in_hands(robot: Robot, semantic_map: SemanticMap, scene: Scene) -> tuple[InH
 def take(platform: Platform, truth: PyBulletWorld, held: Sequence[InHand]) -> None:
     """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
     for one in held:
-        world, name = platform.scene.world, one.body.name
+        scene, name = platform.scene, one.body.name
         arm = next(arm for arm in platform.scene.arms.all if arm.name == one.arm)
-        world.set_pose(name, world.link_pose(one.link) @ one.offset)
         base, q = platform.base(), platform.arm_joints(arm)
-        fingers = platform.scene.collisions.closed_on(base, arm, q, name)
+        in_hand = scene.belief.state.placed({name: scene.world.link_pose(one.link) @ one.offset})
+        fingers = scene.supposing(in_hand).collisions.closed_on(base, arm, q, name)
         truth.set_configuration(Configuration(base, dict(fingers or {})))
         truth.set_pose(name, truth.link_pose(one.link) @ one.offset)
         truth.attach(one.link, name)
         platform.belief.grasped(name, one.arm, one.link, one.offset)
-        platform.sync()

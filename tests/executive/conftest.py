@@ -178,7 +178,7 @@ def stand(stage: Stage, base: tuple[float, float, float]) -> None:
     """Put the robot somewhere, in truth and in belief."""
     now = stage.truth.configuration()
     stage.truth.set_configuration(Configuration(base, now.joints))
-    stage.platform.sync()
+    stage.platform.observe()
 
 
 def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0, name: str = "bottle") -> None:
@@ -190,7 +190,7 @@ def hold_bottle(stage: Stage, arm: str = "right", turned: float = 0.0, name: str
     stage.truth.attach(tip, name)
     offset = there.inverse() @ stage.truth.pose(name)
     stage.belief.grasped(name, arm, tip, offset)
-    stage.platform.sync()
+    stage.platform.observe()
 
 
 def _close(stage: Stage, arm: str) -> None:
@@ -220,7 +220,6 @@ def furnisher(
         believed = PlanningWorld(with_store(Scene(bodies, bounds, start)), robot.body())
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
-        belief.sync(believed, real.configuration())
         scene = PlanningScene(believed, robot, belief, limbs[0], limbs[1])
         platform = Platform(
             world=real,

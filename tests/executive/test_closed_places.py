@@ -77,7 +77,7 @@ class Doors:
         value = 0.3 if asked.type.startswith("Opening") else 0.0
         self.stage.truth.set_joint("leaf", value)
         self.stage.platform.belief.moved("leaf", value)
-        self.stage.platform.sync()
+        self.stage.platform.observe()
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def kitchen(stack: ExitStack, *, inside: bool, sticks: bool = False) -> tuple[Ro
     keys = thing("keys", "Key", at, (0.1, 0.05, 0.02))
     stage = room(stack, (case, leaf, grip, keys))
     stage.platform.belief.not_there("keys")
-    stage.platform.sync()
+    stage.platform.observe()
     doors = Doors(stage, sticks=sticks)
     stage.executive.modules = (doors, *stage.executive.modules)
     return stage, doors

@@ -37,7 +37,7 @@ def stage(make_stage: MakeStage) -> Stage:
     made = make_stage(ROOM, SHELF, CUP, bounds=BOUNDS)
     state = made.belief.snapshot()
     made.belief.restore({**state, "unknown": ["shelf", "cup"]})
-    made.platform.sync()
+    made.platform.observe()
     return made
 
 
@@ -69,7 +69,7 @@ def test_the_origin_is_the_pose_that_is_stated_or_off_the_map_where_exploring_be
     platform = stage.platform
     assert platform.base_at(a_pose(x=9.0, y=0.0)) == (9.0, 0.0, 0.0)
     stage.truth.set_configuration(stage.truth.configuration().__class__((0.5, 0.25, 0.0), {}))
-    platform.sync()
+    platform.observe()
     assert platform.exploration.origin == (0.5, 0.25, 0.0)
     assert platform.base_at(a_pose(x=0.0, y=0.0)) == (0.0, 0.0, 0.0)
     assert platform.base_at(a_pose(x=9.0, y=0.0)) == pytest.approx((9.5, 0.25, 0.0))

@@ -6,9 +6,9 @@ from executive.robots import bind_robot
 from executive.runs.final_state import state_lines
 from planlang.files import bundled
 from planlang.geometry import Pose
+from planlang.state.matter import OFF, ON, Portion
 from sim import Body, PyBulletWorld, Scene
 from sim.joints import Articulation, JointKind
-from sim.matter import OFF, ON, Portion
 
 UP = (0.0, 0.0, 1.0)
 DOOR = Articulation("door", JointKind.HINGED, (2.0, 0.3, 0.5), UP, 0.0, 1.57, "oven", ("handle",), "handle")
@@ -31,11 +31,12 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
         assert list(state_lines(world, ["oven"])) == ["door: open by 3 degrees"]
         assert list(state_lines(world, ["cup"])) == ["cup: at rest on oven", "door: left open by 3 degrees"]
         world.set_joint("door", 1.0)
-        world.changes.matter.states["oven"] = ON
-        world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
+        world.changes.switch("oven", ON)
+        world.changes.matter = world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
         told = ["cup: at rest on oven", "cup: holds 50 ml of Milk", "door: open by 57 degrees", "oven: on"]
         assert list(state_lines(world, names)) == told
-        world.changes.matter.states |= {"oven": OFF, "cup": "Clean"}
+        world.changes.switch("oven", OFF)
+        world.changes.switch("cup", "Clean")
         assert [line for line in state_lines(world, names) if line in ("oven: off", "cup: Clean")] == [
             "cup: Clean",
             "oven: off",

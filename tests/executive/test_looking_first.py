@@ -27,7 +27,7 @@ def bottle_at(x: float, y: float) -> Body:
 
 
 def first_of(stage: Stage) -> Solution:
-    stage.platform.sync()
+    stage.platform.observe()
     return next(stage.resolver.bases(a_location(in_reach_of=THE_BOTTLE)))
 
 

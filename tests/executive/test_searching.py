@@ -45,7 +45,7 @@ def stage(make_stage: MakeStage) -> Stage:
     """A room with three places for a bottle, of which the robot does not know that it is on the desk."""
     made = make_stage(TABLE, COUNTER, DESK, BOTTLE)
     forget(made.belief, "bottle")
-    made.platform.sync()
+    made.platform.observe()
     return made
 
 

@@ -20,6 +20,7 @@ PACKAGES = ("planlang", "executive", "sim")
 BREACHES = {
     "planlang knows no robot and no physics": ("planlang/kernel", "import sim"),
     "geometry knows no robot, no world and no plan": ("planlang/geometry", "import planlang.designators"),
+    "a state knows geometry and protocols only": ("planlang/state", "import planlang.designators"),
     "no file of geometry imports one that imports it": (
         "planlang/geometry/matrices.py",
         "from planlang.geometry.shapes import corners",

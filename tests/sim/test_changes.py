@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planlang.geometry import Pose
+from planlang.state.matter import Matter, Portion
 from sim import Body, PyBulletWorld, Scene
 from sim.changes import amount_of, came_to_be, is_baked, origins_of
 from sim.engine import bullet
-from sim.matter import Heating, Matter, Portion, Rules
+from sim.rules import Heating, Rules
 from tests.sim.conftest import AMIGO
 
 HAND = "grippoint_right"
@@ -167,10 +168,12 @@ def test_a_vessel_below_takes_what_it_holds_and_the_rest_lies_beside(kitchen: Ma
 
 @given(amounts=st.lists(st.floats(0.0, 90.0), max_size=6))
 def test_taking_keeps_the_amount_and_the_shares_of_a_mixture(amounts: list[float]) -> None:
-    matter = Matter()
-    matter.put("bowl", Portion("Milk", 150.0, ("milk1",)))
-    matter.put("bowl", Portion("Flour", 50.0, ("flour1",)))
-    taken = [portion for amount in amounts for portion in matter.take("bowl", amount)]
+    full = matter = Matter().put("bowl", Portion("Milk", 150.0, ("milk1",))).put("bowl", Portion("Flour", 50.0))
+    taken = list[Portion]()
+    for amount in amounts:
+        matter, portions = matter.take("bowl", amount)
+        taken += portions
+    assert full.total("bowl") == 200.0, "a value stays as it is"
     milk, flour = (sum(one.amount for one in taken if one.type == type) for type in ("Milk", "Flour"))
     assert milk == pytest.approx(3 * flour)
     assert matter.total("bowl") + milk + flour == pytest.approx(200.0)

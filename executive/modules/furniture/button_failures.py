@@ -18,8 +18,8 @@ from sim.controls import Control
 
 UPRIGHT = 0.7
 """Vertical component of a button's normal above which it is on top of its device, so that turning would not help."""
-Reaches = Callable[[], bool]
-"""Predicate: can a hand reach the button in the hypothetical scene?"""
+Reaches = Callable[[PlanningScene], bool]
+"""Predicate: can a hand reach the button in a scene that is supposed?"""
 
 
 def button_failure(
@@ -47,5 +47,5 @@ def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:
     if abs(float(normal[2])) > UPRIGHT or support is None or bodies.is_room(support):
         return ""
 
-    changes = Changes(device, scene, Rejections(), lambda _: reaches(), parts=(button.body,))
+    changes = Changes(device, scene, Rejections(), lambda supposed, _: reaches(supposed), parts=(button.body,))
     return changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.turned() or changes.in_vain()

@@ -139,7 +139,7 @@ class LeafWork(HandWork):
         arms = self.hands_for(joint.handle, joint.leaf)
         await self.tuck(self.platform.arms.untucked())
         tries, tried = Tries(*ELSEWHERE), 0
-        paths = leaf_paths.LeafPaths(self.platform, joint)
+        paths = leaf_paths.LeafPaths(self.platform.scene, joint)
         for path in paths.towards(goal, arms, sufficient):
             if path is None:
                 await checkpoint()
@@ -204,7 +204,6 @@ class LeafWork(HandWork):
         there = joint.value_at(closed, point)
         is_as_believed = abs(there - value) * self._lever(joint, closed) <= FELT
         platform.belief.touched(joint.leaf, value if is_as_believed else there)
-        platform.sync()
         return is_as_believed
 
     def _lever(self, joint: Articulation, closed: Array) -> float:

@@ -131,7 +131,7 @@ class Devices(HandWork):
                     button,
                     self.free_hands(),
                     self.platform,
-                    lambda: any(one.reach() for one in strokes),
+                    lambda scene: any(one.supposing(scene).reach() for one in strokes),
                 )
             )
         raise HandleNotReachable(message, what=button.body) from problem

@@ -60,7 +60,6 @@ def _without(paths: LeafPaths, joint: Articulation, scene: PlanningScene) -> str
     fixed.update(scene.belief.carried())
     blocking = (name for name in paths.rejected.ordered_blocking() if name not in fixed and name in bodies.names())
     for name in islice(blocking, MOST_TRIED):
-        with scene.supposing({name: None}):
-            if paths.reach():
-                return f"{name} leaves the base no room where a hand would reach {joint.handle}; without it one would"
+        if paths.reach(scene=scene.supposing(scene.belief.state.placed({name: None}))):
+            return f"{name} leaves the base no room where a hand would reach {joint.handle}; without it one would"
     return ""

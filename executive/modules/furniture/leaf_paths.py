@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_poses import BasePoses
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Rejections, first_body
-from executive.modules.commanding import Control
 from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
 from executive.robots.arms import ArmModel
@@ -76,8 +77,8 @@ class LeafPath:
 class LeafPaths:
     """Search for paths that move one leaf; ``rejected`` counts why base poses were rejected."""
 
-    def __init__(self, control: Control, joint: Articulation) -> None:
-        self._control, self._joint, self.poses = control, joint, BasePoses(control.scene)
+    def __init__(self, scene: PlanningScene, joint: Articulation) -> None:
+        self._scene, self._joint, self.poses = scene, joint, BasePoses(scene)
         self.rejected, self._tried = self.poses.log, tuple[ArmModel, ...]()
         self._values, self._enough = np.zeros(0), 0
 
@@ -87,10 +88,9 @@ class LeafPaths:
         Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first. Grips that need
         less room are tried only if the others allow no path.
         """
-        control, joint = self._control, self._joint
-        control.sync()
+        joint = self._joint
         self._tried = tuple(arms)
-        current = control.belief.joint(joint.leaf)
+        current = self._scene.belief.joint(joint.leaf)
         count = max(2, math.ceil(abs(value - current) / STEPS[joint.kind]) + 1)
         values = np.linspace(current, value, count)
         enough = int(np.argmax((values >= sufficient) if value > current else (values <= sufficient))) + 1
@@ -110,30 +110,30 @@ class LeafPaths:
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
 
-    def reach(self, rise: float = 0.0) -> bool:
+    def reach(self, rise: float = 0.0, scene: PlanningScene | None = None) -> bool:
         """Check whether an arm would reach the handle, raised by ``rise`` [m], from a base pose that is free.
 
-        Ignores collisions of the arm.
+        Ignores collisions of the arm. ``scene``: another scene, which is supposed.
         """
-        control, joint = self._control, self._joint
-        hypothetical = LeafPaths(control, joint)  # its own counts: these candidates were not really tried
+        scene, joint = scene or self._scene, self._joint
+        hypothetical = LeafPaths(scene, joint)  # its own counts: these candidates were not really tried
         for arm in self._tried:
-            grips = grips_of(control.scene, arm, joint).raised(rise)
+            grips = grips_of(scene, arm, joint).raised(rise)
             if len(grips):
                 bases, _ = hypothetical._bases(arm, self._values, grips, self._enough)
                 roomy = np.ones(len(self._values), bool)
-                search = _ArmPaths(control, joint, arm, grips, self._values, roomy, hypothetical.rejected)
+                search = _ArmPaths(scene, joint, arm, grips, self._values, roomy, hypothetical.rejected)
                 if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
 
     def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
         """Yield the collision-free paths of one arm, best base poses first; None after each batch."""
-        grips = self._free(arm, grips_of(self._control.scene, arm, self._joint, tight=tight))
+        grips = self._free(arm, grips_of(self._scene, arm, self._joint, tight=tight))
         if not len(grips):
             return
         roomy = self._roomy(arm, grips, values, enough)
-        search = _ArmPaths(self._control, self._joint, arm, grips, values, roomy, self.rejected)
+        search = _ArmPaths(self._scene, self._joint, arm, grips, values, roomy, self.rejected)
         bases, steps = self._bases(arm, values, grips, enough)
         for first in range(0, min(len(bases), BLOCK * MOST_BLOCKS), BLOCK):
             block = slice(first, first + BLOCK)
@@ -145,7 +145,7 @@ class LeafPaths:
         if not len(grips):
             self.rejected.add("too wide for the gripper")
             return grips
-        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
         hits = [one or other for one, other in zip(*map(check.hand_hit, (grips.starts, grips.before)), strict=True)]
         self.rejected.count(Reason(NO_GRIP, one) for one in hits if one is not None)
         return grips.chosen(np.array([one is None for one in hits], bool))
@@ -157,7 +157,7 @@ class LeafPaths:
         are always allowed. The arm is approximated by its hand at the distances :data:`BEHIND`.
         """
         first = self._joint.motion(float(values[0])).inverse().matrix()
-        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
         approaches = np.stack([grips.short_by(away) for away in (0.0, *BEHIND)], axis=1)
         roomy = np.ones(len(values), bool)
         for number in range(enough, len(values) if values[-1] > values[0] else 0):
@@ -191,8 +191,8 @@ class LeafPaths:
 
     def _lattice(self, arm: ArmModel, tips: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Sample base poses (m, 3) around the handle's path, the current one first; and mark the coarse ones (m,)."""
-        here = np.array([self._control.base()])
-        if self._control.robot.base.fixed:
+        here = np.array([self._scene.base()])
+        if self._scene.robot.base.fixed:
             return here, np.ones(1, bool)
         middle = tips.mean(axis=0)
         shoulder = float(np.hypot(*arm.shoulder_low[:2]))
@@ -207,7 +207,7 @@ class LeafPaths:
 
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
-        joint, scene = self._joint, self._control.scene
+        joint, scene = self._joint, self._scene
         leaf, radius = scene.world.scene.body(joint.leaf), 0.8 * scene.base_radius
         free = np.ones((len(bases), len(values)), bool)
         for number, value in enumerate(values.tolist()):
@@ -249,13 +249,13 @@ def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.
     return np.asarray(reached.sum(axis=1)), strain
 
 
-def _lifted(control: Control, arm: ArmModel) -> InverseKinematics:
+def _lifted(scene: PlanningScene, arm: ArmModel) -> InverseKinematics:
     """Build the inverse kinematics of an arm, its torso limited to heights without self-collision of the upper body."""
     if arm.lift is None:
         return arm.solver
     chain, column = arm.solver.chain, arm.lift.column
     heights = np.linspace(chain.lower[column], chain.upper[column], HEIGHTS).tolist()
-    free = control.scene.collisions.lifted(arm, heights)
+    free = scene.collisions.lifted(arm, heights)
     if len(free) in (0, HEIGHTS):
         return arm.solver
     return InverseKinematics(chain.between(arm.lift.joint, min(free), max(free)))
@@ -266,7 +266,7 @@ class _ArmPaths:
 
     def __init__(
         self,
-        control: Control,
+        scene: PlanningScene,
         joint: Articulation,
         arm: ArmModel,
         grips: Grips,
@@ -274,7 +274,7 @@ class _ArmPaths:
         roomy: NDArray[np.bool_],
         rejected: Rejections,
     ) -> None:
-        self._control, self._joint, self._arm, self._grips, self._values = control, joint, arm, grips, values
+        self._scene, self._joint, self._arm, self._grips, self._values = scene, joint, arm, grips, values
         self._roomy, self._rejected, self._before, self._poses = (
             roomy,
             rejected,
@@ -284,7 +284,7 @@ class _ArmPaths:
         lags = np.ones((len(grips), len(LAGS)), bool)
         lags[~grips.turns, 1:] = False
         self._lags = lags
-        self._solver = _lifted(control, arm)
+        self._solver = _lifted(scene, arm)
 
     def of(self, bases: Array, steps: NDArray[np.intp]) -> Iterator[LeafPath]:
         """Yield paths from base poses (m, 3), from which the leaf can move for ``steps`` values (m,), longest first."""
@@ -330,7 +330,7 @@ class _ArmPaths:
         arm, grips = self._arm, self._grips
         rows, numbers, before, start = self._reached(bases, there)
         self._rejected.count([OUT_OF_REACH] * (len(bases) - len(np.unique(rows))))
-        check = self._control.scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
         poses = base_matrices(bases)[rows]
         hits = [one or other for one, other in zip(check.hit(poses, start), check.hit(poses, before), strict=True)]
         self._rejected.count(Reason(COLLISION, one) for one in hits if one is not None)
@@ -359,7 +359,7 @@ class _ArmPaths:
 
     def _checked(self, base: BasePose, grip: int, lag: int, joints: Array) -> LeafPath | None:
         """Cut a candidate to its collision-free part; None if not even the handle can be grasped and left again."""
-        arm, handle, collisions = self._arm, self._joint.handle, self._control.scene.collisions
+        arm, handle, collisions = self._arm, self._joint.handle, self._scene.collisions
         fingers = self._grips.fingers
         assert handle is not None
 
@@ -399,23 +399,20 @@ class _ArmPaths:
         # The scene has the leaf at its current value: move the hands there instead of the leaf to each value.
         first = self._joint.motion(float(self._values[0])).inverse().matrix()
         motions = np.stack([product(self._joint.motion(one).matrix(), first) for one in self._values[:count].tolist()])
-        check = self._control.scene.collisions.arm_check(self._arm, self._joint.handle, grips.fingers)
+        check = self._scene.collisions.arm_check(self._arm, self._joint.handle, grips.fingers)
         hits = check.hand_hit(product(inverse(motions)[:, None], retreats).reshape(-1, 4, 4))
         return np.asarray(np.array([one != self._joint.leaf for one in hits]).reshape(count, -1).all(axis=1))
 
     def _free_steps(self, base: BasePose, rows: Array, fingers: Mapping[str, float]) -> int:
         """Count the collision-free steps of the arm with the fingers closed on the handle and the leaf moving along."""
-        control, arm, world = self._control, self._arm, self._control.scene.world
-        joints = {**world.configuration().joints, **fingers}
-        try:
-            world.set_configuration(Configuration(base, joints | dict(zip(arm.joints, rows[0].tolist(), strict=True))))
-            world.lead(control.robot.arm(arm.name).tip, self._joint.leaf)
-            for number, row in enumerate(rows[1:]):
-                hits = world.contacts(Configuration(base, joints | dict(zip(arm.joints, row.tolist(), strict=True))))
-                if hits:
-                    self._rejected.count([Reason(COLLISION, first_body(hits))])
-                    return number
-            return len(rows) - 1
-        finally:
-            world.let_go(self._joint.leaf)
-            control.sync()
+        scene, arm = self._scene, self._arm
+        joints = {**scene.world.configuration().joints, **fingers}
+        at = Configuration(base, joints | dict(zip(arm.joints, rows[0].tolist(), strict=True)))
+        led = {**scene.belief.led, self._joint.leaf: scene.robot.arm(arm.name).tip}
+        world = scene.supposing(replace(scene.belief.state.with_robot(scene.belief.robot, at), led=led)).world
+        for number, row in enumerate(rows[1:]):
+            hits = world.contacts(Configuration(base, joints | dict(zip(arm.joints, row.tolist(), strict=True))))
+            if hits:
+                self._rejected.count([Reason(COLLISION, first_body(hits))])
+                return number
+        return len(rows) - 1

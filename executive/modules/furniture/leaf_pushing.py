@@ -93,7 +93,6 @@ class LeafStrokes(StrokeWork):
     async def _pushed(self, arm: ArmModel, value: float) -> None:
         """Push once from one base pose, as far as possible, and look how far the leaf moved."""
         platform, joint = self.platform, self._joint
-        platform.sync()
         approach = np.array(arm.frame.approach)
         tips = Pose(tuple((float((hand_with(platform.scene, arm) @ approach).max()) * approach).tolist()))
         path = self._along(value)
@@ -200,15 +199,13 @@ class LeafStrokes(StrokeWork):
         point = moved(
             joint.motion(value).inverse().matrix(), path[1]
         )  # where the pushed point is when the leaf is shut
-        self.platform.sync()
-        world, values = self.platform.scene.world, np.linspace(min(value, joint.value_at(point, tip)), 0.0, FINE)
-        for value in values.tolist():
-            world.set_joint(joint.leaf, value)
-            if all(one.body not in joint.bodies for one in world.contacts()):
+        values = np.linspace(min(value, joint.value_at(point, tip)), 0.0, FINE).tolist()
+        for value in values:
+            supposed = self.platform.scene.supposing(belief.with_leaf(joint.leaf, value))
+            if all(one.body not in joint.bodies for one in supposed.world.contacts()):
                 break
         belief.doubted(joint.leaf)
         belief.moved(joint.leaf, value, "pushed")
-        self.platform.sync()
 
     async def _back(self, arm: ArmModel, lap: Trajectory) -> None:
         base = Pose.planar(*self.platform.base()).matrix()

@@ -236,12 +236,10 @@ class Pushing(StrokeWork):
 
     def _stands(self, name: str, goal: Array, support: str) -> bool:
         """Check whether an object would stand on the same support at a position (2,)."""
-        world, pose = self.platform.scene.world, self.platform.scene.bodies.pose(name)
-        try:
-            world.set_pose(name, Pose((float(goal[0]), float(goal[1]), pose.position[2]), pose.orientation))
-            return world.support(name) == support and abs(world.height_above_support(name)) <= LOWER
-        finally:
-            self.platform.sync()
+        scene, pose = self.platform.scene, self.platform.scene.bodies.pose(name)
+        there = Pose((float(goal[0]), float(goal[1]), pose.position[2]), pose.orientation)
+        world = scene.supposing(scene.belief.state.placed({name: there})).world
+        return world.support(name) == support and abs(world.height_above_support(name)) <= LOWER
 
     # The push
 
@@ -338,7 +336,6 @@ class Pushing(StrokeWork):
         shift = Pose((*push.tolist(), 0.0))
         for name, pose in poses.items():
             self.platform.belief.pushed(name, shift @ pose)
-        self.platform.sync()
 
 
 def _ahead(heading: float) -> Array:

@@ -59,7 +59,6 @@ def _gazes(platform: Platform, name: str) -> Iterator[Array]:
 
     Without any if it is believed to be out of sight.
     """
-    platform.sync()
     scene, joint = platform.scene, platform.belief.joints.get(name)
     bodies = (name,) if joint is None else joint.bodies
     visible = [body for body in bodies if scene.visibility.hidden(scene.base(), body) is None]

@@ -15,6 +15,7 @@ from itertools import islice, product
 
 import numpy as np
 
+from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.phases import Phase
@@ -135,10 +136,14 @@ class ConstrainedWork(PlatformModule):
             message, names = "; ".join(filter(None, (failure.message, reason))), failure.constraints
             raise ConstraintsUnsatisfied(message, arm=failure.arm, constraints=names) from failure.__cause__
 
-    def _ends_somewhere(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> bool:
-        """Check whether the goal can be reached from any of the first base poses, with objects as now believed."""
+    def _ends_somewhere(
+        self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase, scene: PlanningScene
+    ) -> bool:
+        """Check whether the goal can be reached from any of the first base poses in a scene that is supposed."""
+        supposed, grounding = self.supposing(scene), grounding.supposing(scene)
         motion = grounding.grounded(constraints, replace(phase, things={}))
-        return any(self._end(grounding, motion, place) is not None for place in islice(self._places(motion), PLACES))
+        places = islice(supposed._places(motion), PLACES)
+        return any(supposed._end(grounding, motion, place) is not None for place in places)
 
     async def _accepted(
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, objection: Objection
@@ -271,7 +276,6 @@ class ConstrainedWork(PlatformModule):
         self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
     ) -> PhaseMotion:
         """Solve the motion of the phase, as far inside its limits as possible. Raises ConstraintsUnsatisfied."""
-        self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
         upright = grounding.uprights(motion)
         problem, start = grounding.problem(motion), self._start(motion)
@@ -292,7 +296,6 @@ class ConstrainedWork(PlatformModule):
         A minimal set of contradicting constraints is computed only with ``explains``, for the final failure, or if
         constraints of less weight may be dropped, because that takes longer than all the rest.
         """
-        self.platform.sync()
         before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
         problem, differ = grounding.problem(motion), len({one.weight for one in motion.constraints}) > 1
         try:
@@ -316,7 +319,6 @@ class ConstrainedWork(PlatformModule):
 
     def _straightened(self) -> None:
         """Remove objects from ``platform.leaning`` that are within their tilt limits again."""
-        self.platform.sync()
         world = self.platform.scene.world
         for name in tuple(self.platform.leaning):
             limit = world.scene.body(name).largest_tilt

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from executive.belief.planning_scene import PlanningScene
 from executive.locations import Rejections
 from executive.locations.changes import Changes
 from executive.locations.explanations import called
@@ -23,10 +24,10 @@ def too_far(arm: ArmModel, name: str, distance: float) -> str:
     return f"{where}, and the arm reaches {arm.reach:.2f} m"
 
 
-def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[], bool]) -> str:
+def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[PlanningScene], bool]) -> str:
     """Describe how near a shoulder gets to the first movable object of a motion, and where that would have to stand.
 
-    ``does``: predicate whether the motion is possible from some base pose in the hypothetical scene. Returns "" for a
+    ``does``: predicate whether the motion is possible from some base pose in a scene that is supposed. Returns "" for a
     motion without a movable object.
     """
     bodies, arm = platform.scene.bodies, motion.arms[0]
@@ -37,5 +38,5 @@ def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[], 
     name, position = first
     distance = platform.base_poses().distances([position[None]], motion.arms)[0]
     reason = too_far(arm, name, distance)
-    changes = Changes(name, platform.scene, Rejections(), lambda _: does())
+    changes = Changes(name, platform.scene, Rejections(), lambda supposed, _: does(supposed))
     return "; ".join(filter(None, (reason, changes.nearer() or changes.in_vain())))

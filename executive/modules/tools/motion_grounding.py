@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.maps.object_models import ObjectModels, Thing
 from executive.modules.phases import Phase
@@ -62,6 +64,12 @@ class Grounding:
         self._platform = platform
         self._touches, self._gone = frozenset(touches), frozenset(gone)
         self._models = ObjectModels(platform.belief.map.ontology)
+
+    def supposing(self, scene: PlanningScene) -> Grounding:
+        """Make the same grounding in a scene that is supposed."""
+        other = copy(self)
+        other._platform = self._platform.supposing(scene)
+        return other
 
     def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
         """Resolve the names of the objects that the world features belong to. Raises ObjectUnresolvable."""

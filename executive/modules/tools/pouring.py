@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,8 @@ from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.protocols import Trajectory
 from planlang.records import dataclass
-from sim.matter import KG_PER_ML
+from planlang.state.matter import KG_PER_ML
+from sim import PlanningWorld
 
 WITHIN, WITHIN_SHARE = 5.0, 0.05
 """Tolerance of a poured amount: the larger of the two [ml, share]."""
@@ -230,18 +232,17 @@ class Pouring:
     def _flowed(self, flow: Flow, seconds: float) -> None:
         """Update belief and record: the vessel has flowed for some time [s] into, or onto, what is below."""
         platform, pour = self._platform, self._phase.pours.get(flow.name)
-        platform.sync()
-        world, tip = platform.scene.world, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
-        matter = world.changes.matter
-        before = 0.0 if pour is None or pour.into is None else matter.total(pour.into)
-        portions = matter.take(flow.name, self._flow_rate * seconds)
-        flowed = sum(one.amount for one in portions)
-        if portions:
-            mouth = tip @ flow.offset @ Pose((0.0, 0.0, world.size(flow.name)[2] / 2))
-            below = world.changes.drop(portions, mouth.position, flow.name)
-            platform.belief.poured(flow.name, below or "the floor", flowed)
+        belief, tip = platform.belief, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
+        mouth = tip @ flow.offset @ Pose((0.0, 0.0, platform.scene.world.size(flow.name)[2] / 2))
+        before = belief.state.matter
+        flows = partial(PlanningWorld.flow, name=flow.name, amount=self._flow_rate * seconds, point=mouth.position)
+        state, (flowed, below) = platform.scene.mirror.after(belief.state, flows)
+        belief.happened(state)
+        if flowed:
+            belief.poured(flow.name, below or "the floor", flowed)
         if pour is not None:
-            pour.flowed += flowed if pour.into is None else matter.total(pour.into) - before
+            into = pour.into
+            pour.flowed += flowed if into is None else state.matter.total(into) - before.total(into)
             pour.until = now()
 
 

@@ -149,7 +149,6 @@ class StrokeWork(ConstrainedWork):
                     motion = grounding.grounded(constraints, phase)
                 places = [plane.at(point, motion.constraints) for point in points]
                 kept = [one for one in places[0] if all(one in other for other in places)]
-                self.platform.sync()
                 problems = grounding.problem(motion, clear=True), grounding.problem(motion)
                 solve = partial(solve_stroke, *problems, self._start(motion), places)
                 first, lap = await compute_in_thread(partial(solve, kept, closed=closed))

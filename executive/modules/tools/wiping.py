@@ -169,7 +169,6 @@ class Wiping(StrokeWork):
         name, feature = self.platform.scene.bodies.bind(plane.thing), plane.height.world
         middle, normal = np.array(feature.position), np.array(feature.direction)
         width, length = sorted(self.platform.scene.world.size(self.tool(motion)))[1:]
-        self.platform.sync()
         surface = Surface(self.platform, name, motion.things[plane.thing], middle, normal, plane.axes())
         return surface.room(width, length)
 

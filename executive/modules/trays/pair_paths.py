@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from itertools import islice
 
 import numpy as np
@@ -27,6 +27,8 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Configuration, Trajectory
 from planlang.records import dataclass
+from planlang.state import Grip, Hold
+from sim import PlanningWorld
 
 STEP, TURN = 0.02, 0.05
 """Spacing of waypoints for an object in both hands [m, rad]."""
@@ -89,15 +91,24 @@ class PairPaths:
     def _torso(self, q: Array) -> float:
         return 0.0 if self.pair.torso is None else float(q[self.pair.torso])
 
-    def _collides(self, base: BasePose, q: Array, name: str | None = None, fingers: Fingers = ()) -> str | None:
-        """Find a body or link that the robot collides with at joint positions (n,); fingers may touch ``name``."""
+    def _collides(
+        self,
+        base: BasePose,
+        q: Array,
+        name: str | None = None,
+        fingers: Fingers = (),
+        world: PlanningWorld | None = None,
+    ) -> str | None:
+        """Find a body or link that the robot collides with at joint positions (n,); fingers may touch ``name``.
+
+        ``world``: of a state that is supposed; by default as is believed.
+        """
         joints = dict(zip(self.pair.names, q.tolist(), strict=True)) | dict(fingers)
         links = [link for arm in self.pair.arms for link in sorted(self._finger_links(arm))]
         ignore = [(link, name) for link in links] if name is not None else []
-        current = self.control.scene.world.configuration().joints
-        moving = (*self.pair.names, *(joint for joint, _ in fingers))
-        contacts = self.control.scene.world.contacts(Configuration(base, {**current, **joints}), moving, ignore=ignore)
-        return next((contact.body for contact in contacts), None)
+        world, moving = world or self.control.scene.world, (*self.pair.names, *(joint for joint, _ in fingers))
+        there = Configuration(base, {**world.configuration().joints, **joints})
+        return next((contact.body for contact in world.contacts(there, moving, ignore=ignore)), None)
 
     def _finger_links(self, arm: ArmModel) -> Sequence[str]:
         gripper = self.control.robot.arm(arm.name).gripper
@@ -114,7 +125,6 @@ class PairPaths:
 
     def grasps(self, name: str, bases: Iterable[BasePose]) -> Iterator[PairGrasp | None]:
         """Yield paths that grasp an object, in the order of base poses; None after each base pose and torso height."""
-        self.control.sync()
         scene = self.control.scene
         first, second = (grips_of(name, arm, scene, self.log) for arm in self.pair.arms)
         fits = opposite(first, second, scene.bodies.block(name).centre)
@@ -213,20 +223,15 @@ class PairPaths:
 
     def _collides_holding(self, name: str, base: BasePose, rows: Array, fingers: dict[str, float]) -> str | None:
         """Find a body or link in collision along a path (k, n), with the object attached to both hands at its start."""
-        control, world = self.control, self.control.scene.world
-        joints = {**world.configuration().joints, **fingers}
-        try:
-            start = dict(zip(self.pair.names, rows[0].tolist(), strict=True))
-            world.set_configuration(Configuration(base, {**joints, **start}))
-            for arm in self.pair.arms:
-                world.attach(control.robot.arm(arm.name).tip, name)
-            bodies = (self._collides(base, row) for row in rows[1:])
-            return next((body for body in bodies if body is not None), None)
-        finally:
-            world.release(name)
-            control.sync()
-            world.set_pose(name, control.belief.pose(name))
-            control.sync()
+        control, state, world = self.control, self.control.belief.state, self.control.scene.world
+        start = dict(zip(self.pair.names, rows[0].tolist(), strict=True))
+        at = Configuration(base, {**world.configuration().joints, **fingers, **start})
+        thing, tips = state.poses[name], [(arm.name, control.robot.arm(arm.name).tip) for arm in self.pair.arms]
+        holds = [Hold(arm, tip, world.link_pose(tip, at).inverse() @ thing) for arm, tip in tips]
+        held = {**state.held, name: Grip(*holds[0], thing, tuple(holds[1:]))}
+        supposed = control.scene.supposing(replace(state.with_robot(control.belief.robot, at), held=held))
+        bodies = (self._collides(base, row, world=supposed.world) for row in rows[1:])
+        return next((body for body in bodies if body is not None), None)
 
     # Moving the held object
 

@@ -192,7 +192,6 @@ class TwoHands(HandWork):
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
             raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
-        platform.sync()
         mass = bodies.mass(name)
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:

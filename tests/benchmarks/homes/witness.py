@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from executive.maps.scene import default_starts
 from executive.robots import Robot
 from planlang.geometry import Array
+from planlang.state.matter import KG_PER_ML
 from sim import Body, Scene
 from sim.joints import Articulation
-from sim.matter import KG_PER_ML
 from tests.benchmarks.homes.certificates import Search, outline
 from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints

@@ -121,10 +121,10 @@ def _cases(room: Room, robot: Robot) -> Iterator[Case]:
                 ends = [q for q in postures if not platform.scene.collisions.contacts(base, arm, q)][:2]
             joints = {**before.joints, **dict(zip(arm.joints, map(float, ends[0]), strict=True))}
             stage.world.set_configuration(Configuration(base, joints))
-            platform.sync()
+            platform.observe()
             yield _asked(platform, arm, ends[0], ends[1], oracle, room)
             stage.world.set_configuration(before)
-            platform.sync()
+            platform.observe()
     finally:
         stage.close()
         oracle.close()

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Configuration, Detection
-from sim import PlanningWorld
+from planlang.state import Grip
+from sim import PlanningWorld, WorldMirror
 
 HERE = (0.0, 0.0, 0.0)
 MAP = "http://example.org/map.owl#"
@@ -224,50 +226,69 @@ def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: P
     belief.see([Detection("cup1", Pose((-2.0, 0.4, 0.05)), 1.0)])
     belief.grasped("bottle1", "right", hand, Pose((0.14, 0.0, 0.0)))
     belief.released("bottle2", Pose((0.0, 0.0, 1.0)), to="somebody")
-    belief.sync(planning, here)
+    mirror = WorldMirror(planning, belief.robot)
+    belief.observed(here, mirror)
+    mirror.at(belief.state)
+    assert planning.configuration().base == here.base
     assert planning.pose("cup1").position == (-2.0, 0.4, 0.05)
     assert planning.attached() == {"bottle1": hand}
     expected = planning.link_pose(hand) @ Pose((0.14, 0.0, 0.0))
     assert np.allclose(planning.pose("bottle1").position, expected.position, atol=1e-6)
     assert "bottle2" not in planning.names()
     belief.released("bottle1", Pose((2.0, 0.1, 0.8)))
-    belief.sync(planning, here)
+    mirror.at(belief.state)
     assert planning.attached() == {}
     assert planning.pose("bottle1").position == (2.0, 0.1, 0.8)
 
 
-def test_syncing_twice_is_the_same_as_once(belief: Belief, planning: PlanningWorld, robot: Robot) -> None:
-    here = Configuration(HERE, robot.postures["carrying"])
-    belief.grasped("bottle1", "right", robot.arm("right").hand_link, Pose((0.14, 0.0, 0.0)))
-    belief.sync(planning, here)
-    state = planning.state()
-    belief.sync(planning, here)
-    assert planning.state() == state
+def test_the_planning_world_is_as_before_after_it_was_asked_about_other_states(
+    belief: Belief, planning: PlanningWorld, robot: Robot
+) -> None:
+    mirror, hand, cup = WorldMirror(planning, belief.robot), robot.arm("right").hand_link, belief.pose("cup1")
+    believed = belief.state
+    before = mirror.at(believed).state()
+    elsewhere = believed.placed({"cup1": Pose((-2.0, 0.4, 0.05)), "bottle2": None})
+    grip = Grip("right", hand, Pose((0.14, 0.0, 0.0)), believed.poses["bottle1"])
+    tucked = elsewhere.with_robot(belief.robot, Configuration(HERE, robot.postures["carrying"]))
+    held = replace(tucked, held={"bottle1": grip})
+    assert (mirror.at(elsewhere).pose("cup1").position, "bottle2" in planning.names()) == ((-2.0, 0.4, 0.05), False)
+    assert mirror.at(held).attached() == {"bottle1": hand}
+    assert mirror.at(believed).state() == before
+    assert (belief.pose("cup1"), belief.held) == (cup, {})
+
+
+def test_what_is_bound_in_a_hypothesis_is_bound_for_it_alone(belief: Belief) -> None:
+    supposed = belief.supposing(belief.state.placed({"bottle1": None}))
+    bottle = Object("DrinkingBottle")
+    assert supposed.bind(bottle, HERE) == "bottle2"
+    assert ("bottle1" in supposed.unknown, "bottle1" in belief.unknown) == (True, False)
+    assert (belief.bind(bottle, HERE), supposed.bind(bottle, HERE)) == ("bottle1", "bottle2")
 
 
 def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(
     belief: Belief, planning: PlanningWorld, robot: Robot
 ) -> None:
-    arm, here = robot.arms[0], Configuration(HERE, {})
+    arm = robot.arms[0]
     offset = Pose((0.05, 0.0, 0.0))
     belief.grasped("bottle1", arm.name, arm.tip, offset)
     belief.released("bottle1", belief.pose("bottle1"), to="somebody")
-    belief.sync(planning, here)
+    mirror = WorldMirror(planning, belief.robot)
+    mirror.at(belief.state)
     assert "bottle1" not in planning.names()
     belief.grasped("bottle1", arm.name, arm.tip, offset)
-    belief.sync(planning, here)
+    mirror.at(belief.state)
     assert planning.attached() == {"bottle1": arm.tip}
     assert planning.pose("bottle1").distance(planning.link_pose(arm.tip) @ offset) < 1e-6
 
 
 def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_map: SemanticMap, robot: Robot) -> None:
     world = PlanningWorld(with_store(scene_of(semantic_map)), robot.body())
-    belief = Belief(semantic_map, world)
-    belief.sync(world, world.configuration())
+    belief, mirror = Belief(semantic_map, world), WorldMirror(world, "robot")
+    mirror.at(belief.state)
     assert not set(world.names()) & set(NAMES)
     for number in range(MOST + 1):
         belief.obstacle(Pose((2.0, 0.1 * number, 0.5)), "a fence")
-    belief.sync(world, world.configuration())
+    mirror.at(belief.state)
     felt = [name for name in world.names() if name in NAMES]
     assert len(felt) == MOST, "the oldest one is forgotten for the last"
     assert min(world.pose(name).position[1] for name in felt) == pytest.approx(0.1)
@@ -276,7 +297,7 @@ def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_
     assert (other.names(), other.met) == (belief.names(), "a fence")
     belief.forget(felt)
     assert belief.met is None
-    belief.sync(world, world.configuration())
+    mirror.at(belief.state)
     assert not set(world.names()) & set(NAMES)
     world.close()
 

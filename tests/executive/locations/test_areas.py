@@ -121,7 +121,7 @@ def test_candidates_come_in_turn_over_the_ways_and_no_more_than_are_asked_for() 
 @pytest.fixture(scope="module")
 def stage() -> Iterator[Stage]:
     stage = Stage(room_of("normal", 1), robot_of("amigo"))
-    stage.platform.sync()
+    stage.platform.observe()
     yield stage
     stage.close()
 

@@ -257,7 +257,7 @@ def moved(stage: Stage, poses: Iterable[BasePose]) -> None:
     """Let the robot believe that the bodies are elsewhere."""
     there = [Pose.planar(x, y, yaw, body.pose.position[2]) for body, (x, y, yaw) in zip(BODIES, poses, strict=True)]
     stage.belief.see(Detection(body.name, pose, 1.0) for body, pose in zip(BODIES, there, strict=True))
-    stage.platform.sync()
+    stage.platform.observe()
 
 
 @settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])

@@ -35,7 +35,7 @@ def test_places_at_all_distances_are_offered_where_there_is_room_all_around(make
 
 def test_what_takes_the_room_of_base_poses_is_named_when_it_is_asked_for(make_stage: MakeStage) -> None:
     stage = make_stage(BED)
-    stage.platform.sync()
+    stage.platform.observe()
     poses = BasePoses(stage.platform.scene)
     on_the_bed, beside = (*BED.pose.position[:2], 0.0), stage.platform.base()
     assert poses.free(np.array([on_the_bed, beside]), np.ones(2)).tolist() == [False, True]

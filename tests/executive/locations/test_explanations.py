@@ -117,7 +117,7 @@ def shelved(stack: ExitStack, height: float) -> Room:
     )
     stage.truth.set_joint("door", 1.5)
     stage.platform.belief.moved("door", 1.5)
-    stage.platform.sync()
+    stage.platform.observe()
     return stage
 
 
@@ -139,7 +139,7 @@ def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_
     stage.truth.set_pose("bottle", stage.truth.link_pose(arm.tip))
     stage.truth.attach(arm.tip, "bottle")
     stage.belief.grasped("bottle", arm.name, arm.tip, Pose((0.0, 0.0, 0.0)))
-    stage.platform.sync()
+    stage.platform.observe()
     cabinet, bed = (an_object(body.type, PLACE + body.name) for body in (CABINET, BED))
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.bases(a_location(in_reach_of=a_location(on=cabinet, behind=bed))))
@@ -154,7 +154,7 @@ def test_a_grasp_that_no_pose_of_the_hand_has_is_named_with_those_that_some_have
     stage.truth.set_pose("bottle", stage.truth.link_pose(arm.tip))
     stage.truth.attach(arm.tip, "bottle")
     stage.belief.grasped("bottle", arm.name, arm.tip, Pose((0.0, 0.0, 0.0)))
-    stage.platform.sync()
+    stage.platform.observe()
     there = a_location(above=an_object(CABINET.type, PLACE + CABINET.name), grasp="top")
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.bases(a_location(in_reach_of=there)))

@@ -84,7 +84,7 @@ def test_a_conjunction_that_nothing_can_satisfy_is_said_to_contradict_itself(loc
 
 def test_an_object_on_a_cabinet_is_supported_whole_and_stands_free_of_others(ward: Stage) -> None:
     ward.belief.bump("bottle", Pose((-2.0, 1.5, 0.1)))
-    ward.platform.sync()
+    ward.platform.observe()
     poses = list(islice(ward.resolver.things(a_location(on=THE_CABINET), THE_BOTTLE), 5))
     assert len(poses) == 5
     for pose in poses:
@@ -163,7 +163,7 @@ def test_what_holds_is_judged_as_candidates_are(ward: Stage) -> None:
 )
 def test_a_thing_at_an_impossible_pose_is_named(pose: Pose, said: str, make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE)
-    stage.belief._poses["bottle"] = pose
+    stage.belief.state = stage.belief.state.placed({"bottle": pose})
     for location in (a_location(in_reach_of=THE_BOTTLE), a_location(visible_from=THE_BOTTLE)):
         with pytest.raises(LocationUnresolvable, match=said):
             next(stage.resolver.bases(location))

@@ -52,7 +52,7 @@ def test_asking_for_places_changes_neither_truth_nor_belief_nor_the_planning_wor
 ) -> None:
     before = snapshot(ward)
     list(islice(ward.resolver.bases(location), 5))
-    ward.platform.sync()
+    ward.platform.observe()
     assert snapshot(ward) == before
 
 
@@ -66,7 +66,7 @@ def test_asking_for_hand_poses_changes_nothing_even_with_a_bottle_in_hand(ward: 
             list(islice(ward.resolver.hands(location, arm, ward.platform.arm_joints(arm)), 3))
         except LocationUnresolvable:
             continue
-    ward.platform.sync()
+    ward.platform.observe()
     assert snapshot(ward) == before
 
 
@@ -74,11 +74,11 @@ def test_a_failed_resolution_changes_nothing(make_stage: MakeStage) -> None:
     stage = make_stage(*WARD)
     stage.planning.set_configuration(Configuration((0.0, 0.0, 0.0), {}))
     stage.belief.bump("bottle", Pose((1.6, 0.0, 2.4)))
-    stage.platform.sync()
+    stage.platform.observe()
     before = snapshot(stage)
     with pytest.raises(LocationUnresolvable):
         next(stage.resolver.bases(LOCATIONS[0]))
-    stage.platform.sync()
+    stage.platform.observe()
     assert snapshot(stage) == before
 
 
@@ -94,7 +94,7 @@ def moved(furnish: MakeStage) -> Callable[[Pose], Stage]:
         stage.truth.set_configuration(Configuration((base[0], base[1], motion.yaw), joints))
         for there in (Pose.planar(9.0, 9.0) @ motion, motion):  # a move of less than 2 mm would not count as one
             stage.belief.see(Detection(body.name, there @ body.pose, 1.0) for body in WARD)
-        stage.platform.sync()
+        stage.platform.observe()
         return stage
 
     return move
@@ -171,7 +171,7 @@ def searched(ward: Stage, monkeypatch: pytest.MonkeyPatch) -> list[Location]:
 
 def ask(stage: Stage, location: Location = TO_REACH, number: int = 2) -> list[Solution]:
     """The first places, as a plan asks for them."""
-    stage.platform.sync()
+    stage.platform.observe()
     return list(islice(stage.resolver.bases(location), number))
 
 

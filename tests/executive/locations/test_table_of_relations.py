@@ -340,7 +340,7 @@ def test_a_thing_keeps_the_relation_and_then_it_holds(location: Location, room: 
         assert not room.executive.holds(located(location, what))
     finally:
         room.belief.bump(moved.name, moved.pose)
-        room.platform.sync()
+        room.platform.observe()
 
 
 CHECKOUT = Path(__file__).resolve().parents[3]

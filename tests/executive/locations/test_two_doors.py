@@ -32,7 +32,7 @@ def cupboard(stack: ExitStack, width: float) -> Room:
     offset = there.inverse() @ stage.truth.pose("box")
     stage.truth.attach(arm.tip, "box")
     stage.platform.belief.grasped("box", arm.name, arm.tip, offset)
-    stage.platform.sync()
+    stage.platform.observe()
     return stage
 
 

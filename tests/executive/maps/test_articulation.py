@@ -15,7 +15,7 @@ from executive.maps import SemanticMap, read_map, scene_of
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Detection
-from sim import PlanningWorld, perturb
+from sim import PlanningWorld, WorldMirror, perturb
 from sim.joints import Articulation, JointKind
 from tests.support.examples import some
 
@@ -208,7 +208,7 @@ def believed(shelf: SemanticMap) -> tuple[Belief, PlanningWorld]:
 
 def test_the_belief_knows_which_closed_leaf_hides_an_object(believed: tuple[Belief, PlanningWorld]) -> None:
     belief, world = believed
-    bodies = BelievedBodies(world, belief)
+    bodies = BelievedBodies(WorldMirror(world, belief.robot), belief)
     names = ("bottle1", "bottle2", "cup1", "cabinet1")
     assert [bodies.closed_before(name) for name in names] == ["door1", None, "drawer1", None]
     belief.moved("door1", 1.5)
@@ -225,7 +225,7 @@ def test_things_stand_in_hollow_furniture_and_move_with_a_drawer(believed: tuple
     }
     belief.moved("drawer1", 0.3)
     assert belief.pose("cup1").position == pytest.approx((2.4, 0.0, 0.46))
-    belief.sync(world, world.configuration())
+    WorldMirror(world, belief.robot).at(belief.state)
     assert world.pose("cup1") == belief.pose("cup1")
     assert world.joint("drawer1") == 0.3
     belief.moved("drawer1", 0.0)

@@ -8,7 +8,7 @@ import pytest
 
 from executive.maps import SemanticMap, scene_of
 from planlang.diagnostics import Diagnostic
-from sim.matter import Portion
+from planlang.state.matter import Portion
 
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]

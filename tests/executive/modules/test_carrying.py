@@ -32,7 +32,7 @@ def hold(stage: Stage, heading: float, roll: int, grasp: GraspClass, place: tupl
     target[:3, 3] = place
     q, good = arm.solver.solve(target[None], arm.seeds[None])
     stage.truth.set_configuration(Configuration((0.0, 0.0, 0.0), dict(zip(arm.joints, q[0].tolist(), strict=True))))
-    stage.platform.sync()
+    stage.platform.observe()
     if not good[0] or stage.truth.contacts():
         return False
     hold_bottle(stage)
@@ -91,7 +91,8 @@ def test_postures_that_were_found_once_are_kept(room: Stage, monkeypatch: pytest
 def test_a_bottle_that_lay_when_it_was_grasped_may_be_turned(room: Stage) -> None:
     hold_bottle(room)
     grip = room.belief.held["bottle"]
-    room.belief.held["bottle"] = replace(grip, before=Pose((0.0, 0.0, 1.0), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))))
+    lying = replace(grip, before=Pose((0.0, 0.0, 1.0), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))))
+    room.belief.state = replace(room.belief.state, held={"bottle": lying})
     held = room.platform.scene.arms.held("right")
     assert held is not None
     assert held.largest_tilt is None

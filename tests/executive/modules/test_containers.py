@@ -85,7 +85,7 @@ def beside_a_wall(face: float) -> tuple[MapObject, ...]:
 
 def first_way(stage: Room, value: float, wanted: float) -> LeafPath:
     arms = stage.platform.scene.arms.all
-    ways = LeafPaths(stage.platform, stage.platform.belief.joints["leaf"]).towards(value, arms, wanted)
+    ways = LeafPaths(stage.platform.scene, stage.platform.belief.joints["leaf"]).towards(value, arms, wanted)
     return next(one for one in ways if one is not None)
 
 
@@ -113,7 +113,7 @@ def test_a_leaf_beside_a_wall_is_opened_no_farther_than_a_hand_comes_to_its_hand
 def test_the_way_of_a_leaf_begins_as_the_arm_comes_straight_to_its_handle(stack: ExitStack, seed: int) -> None:
     stage = room(stack, drawn(seed))
     joint, arm = stage.platform.belief.joints["leaf"], stage.platform.scene.arms.all[0]
-    ways = LeafPaths(stage.platform, joint).towards(joint.upper, [arm], joint.first_open)
+    ways = LeafPaths(stage.platform.scene, joint).towards(joint.upper, [arm], joint.first_open)
     for way in islice((one for one in ways if one is not None), 10):
         ends = product(inverse(base_matrices(np.array([way.base]))[0]), way.poses[:2])
         line = cartesian_path(arm.solver, way.before, ends[0], ends[1], lambda q: True)
@@ -316,7 +316,7 @@ def with_a_spoon_at_the_back(stack: ExitStack, value: float) -> Room:
     stage = room(stack, (case, leaf, grip, spoon), "panda")
     stage.truth.set_joint("leaf", value)
     stage.platform.belief.moved("leaf", value)
-    stage.platform.sync()
+    stage.platform.observe()
     return stage
 
 

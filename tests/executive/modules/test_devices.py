@@ -129,7 +129,8 @@ def test_a_device_is_looked_at_and_not_switched_by_what_the_map_says(
 ) -> None:
     """The map says off."""
     stage = room(stack, (TABLE, MAKER, button()))
-    stage.truth.changes.matter.states["maker"] = "DeviceStateOn" if is_on else "DeviceStateOff"
+    matter = stage.truth.changes.matter
+    stage.truth.changes.matter = matter.switched("maker", "DeviceStateOn" if is_on else "DeviceStateOff")
     stage.do(kind, "maker")
     assert stage.truth.changes.matter.is_on("maker") is (kind == ON)
     assert stage.executive.holds(Condition("switched_on", (stage.designator("maker"),))) is (kind == ON)
@@ -144,7 +145,7 @@ def test_a_device_with_a_dead_button_is_reported(stack: ExitStack, monkeypatch: 
 
 def test_a_device_that_cannot_be_seen_from_the_start_is_looked_at_from_elsewhere(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()), start=(-1.2, 0.0, 3.14))
-    stage.truth.changes.matter.states["maker"] = "DeviceStateOn"
+    stage.truth.changes.matter = stage.truth.changes.matter.switched("maker", "DeviceStateOn")
     stage.do(ON, "maker")
     assert stage.truth.changes.matter.is_on("maker")
     assert abs(stage.truth.configuration().base[2] - 3.14) > 0.5

@@ -122,5 +122,5 @@ def test_an_empty_hand_hands_nothing_over(ward: Stage) -> None:
 def test_what_a_person_has_taken_is_out_of_the_planning_world(ward: Stage) -> None:
     offer(ward, "right")
     hand_over(ward)
-    ward.platform.sync()
+    ward.platform.observe()
     assert "bottle" not in ward.planning.names()

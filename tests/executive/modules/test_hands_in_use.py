@@ -35,7 +35,7 @@ def stage(make_stage: MakeStage) -> Stage:
     for arm, tip in tips.items():
         stage.truth.attach(tip, "tray")
         stage.belief.grasped("tray", arm, tip, stage.truth.link_pose(tip).inverse() @ stage.truth.pose("tray"))
-    stage.platform.sync()
+    stage.platform.observe()
     return stage
 
 

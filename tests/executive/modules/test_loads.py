@@ -11,8 +11,8 @@ from planlang import perform
 from planlang.designators import Object, a_location, action, an_object
 from planlang.failures import TooHeavy
 from planlang.geometry import Pose
+from planlang.state.matter import Portion
 from sim import Body
-from sim.matter import Portion
 from tests.executive.conftest import BOTTLE, CABINET, PLACE, MakeStage, Stage, hold_bottle
 
 WATER = Portion("Water", 1200.0, ("water",))
@@ -37,7 +37,8 @@ def refused(stage: Stage, what: Object) -> TooHeavy:
 def test_the_water_in_a_jug_counts_for_one_hand(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, JUG)
     assert refused(stage, THE_JUG).mass == pytest.approx(1.7)
-    stage.planning.changes.matter.take("jug", 1000.0)
+    state = stage.belief.state
+    stage.belief.happened(replace(state, matter=state.matter.take("jug", 1000.0)[0]))
     stage.belief.poured("jug", "the floor", 1000.0)
     next(stage.resolver.bases(a_location(in_reach_of=THE_JUG)))
 

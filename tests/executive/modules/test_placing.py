@@ -103,7 +103,7 @@ def test_things_beside_the_mat_lie_along_it_and_leave_room_for_each_other(make_s
         assert np.isclose(abs(math.cos(pose.yaw)), 1.0), "its long side is turned to the mat"
         gaps.append(abs(pose.position[1]) - 0.2 - 0.01)
         stage.belief.see([Detection(fork.name, pose, 1.0)])
-        stage.platform.sync()
+        stage.platform.observe()
     assert max(gaps) <= 0.15 + 1e-6
 
 

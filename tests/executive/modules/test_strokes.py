@@ -43,7 +43,7 @@ def test_a_tool_that_is_upright_after_its_circles_is_watched_again(make_stage: M
     stage.truth.attach(arm.tip, "mug")
     offset = stage.truth.link_pose(arm.tip).inverse() @ Pose((x, y, z))
     stage.belief.grasped("mug", "left", arm.tip, offset)
-    stage.platform.sync()
+    stage.platform.observe()
     bottom = a_feature("LINE", of=an_object("Cup", PLACE + "mug"), position=(0.0, 0.0, -0.1), direction=(0.0, 0.0, 1.0))
     floor = a_feature(
         "PLANE", of=an_object("FryingPan", PLACE + "pan"), position=(0.0, 0.0, -0.04), direction=(0.0, 0.0, 1.0)

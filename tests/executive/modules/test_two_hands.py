@@ -110,7 +110,7 @@ def restored(stage: Stage) -> None:
     before = json.loads(json.dumps(stage.belief.snapshot()))
     stage.belief.restore(before)
     assert stage.belief.snapshot() == before
-    stage.platform.sync()
+    stage.platform.observe()
     assert (stage.truth.holders("tray"), stage.planning.holders("tray")) == 2 * (stage.truth.holders("tray"),)
     assert stage.truth.riders("tray") == stage.planning.riders("tray") == ("cup",)
 

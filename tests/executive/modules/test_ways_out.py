@@ -22,7 +22,7 @@ def in_the_hand(stage: Stage, least: float, most: float) -> float:
     tip = scene.arms.tip(scene.arms.all[0])[:3, 3]
     for ahead in np.arange(0.3, 0.0, -0.002):
         stage.belief.bump("block", Pose((float(tip[0] + ahead), float(tip[1]), float(tip[2]))))
-        stage.platform.sync()
+        stage.platform.observe()
         deepest = max((contact.depth for contact in scene.collisions.contacts(base)), default=0.0)
         if least < deepest < most:
             return deepest

@@ -191,7 +191,7 @@ def ask_many(stage: Stage, number: int, *, seed: int = 0, tell: Callable[[str], 
     rng = np.random.default_rng(seed)
     endings: Counter[str] = Counter()
     changed, wrong = [], []
-    stage.platform.sync()
+    stage.platform.observe()
     before = snapshot(stage)
     half = 0.0
     for index in range(number):
@@ -208,7 +208,7 @@ def ask_many(stage: Stage, number: int, *, seed: int = 0, tell: Callable[[str], 
             ended = f"{type(problem).__name__}: {problem}"
             wrong.append(f"{kind} {location}: {ended}")
         endings[ended.split(":")[0]] += 1
-        stage.platform.sync()
+        stage.platform.observe()
         if snapshot(stage) != before:
             changed.append(f"{kind} {location}")
             tell(f"{kind} {location} changed the world ({ended})")

@@ -70,7 +70,7 @@ class Stage:
 
     def ask(self, location: Location, number: int = 1) -> Answer:
         """The first places for a location."""
-        self.platform.sync()
+        self.platform.observe()
         found: list[Solution] = []
         began = time.process_time()
         try:
@@ -83,7 +83,7 @@ class Stage:
 
     def put(self, location: Location, what: Object) -> tuple[Pose | None, float]:
         """The first pose for a thing at a location, None if there is none, and the CPU time it took [s]."""
-        self.platform.sync()
+        self.platform.observe()
         began = time.process_time()
         try:
             found = next(self.platform.resolver.things(location, what), None)
@@ -99,7 +99,7 @@ class Stage:
         before = self.world.configuration()
         try:
             self.world.set_configuration(Configuration(solution.base, before.joints))
-            self.platform.sync()
+            self.platform.observe()
             arm = next(a for a in self.platform.scene.arms.all if a.name == solution.detail["arm"])
             person = self.platform.scene.bodies.is_person(self.platform.scene.bodies.bind(what))
             hand = a_location(in_reach_of=what) if person else a_location(in_front_of=what)
@@ -110,7 +110,7 @@ class Stage:
             return None
         finally:
             self.world.set_configuration(before)
-            self.platform.sync()
+            self.platform.observe()
 
     def _claim(self, way: HandSolution, solution: Solution) -> Claim:
         plan, arm, platform = way.plan, way.arm, self.platform

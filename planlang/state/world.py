@@ -1,0 +1,91 @@
+"""World state: poses of bodies, joints of doors and drawers, the robot, and what its hands hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field, replace
+from typing import NamedTuple
+
+from planlang.geometry import Pose
+from planlang.protocols import Configuration
+from planlang.records import dataclass
+from planlang.state.matter import Matter
+
+
+class Hold(NamedTuple):
+    """Hold of one hand on an object."""
+
+    arm: str
+    link: str
+    offset: Pose
+    """Pose of the object in the link's frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Grip of one or more hands on an object; the first hand's hold is ``arm``, ``link`` and ``offset``."""
+
+    arm: str
+    link: str
+    offset: Pose
+    """Pose of the object in the link's frame."""
+    before: Pose
+    """Pose of the object in the map when it was grasped, to which relative locations refer until it is released."""
+    others: tuple[Hold, ...] = ()
+    """Holds of further hands."""
+    riders: tuple[str, ...] = ()
+    """Objects that stand on it and move with it."""
+
+    @property
+    def hands(self) -> tuple[Hold, ...]:
+        """Holds of all hands."""
+        return (Hold(self.arm, self.link, self.offset), *self.others)
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Arms of all hands."""
+        return tuple(hand.arm for hand in self.hands)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WorldState:
+    """What is where, at one moment or in one hypothesis. Immutable: the object itself is the version.
+
+    Its mappings are never changed either, so that two states share those in which they do not differ, and caches may
+    use them as keys: the same object is equal at once, an equal one made anew after a comparison.
+    """
+
+    robots: Mapping[str, Configuration]
+    """Robot -> its configuration."""
+    poses: Mapping[str, Pose]
+    """Body -> pose of its box centre in the map; of a held one, where it stood before."""
+    joints: Mapping[str, float] = field(default_factory=dict)
+    """Leaf -> position of its joint [rad, m]; 0 is closed."""
+    held: Mapping[str, Grip] = field(default_factory=dict)
+    """Held object -> grip, in the order of grasping."""
+    led: Mapping[str, str] = field(default_factory=dict)
+    """Leaf -> link of the hand that moves it."""
+    touched: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """Carried object -> bodies that it has touched without interruption since it was grasped, as far as computed."""
+    matter: Matter = field(default_factory=Matter)
+    """What things hold, and how they are."""
+    away: frozenset[str] = frozenset()
+    """Bodies with a pose that are not in the room: in a person's hands, or in reserve."""
+
+    def with_robot(self, name: str, configuration: Configuration) -> WorldState:
+        """Make the state in which a robot has another configuration."""
+        return replace(self, robots={**self.robots, name: configuration})
+
+    def placed(self, poses: Mapping[str, Pose | None]) -> WorldState:
+        """Make the state in which bodies are at other poses, or (None) absent."""
+        there = dict(self.poses)
+        for name, pose in poses.items():
+            if pose is None:
+                there.pop(name, None)
+            else:
+                there[name] = pose
+        return replace(self, poses=there)
+
+    def carried(self) -> frozenset[str]:
+        """Collect the held objects and those that stand on them."""
+        return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))
