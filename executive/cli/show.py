@@ -27,8 +27,8 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, error
 from planlang.files import Bundled, beginning
 from planlang.language.recovery import explain
-from planlang.ontology import load
 from planlang.language.source import PlanSource
+from planlang.ontology import load
 from planlang.outputs import PNG, check_outputs, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
