@@ -116,7 +116,7 @@ def _print(diagnostic: Diagnostic, others: int) -> None:
     label = f"{diagnostic.severity.value} {diagnostic.code}"
     message = f"{diagnostic.message} (and {others} more {diagnostic.code})" if others else diagnostic.message
     text = str(replace(diagnostic, message=message))
-    if _is_colourful():
+    if sys.stderr.isatty() and "NO_COLOR" not in os.environ:
         text = text.replace(label, typer.style(label, fg=_COLOURS[diagnostic.severity], bold=True), 1)
     typer.echo(text, err=True)
 
@@ -148,10 +148,6 @@ def waiting(arguments: Arguments, what: Callable[[], str], most: float | None = 
 
 def _counted(number: int, word: str) -> str:
     return f"{number} {word}" + ("s" if number != 1 else "")
-
-
-def _is_colourful() -> bool:
-    return sys.stderr.isatty() and "NO_COLOR" not in os.environ
 
 
 def _internal_error(problem: Exception) -> Answer:

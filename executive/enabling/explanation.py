@@ -125,7 +125,7 @@ class Explanation:
             if offer.is_own:
                 yield from below
             elif lacking:
-                yield _entry(offer.uid, f"it needs {_listed(map(self._named, lacking))}", below)
+                yield _entry(offer.uid, f"it needs {', '.join(map(self._named, lacking))}", below)
 
     def entries(self) -> list[Found]:
         """Entries that the task uses, downloaded now or before; dependencies come before the entries that need them."""
@@ -174,10 +174,6 @@ class Explanation:
 
 def _entry(name: str, reason: str, below: tuple[Finding, ...] = ()) -> Finding:
     return Finding(FindingKind.ENTRY, name, None, Availability.MISSING, reason, None, below, counts=False)
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names)
 
 
 MOST_KEPT = 5

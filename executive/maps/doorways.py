@@ -52,10 +52,6 @@ def is_doorway(thing: MapObject, semantic_map: SemanticMap) -> bool:
     return semantic_map.is_a(thing, *OPENINGS)
 
 
-def _is_opening(iri: str, ontology: Ontology) -> bool:
-    return ontology.any_is_a((iri,), OPENINGS)
-
-
 def _connected(ontology: Ontology, rooms: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield the pairs of rooms that are connected, directly or through an opening, in the order of the map."""
     neighbours: dict[str, dict[str, None]] = {}
@@ -64,7 +60,7 @@ def _connected(ontology: Ontology, rooms: Sequence[str]) -> Iterator[tuple[str, 
             if isinstance(triple.subject, str) and isinstance(triple.object, str):
                 neighbours.setdefault(triple.subject, {})[triple.object] = None
                 neighbours.setdefault(triple.object, {})[triple.subject] = None
-    portals = {iri for iri in neighbours if _is_opening(iri, ontology)}
+    portals = {iri for iri in neighbours if ontology.any_is_a((iri,), OPENINGS)}
     for one, other in combinations(rooms, 2):
         near = neighbours.get(one, {})
         if other in near or any(portal in portals and other in neighbours[portal] for portal in near):

@@ -225,13 +225,10 @@ class _Writer:
     def _value(self, triple: Triple, words: tuple[str, ...]) -> None:
         """Write a fact of an individual, or an annotation; both state the same triple."""
         is_fact = "Individual" in words and triple.predicate not in ANNOTATING
-        if is_fact and not self._is_annotation_property(triple.predicate):
+        if is_fact and not self._graph.has(triple.predicate, RDF.type, OWL.AnnotationProperty):
             self._put(triple, words, ("Individual",), "Facts", lambda: self._fact(triple))
         else:
             self._put(triple, words, words, "Annotations", lambda: self._annotation(triple, AXIOM))
-
-    def _is_annotation_property(self, prop: str) -> bool:
-        return self._graph.has(prop, RDF.type, OWL.AnnotationProperty)
 
     def _put(
         self,

@@ -65,7 +65,7 @@ _JUNCTIONS = frozenset(("and", "or", "not", "one of"))
 _PROPERTIES = frozenset(("name", "inverse"))
 _KINDS = {
     "class": _Kind("a class", lambda one: _is_class(one)),
-    "range": _Kind("a datatype", lambda one: _is_range(one)),
+    "range": _Kind("a datatype", lambda one: _is_name(one) or one.is_range),
     "property": _Kind("a property", lambda one: one.kind in _PROPERTIES and _is_no_value(one)),
     "chain": _Kind("a property or a chain", lambda one: one.kind in (*_PROPERTIES, "chain") and _is_no_value(one)),
     "name": _Kind("a name", lambda one: _is_name(one)),
@@ -88,10 +88,6 @@ def _is_class(one: Expression) -> bool:
     if one.kind in _JUNCTIONS:
         return not one.data
     return one.kind not in ("inverse", "facets", "chain") and _is_no_value(one)
-
-
-def _is_range(one: Expression) -> bool:
-    return _is_name(one) or one.is_range
 
 
 def _is_number(one: Expression) -> bool:
