@@ -26,7 +26,8 @@ class WorldMirror:
     def at(self, state: WorldState) -> PlanningWorld:
         """Return the world as it is in a state. What it answers holds until another state is asked for."""
         if state is not self._shown:
-            self._become(state)
+            before, self._shown = self._shown, None  # if this is interrupted, the world is in no state
+            self._become(state, before)
             self._shown = state
         return self._world
 
@@ -49,7 +50,7 @@ class WorldMirror:
         self._shown = replace(state, poses=poses, held=held, matter=world.changes.matter)
         return self._shown, result
 
-    def _become(self, state: WorldState) -> None:
+    def _become(self, state: WorldState, before: WorldState | None) -> None:
         """Bring the world to a state: what hands hold, the robot, joints, then all other poses."""
         world, carried = self._world, state.carried()
         riders = carried - state.held.keys()
@@ -61,7 +62,7 @@ class WorldMirror:
             if state.led.get(leaf) != link:
                 world.let_go(leaf)
         there = state.robots[self._robot]
-        if self._shown is None or self._shown.robots[self._robot] != there:
+        if before is None or before.robots[self._robot] != there:
             world.set_configuration(there)
         for leaf, value in state.joints.items():
             if world.joint(leaf) != value:

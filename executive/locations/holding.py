@@ -179,12 +179,12 @@ class _Hand:
     """One hand with the test things, at a posture of the arm far from the robot's body."""
 
     def __init__(self, arm: Arm, model: ArmModel, scene: PlanningScene) -> None:
-        self.arm, self.model, self.scene, self.world = arm, model, scene, scene.world
+        self.arm, self.model, self.scene = arm, model, scene
         self.things = trial_things()
         self.branches = self._branches()
         self.q = self._stretched()
         joints = dict(zip(model.joints, map(float, self.q), strict=True))
-        self.tip = self.world.link_pose(arm.tip, Configuration(_BASE, joints)).matrix()
+        self.tip = scene.world.link_pose(arm.tip, Configuration(_BASE, joints)).matrix()
 
     def holding(self, share: Share) -> Holding:
         """Test all things."""
@@ -210,11 +210,11 @@ class _Hand:
     def _moved(self) -> frozenset[int]:
         """Numbers of the links with shapes that the gripper moves."""
         assert self.arm.gripper is not None
-        return frozenset[int]().union(*map(self.world.robot.moved_by, self.arm.gripper.joints))
+        return frozenset[int]().union(*map(self.scene.world.robot.moved_by, self.arm.gripper.joints))
 
     def _branches(self) -> dict[str, str]:
         """Map the links of moving fingers to names of their fingers, which contain "thumb" for a thumb."""
-        robot, arm, mechanism = self.world.robot, self.arm, Mechanism(self.scene.robot.urdf)
+        robot, arm, mechanism = self.scene.world.robot, self.arm, Mechanism(self.scene.robot.urdf)
         branches = {robot.solid_names[number]: robot.solid_names[number] for number in sorted(self._moved())}
         for joint in mechanism.fingers(arm.hand_link):
             links = [joint.child]
@@ -234,16 +234,18 @@ class _Hand:
         far = np.hypot(tips[:, 0], tips[:, 1]) + np.minimum(tips[:, 2], self.model.shoulder_high[2])
         order = np.argsort(-far.round(6), kind="stable")
         fingers = self.model.openings.widest
-        free = (row for row in order.tolist() if not self._contacts(rows[row], fingers))
+        free = (row for row in order.tolist() if not self._contacts(self.scene, rows[row], fingers))
         return np.asarray(rows[next(free, int(order[0]))])
 
-    def _contacts(self, q: Array, fingers: Sequence[tuple[str, float]]) -> tuple[tuple[str, str], ...]:
-        contacts = self.scene.collisions.contacts(_BASE, self.model, q, fingers=tuple(fingers))
+    def _contacts(
+        self, scene: PlanningScene, q: Array, fingers: Sequence[tuple[str, float]]
+    ) -> tuple[tuple[str, str], ...]:
+        contacts = scene.collisions.contacts(_BASE, self.model, q, fingers=tuple(fingers))
         return tuple((one.part, one.body) for one in contacts)
 
     def _touching(self) -> tuple[str, str] | None:
         """Find two links of the open hand that touch each other."""
-        contacts = self._contacts(self.q, self.model.openings.widest)
+        contacts = self._contacts(self.scene, self.q, self.model.openings.widest)
         return next((pair for pair in contacts if set(pair) <= self.model.hand_links), None)
 
     # As plans do
@@ -255,29 +257,27 @@ class _Hand:
         log, near = Rejections(), (np.asarray(thing.pose.position), NEAR)
         tables = candidates_of(reach, self.model, self.scene, log, Stage.ALL)
         at = thing.pose.matrix()
-        try:
-            for _, table, _ in unblocked(self.model, tables, self.scene, log, near, hits=HandHits()):
-                tried: dict[int, int] = {}
-                for index in np.argsort(-table.weights.round(6), kind="stable").tolist():
-                    grasp = int(table.grasps[index])
-                    tried[grasp] = tried.get(grasp, 0) + 1
-                    if tried[grasp] > MOST:
-                        continue
-                    plan = table.plan(index)
-                    self._put(thing, product(self.tip, product(inverse(plan.poses[table.key]), at)))
-                    joints = np.tile(self.q, (len(plan.poses), 1))
-                    trial = Trial(HandSolution(reach, self.model, plan, joints), _BASE, self.scene)
-                    if trial.fails_to_grip() is None and self._holds(thing, plan.fingers):
-                        return self._pinched(thing, plan.fingers)
-        finally:
-            self._put(thing, at)
+        for _, table, _ in unblocked(self.model, tables, self.scene, log, near, hits=HandHits()):
+            tried: dict[int, int] = {}
+            for index in np.argsort(-table.weights.round(6), kind="stable").tolist():
+                grasp = int(table.grasps[index])
+                tried[grasp] = tried.get(grasp, 0) + 1
+                if tried[grasp] > MOST:
+                    continue
+                plan = table.plan(index)
+                scene = self._with(thing, product(self.tip, product(inverse(plan.poses[table.key]), at)))
+                joints = np.tile(self.q, (len(plan.poses), 1))
+                trial = Trial(HandSolution(reach, self.model, plan, joints), _BASE, scene)
+                if trial.fails_to_grip() is None and self._holds(scene, thing, plan.fingers):
+                    return self._pinched(scene, thing, plan.fingers)
         return None
 
-    def _holds(self, thing: Body, fingers: Fingers) -> bool:
-        return self.scene.collisions.closed_on(_BASE, self.model, self.q, thing.name, fingers) is not None
+    def _holds(self, scene: PlanningScene, thing: Body, fingers: Fingers) -> bool:
+        return scene.collisions.closed_on(_BASE, self.model, self.q, thing.name, fingers) is not None
 
-    def _put(self, thing: Body, at: Array) -> None:
-        self.world.set_pose(thing.name, Pose.from_matrix(at))
+    def _with(self, thing: Body, at: Array) -> PlanningScene:
+        """Suppose that a thing is at a pose (4, 4)."""
+        return self.scene.supposing(self.scene.belief.state.placed({thing.name: Pose.from_matrix(at)}))
 
     # As the fingers do
 
@@ -287,28 +287,24 @@ class _Hand:
         approach, closing = np.asarray(self.arm.approach), np.asarray(self.arm.closing)
         turn = np.column_stack([approach, closing, np.cross(approach, closing)])
         fingers = self.model.openings.widest
-        try:
-            for along in ALONG:
-                free = []
-                for across in ACROSS:
-                    self._put(thing, product(self.tip, rigid(turn, along * approach + across * closing)))
-                    if not any(thing.name in pair for pair in self._contacts(self.q, fingers)):
-                        free.append(across)
-                for across in _tried(free):
-                    self._put(thing, product(self.tip, rigid(turn, along * approach + across * closing)))
-                    if (found := self._pinched(thing, fingers, FIRM)) is not None:
-                        return found
-        finally:
-            self._put(thing, thing.pose.matrix())
+        for along in ALONG:
+            free = dict[float, PlanningScene]()
+            for across in ACROSS:
+                scene = self._with(thing, product(self.tip, rigid(turn, along * approach + across * closing)))
+                if not any(thing.name in pair for pair in self._contacts(scene, self.q, fingers)):
+                    free[across] = scene
+            for across in _tried(tuple(free)):
+                if (found := self._pinched(free[across], thing, fingers, FIRM)) is not None:
+                    return found
         return None
 
-    def _pinched(self, thing: Body, fingers: Fingers, least: float = OPPOSED) -> _Pinch | None:
+    def _pinched(self, scene: PlanningScene, thing: Body, fingers: Fingers, least: float = OPPOSED) -> _Pinch | None:
         """Close the fingers on a thing in the hand; None if nothing of the hand touches it from opposite sides."""
-        joints = self.scene.collisions.closed(_BASE, self.model, self.q, thing.name, fingers)
+        joints = scene.collisions.closed(_BASE, self.model, self.q, thing.name, fingers)
         if joints is None or self.arm.gripper is None:
             return None
         for links in (frozenset(self.arm.gripper.finger_links), self.model.hand_links):
-            touches = self.world.touches(sorted(links), Configuration(_BASE, joints))
+            touches = scene.world.touches(sorted(links), Configuration(_BASE, joints))
             if (sides := _sides(touches, least)) is not None:
                 palm = next((one.link for side in sides for one in side if one.link not in self.branches), None)
                 is_rim = thing.wall > 0 and math.dist(sides[0][0].point, sides[1][0].point) < NARROW
