@@ -49,7 +49,7 @@ def _line(row: Row) -> str:
         return f"| {name} | {package} | | | | | | no | | {_cell(_ending(row))} |"
     arms = [f"{arm['tip']}, {_opening(arm)}" for arm in row["arms"].values()]
     reach = [" ".join(f"{count:,}" for count in counts) for counts in row.get("reach", {}).values()]
-    reach += [_ending(row["unreached"])] if "unreached" in row else []
+    reach += [_ending(row["unreached"])] if "unreached" in row else [] if "reach" in row else ["not asked"]
     agrees = "not stated" if row["differs"] is None else "no" if row["differs"] else "yes"
     costs = f"{row['cpu']:.0f} s, {row['memory']} MB"
     base = "stands" if row["fixed"] else "drives"
