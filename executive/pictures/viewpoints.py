@@ -156,5 +156,5 @@ def _visibility(stage: Stage, moment: Moment, proxies: Mapping[Path, Model], vie
     frame.draw(whole)
     shown = frame.triangles
     counts = np.bincount(whole.owners[shown[shown >= 0]], minlength=int(whole.owners.max(initial=0)) + 1)
-    owners = [np.unique(np.concatenate([stage.models[path].owners for path in paths])) for paths in moment.about]
+    owners = [np.unique(np.concatenate([proxies[path].owners for path in paths])) for paths in moment.about]
     return sum(math.log1p(float(counts[one].sum())) for one in owners)

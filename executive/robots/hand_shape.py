@@ -320,12 +320,13 @@ class _Hand:
 
     def _stays_parallel(self, approach: Array, wide: Values, narrow: Values) -> bool:
         """Check whether the link at the tip of each finger keeps its attitude as the hand opens."""
-        solid, turns = self.world.robot.solid_names, list[dict[str, Array]]()
+        solid, turns = frozenset(self.world.robot.solid_names), list[dict[str, Array]]()
         ends = list[str]()
         for values in (wide, narrow):
             self._points(values)  # puts the robot there
-            if not ends:
-                for links in self.links.values():
+            if not ends:  # a motor that fingers follow has no shape, and turns by itself
+                fingers = [links for links in self.links.values() if not solid.isdisjoint(links)]
+                for links in fingers or self.links.values():
                     ahead = {
                         link: float(
                             (self._drawn(link) @ approach).max() if link in solid else self._place(link) @ approach

@@ -65,7 +65,7 @@ def tried(
     """Try robots, in three stages; return a row for each. ``folder`` receives robot files, pictures, and rows.
 
     With ``reused``, stages are not repeated whose results lie there, found by the same code with the same limits.
-    ``until`` is the last stage.
+    ``until`` is the last stage; of later ones, only such results are taken.
     """
     rows: dict[str, dict[str, Any]] = {name: {"world": name, "truth": dict(one)} for name, one in robots.items()}
     worlds = {name: _world(name, one, folder, pictures) for name, one in robots.items()}
@@ -87,7 +87,8 @@ def tried(
         there = {name: found for name in names if (found := kept.found(worlds[name], job)) is not None}
         for name, found in there.items():
             added(name, found)
-        missing = [name for name in names if name not in there]
+        is_late = STAGES.index(job) > STAGES.index(until)
+        missing = [] if is_late else [name for name in names if name not in there]
         chosen = [worlds[name] | {key: rows[name].get(key) for key in ("fixed", "camera", "arms")} for name in missing]
         sweep(chosen, f"tests.benchmarks.robots_tried.trial:{job}_job", processes=jobs, limits=limits, told=told)
 
@@ -95,10 +96,8 @@ def tried(
     able = [
         name for name, row in rows.items() if any((a["opening"] or 0) > OPENS for a in row.get("arms", {}).values())
     ]
-    if until != "draft":
-        stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=20.0 * seconds), able)
-    if until == "inspect":
-        stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
+    stage("bring", Limits(seconds=seconds, memory=4_000_000_000, wall=20.0 * seconds), able)
+    stage("inspect", INSPECTING, [name for name, row in rows.items() if "cpu" in row])
     return list(rows.values())
 
 

@@ -22,7 +22,7 @@ SOURCES = (
 
 
 class Kept:
-    """Results of stages, a file beside each robot file; those of other code, limits, facts, URDFs, packages go.
+    """Results of stages, a file beside each robot file, forgotten if code, limits, facts, URDF or packages differ.
 
     ``limits`` is what else results depend on; None keeps nothing.
     """

@@ -20,11 +20,13 @@ def page(rows: Sequence[Row]) -> Iterator[str]:
     right = [row for row in rows if row.get("differs") == []]
     able = [row for row in rows if _widest(row) > OPENS]
     done = [row for row in rows if row.get("reached")]
+    untried = sum(map(_is_untried, able))
+    rest = f", {len(able) - len(done) - untried} do not, and {untried} were not tried" if untried else ""
     ended = [row for row in rows if "cpu" in row]
     seconds, memory = (max((row[key] for row in ended), default=0) for key in ("cpu", "memory"))
     yield (
         f"{len(rows)} robots of {len(makers)} makers: {len(right)} are drafted as their sources say; "
-        f"{len(done)} of the {len(able)} with a hand that opens over {100 * OPENS:.0f} cm bring the bottle. "
+        f"{len(done)} of the {len(able)} with a hand that opens over {100 * OPENS:.0f} cm bring the bottle{rest}. "
         f"Drafting one takes {seconds:.0f} s of CPU and {memory} MB at most."
     )
     wrong = Counter(kind for row in rows for kind in dict.fromkeys(kind for kind, _ in row.get("differs") or ()))
@@ -49,13 +51,14 @@ def _line(row: Row) -> str:
         return f"| {name} | {package} | | | | | | no | | {_cell(_ending(row))} |"
     arms = [f"{arm['tip']}, {_opening(arm)}" for arm in row["arms"].values()]
     reach = [" ".join(f"{count:,}" for count in counts) for counts in row.get("reach", {}).values()]
-    reach += [_ending(row["unreached"])] if "unreached" in row else []
+    reach += [_ending(row["unreached"])] if "unreached" in row else [] if "reach" in row else ["not asked"]
     agrees = "not stated" if row["differs"] is None else "no" if row["differs"] else "yes"
     costs = f"{row['cpu']:.0f} s, {row['memory']} MB"
+    brings = "yes" if row.get("reached") else "not tried" if _widest(row) > OPENS and _is_untried(row) else "no"
     base = "stands" if row["fixed"] else "drives"
     cells = (
         name, package, base, row["torso"] or "none", "<br>".join(arms) or "none", row["camera"] or "none",
-        "<br>".join(reach), agrees, costs, "yes" if row.get("reached") else "no",
+        "<br>".join(reach), agrees, costs, brings,
     )  # fmt: skip
     return f"| {' | '.join(map(_cell, cells))} |"
 
@@ -65,9 +68,21 @@ def _about(row: Row) -> Iterator[str]:
     says = row["truth"].get("says")
     sentences = [f"{says}." if says else ""]
     sentences += [f"Different: {'; '.join(words for _, words in row['differs'])}." if row.get("differs") else ""]
-    sentences += ["" if row.get("reached") else f"Brings nothing: {_ending(row)}."]
+    sentences += [_brings(row)]
     if any(sentences):
         yield f"* **{row['world']}**: {' '.join(filter(None, sentences))}"
+
+
+def _brings(row: Row) -> str:
+    if row.get("reached"):
+        return ""
+    if "arms" in row and _widest(row) > OPENS and _is_untried(row):
+        return "It was not tried with the bottle."
+    return f"Brings nothing: {_ending(row)}."
+
+
+def _is_untried(row: Row) -> bool:
+    return not any(key in row for key in ("outcome", "message", "crashed", "internal", "refused"))
 
 
 def _ending(row: Row) -> str:

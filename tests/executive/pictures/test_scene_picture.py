@@ -70,6 +70,18 @@ def test_all_of_the_robot_is_in_the_picture(world: PyBulletWorld) -> None:
     assert (seen[:, :2] < SMALL).all()
 
 
+def test_a_link_with_several_collision_shapes_alone_is_in_the_picture(tmp_path: Path) -> None:
+    box = "<collision><geometry><box size='0.1 0.1 0.1'/></geometry></collision>"
+    urdf = tmp_path / "boxes.urdf"
+    urdf.write_text(f"<robot name='boxes'><link name='base_link'>{box * 3}</link></robot>")
+    room = Body("room", Pose((0.0, 0.0, 1.3)), (6.0, 6.0, 2.6), "room")
+    made = PyBulletWorld(Scene((room,)), RobotBody(urdf, CameraModel("base_link")))
+    try:
+        assert picture(made, [], size=SMALL).shape == (SMALL[1], SMALL[0], 3)
+    finally:
+        made.close()
+
+
 def test_of_walls_before_the_room_only_their_lower_edges_are_drawn(world: PyBulletWorld) -> None:
     stage = Stage(world)
     poses = stage.poses()

@@ -99,6 +99,27 @@ def test_sliding_fingers_open_as_far_as_their_joints_and_no_hand_30_cm(
     assert any("wider than hands open" in one.message for one in said) == (opening > 0.3)
 
 
+def test_tips_that_stay_parallel_open_wide_though_their_motor_turns_without_a_shape(tmp_path: Path) -> None:
+    parts = Parts()
+    wrist = parts.arm(parts.base("wheels"), "arm", 6, 0.0, at=(0.1, 0.35))
+    palm = parts.fixed(wrist, parts.link("palm", (0.05, 0.08, 0.04)), (0.0, 0.0, 0.08))
+    parts.joint("motor_joint", palm, parts.link("motor"), (0.0, 0.0, 0.02), X, (-0.5, 1.2))
+    for name, y in (("left", 1.0), ("right", -1.0)):
+        bar = parts.link(f"{name}_bar", (0.01, 0.01, 0.06), (0.0, 0.0, 0.03))
+        tip = parts.link(f"{name}_tip", (0.02, 0.01, 0.04), (0.0, 0.0, 0.02))
+        for joint, parent, child, at, sign in (
+            (f"{name}_bar_joint", palm, bar, (0.0, 0.03 * y, 0.02), -y),
+            (f"{name}_tip_joint", bar, tip, (0.0, 0.0, 0.06), y),
+        ):
+            parts.joint(joint, parent, child, at, X, (-1.5, 1.5))
+            follows = f'<mimic joint="motor_joint" multiplier="{sign}"/></joint>'
+            parts.elements[-1] = parts.elements[-1].replace("</joint>", follows)
+    found, _, _ = drafted(parts.written(tmp_path / "wide.urdf"))
+    widest = 2 * (0.03 + 0.06 * np.sin(1.2) - 0.005)
+    assert widest > 0.15
+    assert found["arms"]["arm"]["gripper"]["max_opening"] == pytest.approx(0.95 * widest, abs=0.004)
+
+
 def test_the_limits_to_write_are_on_the_side_of_those_of_the_urdf(tmp_path: Path) -> None:
     parts = Parts()
     palm = parts.arm(parts.base("wheels"), "arm", 6, 0.0, at=(0.1, 0.35))
