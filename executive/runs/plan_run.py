@@ -8,7 +8,6 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +48,7 @@ from executive.runs.plan_files import (
 from executive.runs.remedies import able_robots, absent_things, command_of, performing
 from executive.runs.reporting import context_of
 from executive.runs.settings import header_entries
-from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256
+from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in, note, warning
@@ -302,7 +301,7 @@ class Run:
             "urdf_sha256": sha256(robot.urdf),
             "map": subject.map.iri,
             "map_sha256": [document.sha256 for document in subject.map.ontology.documents],
-            "versions": _versions(),
+            "versions": versions(),
         }
         settings = header_entries(
             options,
@@ -491,13 +490,3 @@ def _is_own(file: Path) -> bool:
     """Check whether a file is part of the executive or the simulator."""
     own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent
     return any(file.is_relative_to(folder) for folder in own)
-
-
-def _versions() -> dict[str, str]:
-    versions = {}
-    for package in ("planlang", "pybullet", "casadi", "ruckig", "numpy"):
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "unknown"
-    return versions

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import field
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -292,3 +293,14 @@ def _text(value: Any) -> str | None:
 
 def _number(value: Any) -> float:
     return float(value) if type(value) in (int, float) else math.nan
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of planlang and of the packages that decide on numbers, for the header of a trace."""
+    found = {}
+    for package in ("planlang", "pybullet", "casadi", "ruckig", "numpy"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found

@@ -41,7 +41,7 @@ HASHES = "sha256"
 """The file of hashes in a folder of traces, in the format of sha256sum."""
 SHOWN = 160
 """Characters of a line that are printed around the first that differs."""
-LONGEST = 900
+LONGEST = 3600
 """Seconds of wall clock after which a run is stopped; it counts as different."""
 
 Traces = Mapping[str, Path]
@@ -69,6 +69,7 @@ def run(checkout: Path, scenario: Scenario, seed: int, trace: Path) -> None:
             said = f"exit code {done.returncode}\n{done.stdout}{done.stderr}"
         except subprocess.TimeoutExpired:
             said = f"stopped after {LONGEST} s\n"
+            trace.unlink(missing_ok=True)  # how far it came says nothing
     if not trace.exists():
         trace.write_text(said, encoding="utf-8")
 
