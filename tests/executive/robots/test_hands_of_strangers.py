@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from executive.locations.capabilities import capabilities_of
 from executive.locations.reachability import GraspClass
 from executive.locations.reachability_maps import build_map
-from executive.pictures.robot_picture import FORWARD, robot_picture
+from executive.pictures.robot_picture import FORWARD, hand_picture, robot_picture
 from executive.robots import Robot, bind_draft, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from executive.robots.draft import draft_of
@@ -20,6 +21,7 @@ from executive.robots.matching import possessions_of
 from executive.robots.mechanism import markers
 from planlang.diagnostics import Diagnostic
 from sim import PlanningWorld, Scene
+from tests.support.hands import TWO, robot_with
 from tests.support.robot_parts import Parts, X, Y
 
 
@@ -208,6 +210,22 @@ def test_the_picture_of_a_robot_has_an_arrow_forward() -> None:
     dark = np.argwhere((np.abs(image.astype(int) - FORWARD[:3]) < 25).all(axis=2))
     assert len(dark) > 20
     assert np.median(dark[:, 0]) > 120, "it is on the floor"
+
+
+def test_the_picture_of_a_hand_has_fingers_that_are_only_drawn(tmp_path: Path) -> None:
+    path, urdf = robot_with(tmp_path, arm=TWO), tmp_path / "mine.urdf"
+    parts = re.split(r"(?=<link )", urdf.read_text())
+    drawn = (
+        one.replace("collision>", "visual>") if re.match('<link name="arm_(left|right)"', one) else one for one in parts
+    )
+    urdf.write_text("".join(drawn))
+    robot = bind_robot(path)
+    world = PlanningWorld(Scene(()), robot.body())
+    assert "arm_left" not in world.robot.solid_names
+    image = hand_picture(robot, robot.arms[0], world, (200, 200)).astype(int)
+    world.close()
+    orange = (image[..., 0] - image[..., 2] > 100) & (image[..., 1] - image[..., 2] > 40)
+    assert orange.sum() > 100
 
 
 def test_a_base_that_is_fixed_has_a_next_step(tmp_path: Path) -> None:
