@@ -89,6 +89,8 @@ class OwnBody:
     """The link that is in the way most often, of the pairs of it and a link of the arm."""
     touched_by: str | None
     """That link of the arm."""
+    other: str | None = None
+    """Another arm, in its carrying posture, that one of these two links belongs to."""
 
     def __str__(self) -> str:
         """Say it: "below 9 % of that, in the way of 12 % of the rest, mostly mobile_base"."""
@@ -204,6 +206,7 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
     solid, now = world.robot.solid_names, world.configuration().joints
     own = frozenset[int]().union(*(world.robot.moved_by(name) for name in arm.joints if name != robot.torso))
     links = {solid[number] for number in own}
+    bodily = set(solid) - links  # the floor is no part of the robot
     tested, inside, blocked = 0, 0, Counter[tuple[str, str]]()
     rng = np.random.default_rng(0)
     for found in maps.values():
@@ -219,13 +222,24 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
             contacts = world.contacts(Configuration((0.0, 0.0, 0.0), joints), arm.joints)
             pairs = [(one.part, one.body) for one in contacts]
             ordered = (pair if pair[1] in links else pair[::-1] for pair in pairs)
-            hits = (pair for pair in ordered if pair[1] in links and pair[0] not in links)
+            hits = (pair for pair in ordered if pair[1] in links and pair[0] in bodily)
             tested += 1
             if (hit := next(hits, None)) is not None:
                 blocked[hit] += 1
     most = min(blocked, key=lambda pair: (-blocked[pair], pair), default=None)
     total = sum(map(len, maps.values()))
-    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), *(most or (None, None)))
+    other = _other_arm(robot, arm, most, world) if most is not None else None
+    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), *(most or (None, None)), other)
+
+
+def _other_arm(robot: Robot, arm: ArmModel, pair: Sequence[str], world: PlanningWorld) -> str | None:
+    """Find another arm that one of two links belongs to: its own joints move it, where they put it for driving."""
+    for one in robot.arms:
+        joints = [name for name in one.joints if name not in arm.joints and name != robot.torso]
+        numbers = frozenset[int]().union(*map(world.robot.moved_by, joints))
+        if not {world.robot.solid_names[number] for number in numbers}.isdisjoint(pair):
+            return one.name
+    return None
 
 
 # Doorways
@@ -366,7 +380,13 @@ def _out_of_reach(reaches: Sequence[ArmReach]) -> Iterator[Advice]:
             )
         elif own.share > OFTEN and own.link is not None:
             what = f"the robot's own {own.link} is in the way of the {one.arm} arm in {_percent(own.share)} of places"
-            if own.link == BASE:
+            if own.other is not None:
+                what = f"the {one.arm} arm cannot go to {_percent(own.share)} of places, as parts of the robot touch"
+                yield Advice(
+                    f"{what}, mostly {own.link} and {own.touched_by}, with the {own.other} arm in its carrying posture",
+                    f"another posture of the {own.other} arm in [postures.carrying]",
+                )
+            elif own.link == BASE:
                 yield Advice(what, "a lower or narrower size, or an at nearer to its edge, in [mount]")
             else:
                 pair = f'["{own.link}", "{own.touched_by}"]'

@@ -39,7 +39,9 @@ def test_for_another_arm_in_the_way_another_carrying_posture_is_advised(tmp_path
     text = urdf.read_text().replace('xyz="0.1 0.2 0.5"', 'xyz="0.1 -0.2 0.5"')
     big = r'\1<collision><geometry><box size="0.8 0.3 1.2"/></geometry></collision></link>'
     urdf.write_text(re.sub(r'(<link name="right_l3">).*?</link>', big, text))
-    lines = (f"{side}_j{k} = {-0.5 if side + str(k) == 'left2' else 0}\n" for side in ("left", "right") for k in range(1, 5))
+    lines = (
+        f"{side}_j{k} = {-0.5 if side + str(k) == 'left2' else 0}\n" for side in ("left", "right") for k in range(1, 5)
+    )
     path.write_text(f"{path.read_text()}[postures.carrying]\n{''.join(lines)}")
     found = reaching(path, "left", GraspClass.SIDE)
     assert found.reaches[0].own_body.other == "right"
