@@ -20,7 +20,8 @@ from executive.motion import Boxes, Grid
 from executive.motion.clearance import Outline, outlines
 from executive.motion.drivable import drivable, free_poses
 from executive.robots import Arm, Robot
-from executive.robots.arms import ArmModel, arm_models
+from executive.robots.arms import ArmModel, arm_models, called
+from executive.robots.bare_hands import REMEDY
 from executive.robots.mechanism import BASE, Mechanism, is_still
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
@@ -177,7 +178,14 @@ def capabilities_of(
         doorways = None if robot.base.fixed else _doorways(robot, world)
     finally:
         world.close()
-    advice = (*_still_joints(robot), *long, *_covered(models), *_openings(robot, models, held), *_unequal(robot))
+    advice = (
+        *_still_joints(robot),
+        *long,
+        *_bare(held),
+        *_covered(models),
+        *_openings(robot, models, held),
+        *_unequal(robot),
+    )
     advice = (*advice, *_out_of_reach(reaches))
     return Capabilities(held, reaches, doorways, advice)
 
@@ -311,19 +319,31 @@ def _too_long(robot: Robot, world: PlanningWorld) -> Iterator[Advice]:
                 break
 
 
+def _bare(held: Sequence[Holding]) -> Iterator[Advice]:
+    """Name links without the shapes that tell what a hand holds."""
+    for holding in held:
+        if holding.bare:
+            what = f"{holding.bare}, so what the hand of {called(holding.arm)} holds is not known"
+            yield Advice(what, REMEDY)
+
+
 def _covered(models: Sequence[ArmModel]) -> Iterator[Advice]:
     """Name links whose shapes are around the grip point: no thing fits there."""
     for arm in models:
         if arm.covering is not None:
-            what = f"the <collision> shape of {arm.covering} covers the grip point of the {arm.name} arm"
-            yield Advice(f"{what}, so it grasps nothing", "shapes as they are into the URDF, also for its fingers")
+            what = f"the <collision> shape of {arm.covering} covers the grip point of {called(arm.name)}"
+            yield Advice(
+                f"{what}, so nothing fits between its fingers",
+                f"draw {arm.covering} in the URDF as it is, and each finger as a link with a shape of its own; tip and "
+                f"tool_offset in [arms.{arm.name}] put the grip point between the fingertips",
+            )
 
 
 def _openings(robot: Robot, models: Sequence[ArmModel], held: Sequence[Holding]) -> Iterator[Advice]:
     """Compare what plans grasp with what the fingers hold."""
     covered = {arm.name for arm in models if arm.covering is not None}
     for holding in held:
-        if holding.planned and holding.arm not in covered:
+        if holding.planned and not holding.bare and holding.arm not in covered:
             yield from _opening(robot.arm(holding.arm), holding)
 
 

@@ -144,7 +144,60 @@ def test_a_shape_around_the_grip_point_is_named(tmp_path: Path) -> None:
         )
     _, robot, _ = drafted(parts.written(tmp_path / "hulled.urdf"))
     advice = [str(one) for one in capabilities_of(with_carrying(robot)).warnings]
-    assert any("the <collision> shape of hull_of_all covers the grip point of the arm arm" in one for one in advice)
+    assert any(
+        "the <collision> shape of hull_of_all covers the grip point of the arm, so nothing fits between its fingers"
+        in one
+        for one in advice
+    )
+
+
+def test_a_hand_whose_fingers_have_no_collision_shape_is_a_guess_that_says_so(tmp_path: Path) -> None:
+    parts = Parts()
+    with_gripper(parts)
+    parts.elements = [one.replace("collision>", "visual>") if "arm_finger" in one else one for one in parts.elements]
+    path = parts.written(tmp_path / "drawn.urdf")
+    bare = "arm_finger0 and arm_finger1 have no <collision> shape"
+    draft = draft_of(path)
+    for key in ("tool_offset", "max_opening"):
+        above = draft.text().partition(f"\n{key} = ")[0].splitlines()[-1]
+        assert f"doubtful: {bare}; add such shapes to the URDF" in above
+        assert "the fingertips" not in above
+        assert "gap" not in above
+    _, robot, _ = drafted(path)
+    can = capabilities_of(with_carrying(robot))
+    assert str(can.holdings[0]) == f"not known, as {bare}"
+    assert str(can.warnings[0]) == (
+        f"{bare}, so what the hand of the arm holds is not known: add such shapes to the URDF"
+    )
+
+
+def test_a_single_finger_needs_a_palm_with_a_shape(tmp_path: Path) -> None:
+    parts = Parts()
+    wrist = parts.arm(parts.base("wheels"), "arm", 6, 0.0, at=(0.1, 0.35))
+    palm = parts.link("palm", (0.05, 0.05, 0.1), (0.0, -0.03, 0.05))
+    parts.elements[-1] = parts.elements[-1].replace("collision>", "visual>")
+    hand = parts.joint("wrist_turn", wrist, palm, (0.0, 0.0, 0.08))
+    jaw = parts.link("jaw", (0.02, 0.012, 0.06), (0.0, 0.006, 0.03))
+    parts.joint("jaw_joint", hand, jaw, (0.0, 0.0, 0.04), X, (-0.05, 0.0))
+    _, _, said = drafted(parts.written(tmp_path / "jaw.urdf"))
+    (found,) = (one.message for one in said if "max_opening" in one.message)
+    assert "no gap between two fingers was found, as palm has no <collision> shape: add such shapes" in found
+
+
+def test_a_missing_mesh_of_the_base_makes_no_opening_doubtful(tmp_path: Path) -> None:
+    parts = Parts()
+    with_gripper(parts)
+    inertia = '<inertial><mass value="0.1"/><inertia ixx="2e-5" iyy="2e-5" izz="1e-6"/></inertial>'
+    mesh = f'{inertia}<collision><geometry><mesh filename="lost.stl"/></geometry></collision>'
+    elements = parts.elements
+    for link, said in (
+        ("base_link", "gap between the opened fingers\n"),
+        ("arm_finger0", "boxes stand for the meshes of arm_finger0, which are missing or unreadable"),
+    ):
+        parts.elements = [re.sub(rf'(<link name="{link}">).*</link>', rf"\1{mesh}</link>", one) for one in elements]
+        text = draft_of(parts.written(tmp_path / f"{link}.urdf")).text()
+        assert said in text
+        assert ("boxes stand for" in text) == (link != "base_link")
 
 
 def test_fingers_that_cannot_be_told_apart_make_an_opening_doubtful(tmp_path: Path) -> None:
