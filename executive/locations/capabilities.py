@@ -25,7 +25,7 @@ from executive.robots.bare_hands import REMEDY
 from executive.robots.mechanism import BASE, Mechanism, is_still
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
-from planlang.geometry.shapes import outline_of
+from planlang.geometry.shapes import SolidKind, outline_of
 from planlang.geometry.urdf import Joint
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
@@ -175,6 +175,7 @@ def capabilities_of(
             if arm.name in known
         )
         long, held = tuple(_too_long(robot, world)), holdings(robot, models, world, report)
+        merged = {arm.name: link for arm in robot.arms if (link := _merged_jaw(robot, arm, world)) is not None}
         doorways = None if robot.base.fixed else _doorways(robot, world)
     finally:
         world.close()
@@ -183,7 +184,7 @@ def capabilities_of(
         *long,
         *_bare(held),
         *_covered(models),
-        *_openings(robot, models, held),
+        *_openings(robot, models, held, merged),
         *_unequal(robot),
     )
     advice = (*advice, *_out_of_reach(reaches))
@@ -236,8 +237,10 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
                 blocked[hit] += 1
     most = min(blocked, key=lambda pair: (-blocked[pair], pair), default=None)
     total = sum(map(len, maps.values()))
-    other = _other_arm(robot, arm, most, world) if most is not None else None
-    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), *(most or (None, None)), other)
+    over, share = inside / max(total, 1), blocked.total() / max(tested, 1)
+    if most is None:
+        return OwnBody(over, share, None, None)
+    return OwnBody(over, share, *most, _other_arm(robot, arm, most, world))
 
 
 def _other_arm(robot: Robot, arm: ArmModel, pair: Sequence[str], world: PlanningWorld) -> str | None:
@@ -339,15 +342,28 @@ def _covered(models: Sequence[ArmModel]) -> Iterator[Advice]:
             )
 
 
-def _openings(robot: Robot, models: Sequence[ArmModel], held: Sequence[Holding]) -> Iterator[Advice]:
-    """Compare what plans grasp with what the fingers hold."""
+def _merged_jaw(robot: Robot, arm: Arm, world: PlanningWorld) -> str | None:
+    """Find a finger that does not move, on the same link as the palm, where their meshes have one convex hull."""
+    if arm.gripper is None:
+        return None
+    mechanism, names = Mechanism(robot.urdf), world.robot.solid_names
+    palms = {mechanism.joints[joint].parent for joint in arm.gripper.joints}
+    jaws = (names.index(link) for link in arm.gripper.finger_links if link in palms and link in names)
+    hulls = ((number, world.robot.hulls(number)) for number in jaws)
+    return next((names[number] for number, one in hulls if any(hull.kind is SolidKind.MESH for hull in one)), None)
+
+
+def _openings(
+    robot: Robot, models: Sequence[ArmModel], held: Sequence[Holding], merged: Mapping[str, str]
+) -> Iterator[Advice]:
+    """Compare what plans grasp with what the fingers hold; ``merged`` are fingers on the link of a palm, by arm."""
     covered = {arm.name for arm in models if arm.covering is not None}
     for holding in held:
         if holding.planned and not holding.bare and holding.arm not in covered:
-            yield from _opening(robot.arm(holding.arm), holding)
+            yield from _opening(robot.arm(holding.arm), holding, merged.get(holding.arm))
 
 
-def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
+def _opening(arm: Arm, holding: Holding, merged: str | None) -> Iterator[Advice]:
     assert arm.gripper is not None
     table, opening = f"[arms.{arm.name}.gripper]", arm.gripper.max_opening
     planned, closed, hand = holding.widest, holding.closed, f"the hand of the {arm.name} arm"
@@ -356,6 +372,12 @@ def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
         pair = f'["{one}", "{other}"]'
         what = f"{one} and {other} touch when {hand} is open, so it grasps nothing"
         yield Advice(what, f"allowed_contacts = [{pair}]")
+    elif merged is not None and opening > planned + NARROWER:
+        taken = f"takes things of up to {planned:g} m" if planned else "takes nothing"
+        what = (
+            f"{hand} is said to open {opening:g} m, and it {taken}, as the convex hull of {merged}, which is palm and"
+        )
+        yield Advice(f"{what} finger in one, fills the gap", "make that finger a link of its own in the URDF")
     elif not planned and not closed:
         yield Advice(
             f"the fingers of {hand} close on no box or cylinder",

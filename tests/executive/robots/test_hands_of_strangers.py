@@ -184,6 +184,43 @@ def test_a_single_finger_needs_a_palm_with_a_shape(tmp_path: Path) -> None:
     assert "no gap between two fingers was found, as palm has no <collision> shape: add such shapes" in found
 
 
+def boxes(*spans: tuple[tuple[float, float], ...]) -> str:
+    """Write an OBJ of the corners of boxes between lower and upper coordinates."""
+    faces = "1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"
+    lines = [f"v {x} {y} {z}" for span in spans for x in span[0] for y in span[1] for z in span[2]]
+    corners = ([str(8 * k + int(one)) for one in face.split()] for k in range(len(spans)) for face in faces)
+    return "\n".join([*lines, *(f"f {' '.join(face)}" for face in corners)])
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_fixed_finger_on_the_link_of_the_palm_fills_the_gap_by_its_hull(apart: bool, tmp_path: Path) -> None:
+    palm, finger = ((-0.02, 0.02), (-0.06, 0.06), (0.0, 0.03)), ((-0.01, 0.01), (-0.06, -0.05), (0.03, 0.13))
+    mesh = '<collision><geometry><mesh filename="{}.obj"/></geometry></collision></link>'
+    for name, spans in (("palm", [palm]), ("fixed", [finger]), ("both", [palm, finger])):
+        (tmp_path / f"{name}.obj").write_text(boxes(*spans))
+    parts = Parts()
+    hand = parts.fixed(parts.arm(parts.base("wheels"), "arm", 6, 0.0, at=(0.1, 0.35)), parts.link("palm"), (0, 0, 0.08))
+    parts.elements = [
+        one.replace('"palm"></link>', f'"palm">{mesh.format("palm" if apart else "both")}') for one in parts.elements
+    ]
+    if apart:
+        parts.fixed(hand, parts.link("fixed"))
+        parts.elements = [one.replace('"fixed"></link>', f'"fixed">{mesh.format("fixed")}') for one in parts.elements]
+    moving = parts.link("jaw", (0.02, 0.01, 0.1), (0.0, 0.005, 0.08))
+    parts.joint("jaw_joint", hand, moving, (0.0, -0.05, 0.0), Y, (0.0, 0.09), "prismatic")
+    found, robot, _ = drafted(parts.written(tmp_path / "jaw.urdf"))
+    assert found["arms"]["arm"]["gripper"]["max_opening"] == pytest.approx(0.95 * 0.09, abs=0.003)
+    can = capabilities_of(with_carrying(robot))
+    said = [str(one) for one in can.warnings]
+    assert (
+        any(
+            "as the convex hull of palm, which is palm and finger in one, fills the gap: make that finger" in one
+            for one in said
+        )
+        != apart
+    )
+
+
 def test_a_missing_mesh_of_the_base_makes_no_opening_doubtful(tmp_path: Path) -> None:
     parts = Parts()
     with_gripper(parts)
