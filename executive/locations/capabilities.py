@@ -347,7 +347,7 @@ def _merged_jaw(robot: Robot, arm: Arm, world: PlanningWorld) -> str | None:
     if arm.gripper is None:
         return None
     mechanism, names = Mechanism(robot.urdf), world.robot.solid_names
-    palms = {mechanism.joints[joint].parent for joint in arm.gripper.joints}
+    palms = {link for joint in arm.gripper.joints for link in mechanism.ancestors(mechanism.joints[joint].parent)}
     jaws = (names.index(link) for link in arm.gripper.finger_links if link in palms and link in names)
     hulls = ((number, world.robot.hulls(number)) for number in jaws)
     return next((names[number] for number, one in hulls if any(hull.kind is SolidKind.MESH for hull in one)), None)

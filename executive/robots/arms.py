@@ -213,7 +213,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         hand_corners=world.robot.hand_corners(arm.tip),
         palm=tuple(map(tuple, world.robot.hand_corners(arm.tip, fingers).round(6).tolist())),
         covering=_covering(arm, world, fingers),
-        bare=bare_hand(Mechanism(robot.urdf), arm.hand_link, world.robot.solid_names) if fingers else "",
+        bare=bare_hand(Mechanism(robot.urdf), arm.hand_link, world.robot.solid_names),
         shoulder_low=low,
         shoulder_high=high,
         reach=REACH_MARGIN * float(np.linalg.norm(tips - shoulders, axis=1).max()),

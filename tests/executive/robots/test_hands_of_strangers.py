@@ -179,9 +179,14 @@ def test_a_single_finger_needs_a_palm_with_a_shape(tmp_path: Path) -> None:
     hand = parts.joint("wrist_turn", wrist, palm, (0.0, 0.0, 0.08))
     jaw = parts.link("jaw", (0.02, 0.012, 0.06), (0.0, 0.006, 0.03))
     parts.joint("jaw_joint", hand, jaw, (0.0, 0.0, 0.04), X, (-0.05, 0.0))
-    _, _, said = drafted(parts.written(tmp_path / "jaw.urdf"))
+    _, robot, said = drafted(parts.written(tmp_path / "jaw.urdf"))
     (found,) = (one.message for one in said if "max_opening" in one.message)
     assert "no gap between two fingers was found, as palm has no <collision> shape: add such shapes" in found
+    world = PlanningWorld(Scene(()), robot.body())
+    (arm,) = arm_models(robot, world)
+    world.close()
+    assert robot.arms[0].gripper is None
+    assert arm.bare == "palm has no <collision> shape", "what robot inspect says about the gripper that is missing"
 
 
 def boxes(*spans: tuple[tuple[float, float], ...]) -> str:
@@ -207,7 +212,8 @@ def test_a_fixed_finger_on_the_link_of_the_palm_fills_the_gap_by_its_hull(apart:
         parts.fixed(hand, parts.link("fixed"))
         parts.elements = [one.replace('"fixed"></link>', f'"fixed">{mesh.format("fixed")}') for one in parts.elements]
     moving = parts.link("jaw", (0.02, 0.01, 0.1), (0.0, 0.005, 0.08))
-    parts.joint("jaw_joint", hand, moving, (0.0, -0.05, 0.0), Y, (0.0, 0.09), "prismatic")
+    frame = parts.fixed(hand, parts.link("frame"))
+    parts.joint("jaw_joint", frame, moving, (0.0, -0.05, 0.0), Y, (0.0, 0.09), "prismatic")
     found, robot, _ = drafted(parts.written(tmp_path / "jaw.urdf"))
     assert found["arms"]["arm"]["gripper"]["max_opening"] == pytest.approx(0.95 * 0.09, abs=0.003)
     can = capabilities_of(with_carrying(robot))
