@@ -392,9 +392,9 @@ class HandsFull(LocationUnresolvable):
     held: Mapping[str, Object] = field(default_factory=dict, kw_only=True)
 
     def because(self) -> str:
-        """``no hand is free for glass1: arm holds bottle1``."""
+        """``no hand is free for glass1: arm holds bottle1; put it down first``."""
         full = ", ".join(f"{hand} holds {thing}" for hand, thing in self.held.items())
-        return f"no hand is free for {self.what}: {full}"
+        return f"no hand is free for {self.what}: {full}; put {'it' if len(self.held) == 1 else 'one'} down first"
 
 
 class ObjectUnresolvable(DesignatorFailure):

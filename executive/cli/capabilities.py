@@ -7,15 +7,16 @@ from typing import Any
 
 from executive.locations.capabilities import Capabilities
 from executive.robots import Arm
+from executive.robots.arms import called
 
 
 def capability_lines(can: Capabilities) -> Iterator[str]:
     """Summarise what a robot can do in a few lines."""
     for holding in can.holdings:
-        if holding.planned:
+        if holding.planned and not holding.bare:
             yield f"  the hand of the {holding.arm} arm holds {holding}"
         else:
-            yield f"  the fingers of the {holding.arm} arm have no shape here: what they hold is not known"
+            yield f"  what the hand of {called(holding.arm)} holds is {holding}"
     yield from doorway_lines(can)
     yield from warning_lines(can)
 

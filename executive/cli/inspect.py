@@ -18,7 +18,8 @@ from executive.locations.reachability_maps import reachability_map
 from executive.pictures.drawn import drawn_in, missing
 from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import CARRYING, Arm, Robot, bind_robot
-from executive.robots.arms import arm_models, with_carrying
+from executive.robots.arms import arm_models, called, with_carrying
+from executive.robots.bare_hands import REMEDY
 from executive.robots.draft import sunk_in_floor
 from executive.robots.mechanism import source_of
 from planlang.diagnostics import BadInput, Diagnostic, error
@@ -68,7 +69,7 @@ def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspect
     if picture is not None:
         replace(picture, lambda path: save_reach_picture(path, robot, world, models, maps))
     can = capabilities_of(robot, models, maps, progress_of(arguments))
-    lacking = [*_lacking(bare), *filter(None, [sunk_in_floor(world)])]
+    lacking = [*_lacking(bare, {model.name: model.bare for model in models}), *filter(None, [sunk_in_floor(world)])]
     lines = [*_body_lines(robot, file), *doorway_lines(can)]
     for arm, reach in zip(robot.arms, can.reaches, strict=True):
         lines += _arm_lines(robot, arm, reach, can, bounds)
@@ -92,7 +93,7 @@ def summary(robot: Robot, file: Path) -> Iterator[str]:
         hand = f"opens {arm.gripper.max_opening:g} m" if arm.gripper else "has no gripper"
         yield f"  {_named(arm)}: {len(arm.joints)} joints from {arm.base_link} to {arm.tip}, {hand}"
     yield f"  postures: {', '.join(robot.postures) or 'none'}"
-    yield f"  missing: {'; '.join(_lacking(robot)) or 'nothing'}"
+    yield f"  missing: {'; '.join(_lacking(robot, {})) or 'nothing'}"
 
 
 def _named(arm: Arm) -> str:
@@ -139,11 +140,14 @@ def _positions(joints: Mapping[str, float]) -> str:
     return ", ".join(f"{name} {value:.3f}" for name, value in joints.items())
 
 
-def _lacking(robot: Robot) -> Iterator[str]:
-    """Parts that plans use and the robot lacks."""
+def _lacking(robot: Robot, bare: Mapping[str, str]) -> Iterator[str]:
+    """Parts that plans use and the robot lacks; ``bare`` says, by arm, which links of its hand have no shape."""
     if not robot.arms:
         yield "arms"
-    yield from (f"a gripper of the {arm.name} arm" for arm in robot.arms if arm.gripper is None)
+    for arm in robot.arms:
+        if arm.gripper is None:
+            cause = bare.get(arm.name)
+            yield f"a gripper of {called(arm.name)}" + (f": {cause}; {REMEDY}" if cause else "")
     if robot.torso is None:
         yield "a torso that lifts the arms: they reach fewer heights"
     if robot.camera is None:

@@ -20,11 +20,12 @@ from executive.motion import Boxes, Grid
 from executive.motion.clearance import Outline, outlines
 from executive.motion.drivable import drivable, free_poses
 from executive.robots import Arm, Robot
-from executive.robots.arms import ArmModel, arm_models
+from executive.robots.arms import ArmModel, arm_models, called
+from executive.robots.bare_hands import REMEDY
 from executive.robots.mechanism import BASE, Mechanism, is_still
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
-from planlang.geometry.shapes import outline_of
+from planlang.geometry.shapes import SolidKind, outline_of
 from planlang.geometry.urdf import Joint
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
@@ -89,6 +90,8 @@ class OwnBody:
     """The link that is in the way most often, of the pairs of it and a link of the arm."""
     touched_by: str | None
     """That link of the arm."""
+    other: str | None = None
+    """Another arm, in its carrying posture, that one of these two links belongs to."""
 
     def __str__(self) -> str:
         """Say it: "below 9 % of that, in the way of 12 % of the rest, mostly mobile_base"."""
@@ -172,10 +175,18 @@ def capabilities_of(
             if arm.name in known
         )
         long, held = tuple(_too_long(robot, world)), holdings(robot, models, world, report)
+        merged = {arm.name: link for arm in robot.arms if (link := _merged_jaw(robot, arm, world)) is not None}
         doorways = None if robot.base.fixed else _doorways(robot, world)
     finally:
         world.close()
-    advice = (*_still_joints(robot), *long, *_covered(models), *_openings(robot, models, held), *_unequal(robot))
+    advice = (
+        *_still_joints(robot),
+        *long,
+        *_bare(held),
+        *_covered(models),
+        *_openings(robot, models, held, merged),
+        *_unequal(robot),
+    )
     advice = (*advice, *_out_of_reach(reaches))
     return Capabilities(held, reaches, doorways, advice)
 
@@ -204,6 +215,7 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
     solid, now = world.robot.solid_names, world.configuration().joints
     own = frozenset[int]().union(*(world.robot.moved_by(name) for name in arm.joints if name != robot.torso))
     links = {solid[number] for number in own}
+    bodily = set(solid) - links  # the floor is no part of the robot
     tested, inside, blocked = 0, 0, Counter[tuple[str, str]]()
     rng = np.random.default_rng(0)
     for found in maps.values():
@@ -219,13 +231,26 @@ def _own_body(robot: Robot, arm: ArmModel, maps: Maps, world: PlanningWorld) -> 
             contacts = world.contacts(Configuration((0.0, 0.0, 0.0), joints), arm.joints)
             pairs = [(one.part, one.body) for one in contacts]
             ordered = (pair if pair[1] in links else pair[::-1] for pair in pairs)
-            hits = (pair for pair in ordered if pair[1] in links and pair[0] not in links)
+            hits = (pair for pair in ordered if pair[1] in links and pair[0] in bodily)
             tested += 1
             if (hit := next(hits, None)) is not None:
                 blocked[hit] += 1
     most = min(blocked, key=lambda pair: (-blocked[pair], pair), default=None)
     total = sum(map(len, maps.values()))
-    return OwnBody(inside / max(total, 1), blocked.total() / max(tested, 1), *(most or (None, None)))
+    over, share = inside / max(total, 1), blocked.total() / max(tested, 1)
+    if most is None:
+        return OwnBody(over, share, None, None)
+    return OwnBody(over, share, *most, _other_arm(robot, arm, most, world))
+
+
+def _other_arm(robot: Robot, arm: ArmModel, pair: Sequence[str], world: PlanningWorld) -> str | None:
+    """Find another arm that one of two links belongs to: its own joints move it, where they put it for driving."""
+    for one in robot.arms:
+        joints = [name for name in one.joints if name not in arm.joints and name != robot.torso]
+        numbers = frozenset[int]().union(*map(world.robot.moved_by, joints))
+        if not {world.robot.solid_names[number] for number in numbers}.isdisjoint(pair):
+            return one.name
+    return None
 
 
 # Doorways
@@ -297,23 +322,48 @@ def _too_long(robot: Robot, world: PlanningWorld) -> Iterator[Advice]:
                 break
 
 
+def _bare(held: Sequence[Holding]) -> Iterator[Advice]:
+    """Name links without the shapes that tell what a hand holds."""
+    for holding in held:
+        if holding.bare:
+            what = f"{holding.bare}, so what the hand of {called(holding.arm)} holds is not known"
+            yield Advice(what, REMEDY)
+
+
 def _covered(models: Sequence[ArmModel]) -> Iterator[Advice]:
     """Name links whose shapes are around the grip point: no thing fits there."""
     for arm in models:
         if arm.covering is not None:
-            what = f"the <collision> shape of {arm.covering} covers the grip point of the {arm.name} arm"
-            yield Advice(f"{what}, so it grasps nothing", "shapes as they are into the URDF, also for its fingers")
+            what = f"the <collision> shape of {arm.covering} covers the grip point of {called(arm.name)}"
+            yield Advice(
+                f"{what}, so nothing fits between its fingers",
+                f"draw {arm.covering} in the URDF as it is, and each finger as a link with a shape of its own; tip and "
+                f"tool_offset in [arms.{arm.name}] put the grip point between the fingertips",
+            )
 
 
-def _openings(robot: Robot, models: Sequence[ArmModel], held: Sequence[Holding]) -> Iterator[Advice]:
-    """Compare what plans grasp with what the fingers hold."""
+def _merged_jaw(robot: Robot, arm: Arm, world: PlanningWorld) -> str | None:
+    """Find a finger that does not move, on the same link as the palm, where their meshes have one convex hull."""
+    if arm.gripper is None:
+        return None
+    mechanism, names = Mechanism(robot.urdf), world.robot.solid_names
+    palms = {link for joint in arm.gripper.joints for link in mechanism.ancestors(mechanism.joints[joint].parent)}
+    jaws = (names.index(link) for link in arm.gripper.finger_links if link in palms and link in names)
+    hulls = ((number, world.robot.hulls(number)) for number in jaws)
+    return next((names[number] for number, one in hulls if any(hull.kind is SolidKind.MESH for hull in one)), None)
+
+
+def _openings(
+    robot: Robot, models: Sequence[ArmModel], held: Sequence[Holding], merged: Mapping[str, str]
+) -> Iterator[Advice]:
+    """Compare what plans grasp with what the fingers hold; ``merged`` are fingers on the link of a palm, by arm."""
     covered = {arm.name for arm in models if arm.covering is not None}
     for holding in held:
-        if holding.planned and holding.arm not in covered:
-            yield from _opening(robot.arm(holding.arm), holding)
+        if holding.planned and not holding.bare and holding.arm not in covered:
+            yield from _opening(robot.arm(holding.arm), holding, merged.get(holding.arm))
 
 
-def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
+def _opening(arm: Arm, holding: Holding, merged: str | None) -> Iterator[Advice]:
     assert arm.gripper is not None
     table, opening = f"[arms.{arm.name}.gripper]", arm.gripper.max_opening
     planned, closed, hand = holding.widest, holding.closed, f"the hand of the {arm.name} arm"
@@ -322,6 +372,12 @@ def _opening(arm: Arm, holding: Holding) -> Iterator[Advice]:
         pair = f'["{one}", "{other}"]'
         what = f"{one} and {other} touch when {hand} is open, so it grasps nothing"
         yield Advice(what, f"allowed_contacts = [{pair}]")
+    elif merged is not None and opening > planned + NARROWER:
+        taken = f"takes things of up to {planned:g} m" if planned else "takes nothing"
+        what = (
+            f"{hand} is said to open {opening:g} m, and it {taken}, as the convex hull of {merged}, which is palm and"
+        )
+        yield Advice(f"{what} finger in one, fills the gap", "make that finger a link of its own in the URDF")
     elif not planned and not closed:
         yield Advice(
             f"the fingers of {hand} close on no box or cylinder",
@@ -366,7 +422,13 @@ def _out_of_reach(reaches: Sequence[ArmReach]) -> Iterator[Advice]:
             )
         elif own.share > OFTEN and own.link is not None:
             what = f"the robot's own {own.link} is in the way of the {one.arm} arm in {_percent(own.share)} of places"
-            if own.link == BASE:
+            if own.other is not None:
+                what = f"the {one.arm} arm cannot go to {_percent(own.share)} of places, as parts of the robot touch"
+                yield Advice(
+                    f"{what}, mostly {own.link} and {own.touched_by}, with the {own.other} arm in its carrying posture",
+                    f"another posture of the {own.other} arm in [postures.carrying]",
+                )
+            elif own.link == BASE:
                 yield Advice(what, "a lower or narrower size, or an at nearer to its edge, in [mount]")
             else:
                 pair = f'["{own.link}", "{own.touched_by}"]'

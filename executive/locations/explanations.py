@@ -31,7 +31,8 @@ from executive.locations.rejections import (
     Rejections,
 )
 from executive.motion import clearance_at
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, called
+from executive.robots.bare_hands import REMEDY
 from planlang.records import dataclass
 
 LEAST = 0.01
@@ -103,11 +104,6 @@ def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: In
         explanation = _Explanation(reach, (arm,), scene, inverse, Question(log))
         if measured := explanation.too_high() or explanation.too_far_from(scene.base()):
             log.figures[OUT_OF_REACH.text] = measured
-
-
-def called(arm: str) -> str:
-    """Name an arm in a sentence: the left arm, the arm."""
-    return f"the {arm}" if arm.endswith("arm") else f"the {arm} arm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,6 +273,14 @@ class _Explanation:
         part, grip = narrowest_grip(self.reach.body, self.scene.bodies.grips(self.reach.body))
         wide = narrowest(grip)
         opening, arm = max((min(arm.max_opening, arm.openings.gap), arm.name) for arm in self.arms)
+        unknown = next(
+            (one for one in self.arms if one.bare and one.max_opening > wide > opening - BETWEEN_FINGERS), None
+        )
+        if unknown is not None:
+            return (
+                f"{part} is {wide:.3f} m wide; whether that fits into the hand of {called(unknown.name)} is not known, "
+                f"as {unknown.bare}: {REMEDY}"
+            )
         if wide < opening - BETWEEN_FINGERS:
             return ""
         return (

@@ -56,7 +56,8 @@ from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
 from executive.locations.taking_out import NO_WAY_OUT, ONWARDS, way_out
 from executive.motion import clearance_at
-from executive.robots.arms import ArmModel, Held
+from executive.robots.arms import ArmModel, Held, called
+from executive.robots.bare_hands import REMEDY
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product, rigid, rotated
@@ -358,6 +359,9 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
     wide = narrowest(grip)
     if wide > arm.max_opening:
         reason, figures = "too wide for the gripper", f"{part} is {wide:.3f} m wide, {opening}"
+    elif arm.bare:
+        reason, known = "hand without shapes", f"whether that fits into the hand of {called(arm.name)} is not known"
+        figures = f"{part} is {wide:.3f} m wide; {known}, as {arm.bare}: {REMEDY}"
     elif arm.covering is not None:
         reason = "no room between the fingers"
         figures = (

@@ -93,18 +93,20 @@ class Holding:
 
     arm: str
     planned: tuple[Hold, ...] = ()
-    """One for each kind; none if the moving fingers have no shape, so that what they hold is not known."""
+    """One for each kind; none if the moving fingers have no shape."""
     closed: float = 0.0
     """Width of the widest box or cylinder that the fingers alone close on [m]; 0 if there is none."""
     palm: str | None = None
     """Link that the fingers need as a counterpart, and that is none of the gripper's fingers."""
     touching: tuple[str, str] | None = None
     """Links of the open hand that touch each other, so that no grasp is free of contact."""
+    bare: str = ""
+    """Which links lack the shapes that would tell what the hand holds; "" if none does, or it holds things."""
 
     def __str__(self) -> str:
         """Say it: "boxes 2-8 cm, cylinders 2-7 cm between two fingers; no bowls"."""
-        if not self.planned:
-            return "not known, its fingers have no shape here"
+        if self.bare or not self.planned:
+            return f"not known, as {self.bare or 'its fingers have no shape'}"
         ways = dict.fromkeys(hold.how for hold in self.planned if hold.widths)
         held = (
             ", ".join(f"{hold.kind} {ranges(hold.widths)}" for hold in self.planned if hold.widths and hold.how == how)
@@ -189,7 +191,7 @@ class _Hand:
     def holding(self, share: Share) -> Holding:
         """Test all things."""
         if self.arm.gripper is None or not self._moved():
-            return Holding(self.arm.name)
+            return Holding(self.arm.name, bare=self.model.bare)
         planned: dict[Kind, dict[float, _Pinch]] = {kind: {} for kind in Kind}
         for number, (kind, width) in enumerate(self.things):
             share(number / len(self.things))
@@ -197,7 +199,7 @@ class _Hand:
                 planned[kind][width] = pinch
         palms = [one.palm for found in planned.values() for one in found.values() if one.palm is not None]
         holding = Holding(self.arm.name, _holds(planned), palm=_usual(palms), touching=self._touching())
-        return self._with_closed(holding)
+        return self._with_closed(holding if holding.widest else replace(holding, bare=self.model.bare))
 
     def _with_closed(self, holding: Holding) -> Holding:
         """Add the widest thing that the fingers alone close on, if it is wider than those of plans."""

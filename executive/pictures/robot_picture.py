@@ -62,7 +62,7 @@ def hand_picture(robot: Robot, arm: Arm, world: PlanningWorld, size: tuple[int, 
 
     The robot is left with this hand open.
     """
-    links = world.robot.hand_links(arm.tip)
+    links = _links_of_hand(arm, world)
     if arm.gripper is not None:
         joints = {**world.configuration().joints, **arm.gripper.opened}
         world.set_configuration(Configuration(ORIGIN, {name: joints[name] for name in world.configuration().joints}))
@@ -82,6 +82,13 @@ def hand_picture(robot: Robot, arm: Arm, world: PlanningWorld, size: tuple[int, 
         at = np.asarray(tip.position)
         frames.append(_line(at - half, at + half, THICK / 4, SIGHT))
     return rendered([*models, *frames], _view(eye, middle), size, (middle, max(radius, 0.1)))
+
+
+def _links_of_hand(arm: Arm, world: PlanningWorld) -> frozenset[str]:
+    """List the links of the hand of an arm, with those that hang from it and have a look but no collision shape."""
+    hand = world.robot.hand_of(arm.tip)
+    carriers = {link: world.robot.carrier(link) for link in world.robot.links}
+    return frozenset(link for link, carrier in carriers.items() if carrier and carrier <= hand)
 
 
 def _models(

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executive.motion import Chain, Gaze, InverseKinematics
+from executive.robots.bare_hands import bare_hand
+from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Openings, openings_of
 from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
@@ -141,11 +143,18 @@ class ArmModel:
     """Corners of the boxes without those of the fingers: a grasped object must not touch the palm."""
     covering: str | None = None
     """Link of the hand, no finger, whose shape is around the grip point, so that nothing fits there; None as a rule."""
+    bare: str = ""
+    """Which links of the hand lack the collision shapes that its opening follows from; "" as a rule."""
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
         hand = (self.hand_corners @ rotations[:, 2, :, None])[..., 0].min(axis=1)
         return np.asarray(hand if held is None else np.minimum(hand, held.lowest_of(rotations)))
+
+
+def called(arm: str) -> str:
+    """Name an arm in a sentence: the left arm, the arm."""
+    return f"the {arm}" if arm.endswith("arm") else f"the {arm} arm"
 
 
 def arm_models(robot: Robot, world: PlanningWorld) -> tuple[ArmModel, ...]:
@@ -204,6 +213,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         hand_corners=world.robot.hand_corners(arm.tip),
         palm=tuple(map(tuple, world.robot.hand_corners(arm.tip, fingers).round(6).tolist())),
         covering=_covering(arm, world, fingers),
+        bare=bare_hand(Mechanism(robot.urdf), arm.hand_link, world.robot.solid_names),
         shoulder_low=low,
         shoulder_high=high,
         reach=REACH_MARGIN * float(np.linalg.norm(tips - shoulders, axis=1).max()),

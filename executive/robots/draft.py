@@ -18,6 +18,7 @@ import numpy as np
 
 from executive.robots import anatomy
 from executive.robots.anatomy import TURNS, Anatomy, Limb, is_arm
+from executive.robots.bare_hands import REMEDY, in_series, replaced_meshes
 from executive.robots.hand_shape import HandShape, shape_of
 from executive.robots.mechanism import Mechanism, base_joints, grounded
 from executive.robots.robot import CARRYING
@@ -30,7 +31,6 @@ from planlang.records import dataclass
 from planlang.visible import visible
 from sim import CameraModel, PlanningWorld, RobotBody, Scene
 from sim.contact import coarse_pairs
-from sim.description import read_description
 
 LONGEST = 120
 """Greatest length of a line; a longer reason is written above its value."""
@@ -319,7 +319,8 @@ class _Maker:
             table.add("side", side, "from its names, or the position of its shoulder")
         table.add("tip", shape.tip, chain)
         if shape.offset is not None:
-            table.add("tool_offset", shape.offset, "grip point in the tip's frame: between the fingertips")
+            why = f"grip point in the tip's frame{', a guess' if shape.bare else ': between the fingertips'}"
+            self._add_doubtful(table, "tool_offset", shape.offset, why, doubts)
         elif not shape.is_measured:
             table.add(
                 "tool_offset", (0.0, 0.0, 0.1), "grip point in the tip's frame, if not its origin", Status.MISSING
@@ -367,6 +368,9 @@ class _Maker:
             doubts["max_opening"] = f"{shape.unclear}; the hand's data sheet says how far it opens"
         if shape.max_opening > WIDEST_HAND:
             doubts["max_opening"] = "wider than hands open"
+        if shape.bare:
+            doubts["tool_offset"] = doubts["max_opening"] = f"{shape.bare}; {REMEDY}"
+            return doubts
         for other, twin in zip(self.limbs, shapes, strict=True):
             ranges = [
                 sorted(round(abs(end), 3) for one in each.fingers for end in (one.lower, one.upper))
@@ -414,13 +418,14 @@ class _Maker:
         table.add("opened", shape.opened, "fingers farthest apart", status)
         table.add("closed", shape.closed, "fingers together", status)
         table.add("fingers", shape.fingers, "", status)
-        measured = "95 % of the gap between the opened fingers"
+        measured = "a guess" if shape.bare else "95 % of the gap between the opened fingers"
+        sheet = "take the greatest opening from the hand's data sheet"
         if not shape.max_opening:
-            why = "no gap between two fingers was found; take the greatest opening from the hand's data sheet"
-            table.add("max_opening", USUAL_OPENING, why, status)
-        elif any(one.code == "B013" for one in read_description(self.draft.urdf).diagnostics):
-            coarse = f"{measured}, some of whose meshes may be missing"
-            table.add("max_opening", shape.max_opening, coarse, Status.ASSUMED)
+            cause = f", as {shape.bare}: {REMEDY}, or {sheet}" if shape.bare else f"; {sheet}"
+            table.add("max_opening", USUAL_OPENING, f"no gap between two fingers was found{cause}", status)
+        elif coarse := replaced_meshes(self.draft.urdf, shape.fingers):
+            why = f"{measured}; boxes stand for the meshes of {in_series(coarse)}, which are missing or unreadable"
+            table.add("max_opening", shape.max_opening, why, Status.ASSUMED)
         else:
             self._add_doubtful(table, "max_opening", shape.max_opening, measured, doubts)
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from executive.robots.anatomy import Limb
+from executive.robots.bare_hands import without_shapes
 from executive.robots.mechanism import Mechanism
 from executive.robots.part_words import Part, is_tool, names
 from executive.robots.robot import Axis
@@ -82,6 +83,8 @@ class HandShape:
     """Joints of fingers with an implausible range: none, without end, or too great."""
     size: float = 0.0
     """Greatest length of a finger [m]."""
+    bare: str = ""
+    """Which links lack the collision shapes that opening and grip point follow from; "" if none does."""
     unclear: str = ""
     """Why it is not clear which of many fingers oppose each other, so that the opening is a guess; "" if it is."""
 
@@ -139,6 +142,7 @@ class _Hand:
             ahead is not None,
             tuple(self.stuck),
             self._size(),
+            without_shapes(self.mechanism, self.limb.hand, self.links, self.world.robot.solid_names),
             self._unclear(),
         )
 

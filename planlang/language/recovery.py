@@ -317,7 +317,8 @@ def explain(failure: BaseException) -> str:
     """Format a failure in several lines: where it arose in the plan, its causes, and its simultaneous failures.
 
     A failure that was raised while an earlier one was handled, as in a cleanup, is followed by the earlier one with
-    ``after``, since that is not its cause. If the cause is a location that could not be found, the first line says why.
+    ``after``, since that is not its cause. If the cause is a location that could not be found, the first line says why,
+    unless its own message does.
     A failure that was raised again on its way to the caller is listed once.
     """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
@@ -330,7 +331,7 @@ def explain(failure: BaseException) -> str:
             lines.extend(_explain_one(link, lead, "  " * depth))
             depth += 1
     reasons = (link.because() for link in runs[0][1:] if isinstance(link, LocationUnresolvable))
-    if sentence := next(filter(None, reasons), ""):
+    if (sentence := next(filter(None, reasons), "")) and sentence not in lines[0]:
         lines[0] += f"; {sentence}"
     return "\n".join(lines)
 

@@ -8,10 +8,9 @@ from collections.abc import Callable
 from executive.belief.planning_scene import PlanningScene
 from executive.locations import Rejections
 from executive.locations.changes import Changes
-from executive.locations.explanations import called
 from executive.modules.platform import Platform
 from executive.modules.tools.motion_grounding import GroundedMotion
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, called
 
 
 def too_far(arm: ArmModel, name: str, distance: float) -> str:

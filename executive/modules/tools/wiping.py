@@ -11,12 +11,12 @@ from itertools import islice
 import numpy as np
 
 from executive.locations.base_poses import BEST
-from executive.locations.explanations import called
 from executive.modules.phases import Phase
 from executive.modules.tools.lanes import HAND, Room, Surface, lifted
 from executive.modules.tools.motion_failures import too_far
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
+from executive.robots.arms import called
 from planlang.designators import Action
 from planlang.failures import (
     DesignatorFailure,

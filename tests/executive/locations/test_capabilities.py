@@ -218,8 +218,7 @@ def test_fingers_without_shapes_hold_what_is_not_known(tmp_path: Path) -> None:
     urdf = tmp_path / "mine.urdf"
     urdf.write_text(re.sub(r'(<link name="arm_(left|right)">).*?</link>', r"\1</link>", urdf.read_text()))
     found = can(path)
-    assert not warned(found)
-    assert str(found.holdings[0]) == "not known, its fingers have no shape here"
-    assert next(iter(capability_lines(found))) == (
-        "  the fingers of the arm arm have no shape here: what they hold is not known"
-    )
+    bare = "arm_left and arm_right have no <collision> shape"
+    assert warned(found) == [f"{bare}, so what the hand of the arm holds is not known: add such shapes to the URDF"]
+    assert str(found.holdings[0]) == f"not known, as {bare}"
+    assert next(iter(capability_lines(found))) == f"  what the hand of the arm holds is not known, as {bare}"

@@ -9,13 +9,14 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from executive.locations.budgets import BUDGETS
 from executive.locations.demands import Reach, ReachKind
 from executive.locations.explanations import explain_bases
 from executive.locations.questions import Question
-from executive.locations.rejections import COLLISION, NO_ROOM, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
@@ -116,6 +117,19 @@ def test_what_the_hand_touches_most_often_comes_before_how_near_the_base_gets(ma
     assert re.match(
         r"the hand \(\w+\) would touch screen in 7 of the 9 places in collision; the robot cannot get its centre", said
     )
+
+
+def test_a_hand_without_collision_shapes_is_said_to_be_the_cause(make_stage: MakeStage) -> None:
+    stage, bare = make_stage(CABINET, BOTTLE), "jaw has no <collision> shape"
+    scene, maps = stage.platform.scene, stage.platform.resolver.maps
+    arms = [
+        replace(arm, bare=bare, openings=replace(arm.openings, gaps=np.zeros_like(arm.openings.gaps)))
+        for arm in scene.arms.all
+    ]
+    log = Rejections(counts=Counter({NO_HOLD.text: 9}))
+    explain_bases([Reach(ReachKind.GRASP, "bottle")], arms, scene, maps, Question(log), None)
+    said = r"bottle is 0\.\d+ m wide; whether that fits into the hand of the \w+ arm is not known, as "
+    assert re.fullmatch(said + re.escape(f"{bare}: add such shapes to the URDF"), log.figures[NO_HOLD.text])
 
 
 def test_a_plate_that_fits_between_the_fingers_is_not_called_too_wide(refused: Refused) -> None:

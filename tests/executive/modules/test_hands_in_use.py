@@ -10,7 +10,7 @@ import pytest
 
 from executive.modules.trays.pair_paths import PairPaths
 from executive.robots.arm_pair import ArmPair
-from planlang import SimulationHost, perform, run
+from planlang import SimulationHost, explain, perform, run
 from planlang.designators import Device, action, an_object
 from planlang.failures import ActionUnresolvable, HandleNotReachable, HandsFull, ManipulationGoalNotReached, PlanFailure
 from planlang.geometry import Pose
@@ -113,4 +113,7 @@ def test_what_the_hands_hold_is_named_where_none_is_free_to_push(
         with pytest.raises(failure) as caught:
             run(partial(perform, pushing), host=SimulationHost(stage.truth), executive=stage.executive)
         assert str(caught.value).startswith(f"no hand is free for {part}: ")
-        assert {"right holds one", "left holds two"} == set(str(caught.value).partition(": ")[2].split(", "))
+        held, advice = str(caught.value).partition(": ")[2].split("; ")
+        assert {"right holds one", "left holds two"} == set(held.split(", "))
+        assert advice == "put one down first"
+        assert explain(caught.value).splitlines()[0].count("no hand is free") == 1, "it is said once"

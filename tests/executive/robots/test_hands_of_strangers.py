@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from executive.locations.capabilities import capabilities_of
 from executive.locations.reachability import GraspClass
 from executive.locations.reachability_maps import build_map
-from executive.pictures.robot_picture import FORWARD, robot_picture
+from executive.pictures.robot_picture import FORWARD, hand_picture, robot_picture
 from executive.robots import Robot, bind_draft, bind_robot
 from executive.robots.arms import arm_models, with_carrying
 from executive.robots.draft import draft_of
@@ -20,6 +21,7 @@ from executive.robots.matching import possessions_of
 from executive.robots.mechanism import markers
 from planlang.diagnostics import Diagnostic
 from sim import PlanningWorld, Scene
+from tests.support.hands import TWO, robot_with
 from tests.support.robot_parts import Parts, X, Y
 
 
@@ -142,7 +144,103 @@ def test_a_shape_around_the_grip_point_is_named(tmp_path: Path) -> None:
         )
     _, robot, _ = drafted(parts.written(tmp_path / "hulled.urdf"))
     advice = [str(one) for one in capabilities_of(with_carrying(robot)).warnings]
-    assert any("the <collision> shape of hull_of_all covers the grip point of the arm arm" in one for one in advice)
+    assert any(
+        "the <collision> shape of hull_of_all covers the grip point of the arm, so nothing fits between its fingers"
+        in one
+        for one in advice
+    )
+
+
+def test_a_hand_whose_fingers_have_no_collision_shape_is_a_guess_that_says_so(tmp_path: Path) -> None:
+    parts = Parts()
+    with_gripper(parts)
+    parts.elements = [one.replace("collision>", "visual>") if "arm_finger" in one else one for one in parts.elements]
+    path = parts.written(tmp_path / "drawn.urdf")
+    bare = "arm_finger0 and arm_finger1 have no <collision> shape"
+    draft = draft_of(path)
+    for key in ("tool_offset", "max_opening"):
+        above = draft.text().partition(f"\n{key} = ")[0].splitlines()[-1]
+        assert f"doubtful: {bare}; add such shapes to the URDF" in above
+        assert "the fingertips" not in above
+        assert "gap" not in above
+    _, robot, _ = drafted(path)
+    can = capabilities_of(with_carrying(robot))
+    assert str(can.holdings[0]) == f"not known, as {bare}"
+    assert str(can.warnings[0]) == (
+        f"{bare}, so what the hand of the arm holds is not known: add such shapes to the URDF"
+    )
+
+
+def test_a_single_finger_needs_a_palm_with_a_shape(tmp_path: Path) -> None:
+    parts = Parts()
+    wrist = parts.arm(parts.base("wheels"), "arm", 6, 0.0, at=(0.1, 0.35))
+    palm = parts.link("palm", (0.05, 0.05, 0.1), (0.0, -0.03, 0.05))
+    parts.elements[-1] = parts.elements[-1].replace("collision>", "visual>")
+    hand = parts.joint("wrist_turn", wrist, palm, (0.0, 0.0, 0.08))
+    jaw = parts.link("jaw", (0.02, 0.012, 0.06), (0.0, 0.006, 0.03))
+    parts.joint("jaw_joint", hand, jaw, (0.0, 0.0, 0.04), X, (-0.05, 0.0))
+    _, robot, said = drafted(parts.written(tmp_path / "jaw.urdf"))
+    (found,) = (one.message for one in said if "max_opening" in one.message)
+    assert "no gap between two fingers was found, as palm has no <collision> shape: add such shapes" in found
+    world = PlanningWorld(Scene(()), robot.body())
+    (arm,) = arm_models(robot, world)
+    world.close()
+    assert robot.arms[0].gripper is None
+    assert arm.bare == "palm has no <collision> shape", "what robot inspect says about the gripper that is missing"
+
+
+def boxes(*spans: tuple[tuple[float, float], ...]) -> str:
+    """Write an OBJ of the corners of boxes between lower and upper coordinates."""
+    faces = "1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"
+    lines = [f"v {x} {y} {z}" for span in spans for x in span[0] for y in span[1] for z in span[2]]
+    corners = ([str(8 * k + int(one)) for one in face.split()] for k in range(len(spans)) for face in faces)
+    return "\n".join([*lines, *(f"f {' '.join(face)}" for face in corners)])
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_fixed_finger_on_the_link_of_the_palm_fills_the_gap_by_its_hull(apart: bool, tmp_path: Path) -> None:
+    palm, finger = ((-0.02, 0.02), (-0.06, 0.06), (0.0, 0.03)), ((-0.01, 0.01), (-0.06, -0.05), (0.03, 0.13))
+    mesh = '<collision><geometry><mesh filename="{}.obj"/></geometry></collision></link>'
+    for name, spans in (("palm", [palm]), ("fixed", [finger]), ("both", [palm, finger])):
+        (tmp_path / f"{name}.obj").write_text(boxes(*spans))
+    parts = Parts()
+    hand = parts.fixed(parts.arm(parts.base("wheels"), "arm", 6, 0.0, at=(0.1, 0.35)), parts.link("palm"), (0, 0, 0.08))
+    parts.elements = [
+        one.replace('"palm"></link>', f'"palm">{mesh.format("palm" if apart else "both")}') for one in parts.elements
+    ]
+    if apart:
+        parts.fixed(hand, parts.link("fixed"))
+        parts.elements = [one.replace('"fixed"></link>', f'"fixed">{mesh.format("fixed")}') for one in parts.elements]
+    moving = parts.link("jaw", (0.02, 0.01, 0.1), (0.0, 0.005, 0.08))
+    frame = parts.fixed(hand, parts.link("frame"))
+    parts.joint("jaw_joint", frame, moving, (0.0, -0.05, 0.0), Y, (0.0, 0.09), "prismatic")
+    found, robot, _ = drafted(parts.written(tmp_path / "jaw.urdf"))
+    assert found["arms"]["arm"]["gripper"]["max_opening"] == pytest.approx(0.95 * 0.09, abs=0.003)
+    can = capabilities_of(with_carrying(robot))
+    said = [str(one) for one in can.warnings]
+    assert (
+        any(
+            "as the convex hull of palm, which is palm and finger in one, fills the gap: make that finger" in one
+            for one in said
+        )
+        != apart
+    )
+
+
+def test_a_missing_mesh_of_the_base_makes_no_opening_doubtful(tmp_path: Path) -> None:
+    parts = Parts()
+    with_gripper(parts)
+    inertia = '<inertial><mass value="0.1"/><inertia ixx="2e-5" iyy="2e-5" izz="1e-6"/></inertial>'
+    mesh = f'{inertia}<collision><geometry><mesh filename="lost.stl"/></geometry></collision>'
+    elements = parts.elements
+    for link, said in (
+        ("base_link", "gap between the opened fingers\n"),
+        ("arm_finger0", "boxes stand for the meshes of arm_finger0, which are missing or unreadable"),
+    ):
+        parts.elements = [re.sub(rf'(<link name="{link}">).*</link>', rf"\1{mesh}</link>", one) for one in elements]
+        text = draft_of(parts.written(tmp_path / f"{link}.urdf")).text()
+        assert said in text
+        assert ("boxes stand for" in text) == (link != "base_link")
 
 
 def test_fingers_that_cannot_be_told_apart_make_an_opening_doubtful(tmp_path: Path) -> None:
@@ -208,6 +306,22 @@ def test_the_picture_of_a_robot_has_an_arrow_forward() -> None:
     dark = np.argwhere((np.abs(image.astype(int) - FORWARD[:3]) < 25).all(axis=2))
     assert len(dark) > 20
     assert np.median(dark[:, 0]) > 120, "it is on the floor"
+
+
+def test_the_picture_of_a_hand_has_fingers_that_are_only_drawn(tmp_path: Path) -> None:
+    path, urdf = robot_with(tmp_path, arm=TWO), tmp_path / "mine.urdf"
+    parts = re.split(r"(?=<link )", urdf.read_text())
+    drawn = (
+        one.replace("collision>", "visual>") if re.match('<link name="arm_(left|right)"', one) else one for one in parts
+    )
+    urdf.write_text("".join(drawn))
+    robot = bind_robot(path)
+    world = PlanningWorld(Scene(()), robot.body())
+    assert "arm_left" not in world.robot.solid_names
+    image = hand_picture(robot, robot.arms[0], world, (200, 200)).astype(int)
+    world.close()
+    orange = (image[..., 0] - image[..., 2] > 100) & (image[..., 1] - image[..., 2] > 40)
+    assert orange.sum() > 100
 
 
 def test_a_base_that_is_fixed_has_a_next_step(tmp_path: Path) -> None:
