@@ -8,6 +8,7 @@ from typing import Any
 
 import hypothesis
 import pytest
+from cut_runs import at_every_cut, difference
 from hypothesis import settings
 from hypothesis import strategies as st
 
@@ -15,23 +16,10 @@ from planlang import *
 from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
 from planlang.runs import RecordedRun
 from planlang.runs.recorded_run import DamagedTrace
-from planlang.testing import PlanRun, Script, replay, run_plan
+from planlang.testing import Script, replay, run_plan
 
 Branch = Callable[[], Awaitable[Any]]
 CUP = an_object("Cup")
-
-
-def at_every_cut(top: Branch, run: PlanRun[Any]) -> list[int]:
-    """After how many records of a run its replay is not equal."""
-    events = run.trace.events
-    return [n for n in range(1, len(events) + 1) if not replay(top, RecordedRun.of(events[:n])).equal]
-
-
-def difference(top: Branch, run: PlanRun[Any]) -> tuple[Any, Any]:
-    """Return what was recorded and what was found at the first difference."""
-    found = replay(top, run).difference
-    assert found is not None
-    return found.recorded, found.found
 
 
 async def performing(cls: str, name: str) -> Any:
@@ -97,86 +85,6 @@ def test_random_plans_are_repeated_wherever_their_record_ends(
     records = data.draw(st.integers(1, len(run.trace.events)), label="records")
     part = replay(top, RecordedRun.of(run.trace.events[:records]))
     assert part.equal, part.difference and (part.difference.recorded, part.difference.found)
-
-
-def test_a_branch_that_waits_on_as_a_request_ends_is_repeated_before_the_next_request_of_the_module() -> None:
-    """What a branch does without a record, here a sleep of 0 s, may come before a record of another one."""
-    perceiving = partial(performing, "Perceiving", "one")
-
-    async def top() -> Any:
-        try:
-            return await par(perceiving, perceiving, partial(guarded, partial(sleep, 0.5), 0.0))
-        except PlanFailure as failure:
-            return failure
-
-    run = run_plan(top, script=Script().on("one", fails=ObjectNotFound, times=1, after=0.5), resumable=True)
-    at_the_end = [(one["event"], one["name"]) for one in run.trace.events if one["step"] == 120]
-    assert at_the_end.index(("ended", "guarded")) < at_the_end.index(("acquired", "perception"))
-    assert at_every_cut(top, run) == []
-
-
-async def pausing(body: Branch, times: int) -> Any:
-    for _ in range(times):
-        await sleep(0)
-    return await body()
-
-
-@pytest.mark.parametrize("zeros", range(6))
-@pytest.mark.parametrize("begins", [0, 3])
-def test_branches_that_a_request_wakes_and_those_that_they_wake_are_repeated_in_their_order(
-    zeros: int, begins: int
-) -> None:
-    async def other() -> None:
-        await sleep(0.5)
-        await pausing(partial(sleep, 0), zeros)
-
-    @plan
-    async def top() -> None:
-        seen = Fluent(False, "seen")
-
-        async def looking() -> None:
-            await sleep(0.25)
-            async with using("head"):  # when the request has ended
-                await sleep(0)
-                seen.set(True)
-                await sleep(0)
-
-        await par(
-            partial(pausing, partial(performing, "Perceiving", "one"), 1),
-            looking,
-            partial(wait_for, seen),
-            partial(pausing, other, begins),
-        )
-
-    run = run_plan(top, script=Script().on("Perceiving", after=0.5), resumable=True)
-    assert at_every_cut(top, run) == []
-
-
-@pytest.mark.parametrize("seconds", [0.5, 1.0])
-def test_the_order_of_branches_is_compared_as_a_request_ends_and_after_what_it_has_woken(seconds: float) -> None:
-    zeros = {"early": 0, "late": 1}
-
-    async def ends(name: str, wait: float) -> None:
-        await sleep(wait)
-        await tag(name, partial(pausing, partial(sleep, 0), zeros[name]))
-
-    async def looking() -> None:
-        await sleep(0.25)
-        async with using("head"):  # when the request has ended, at 0.5 s
-            pass
-        await ends("early", seconds - 0.5)
-
-    async def top() -> None:
-        early = looking if seconds > 0.5 else partial(ends, "early", seconds)
-        await par(partial(performing, "Perceiving", "one"), early, partial(ends, "late", seconds))
-
-    run = run_plan(top, script=Script().on("Perceiving", after=0.5), resumable=True)
-    assert at_every_cut(top, run) == []
-    zeros |= {"early": 1, "late": 0}
-    recorded, found = difference(top, run)
-    assert recorded["step"] == found["step"] == seconds * 240
-    assert (recorded["event"], found["event"]) == ("ended", "ended")
-    assert (recorded["path"].rpartition("/")[2], found["path"].rpartition("/")[2]) == ("early", "late")
 
 
 def test_location_scopes_goals_and_recoveries_are_told_what_the_executive_answered() -> None:
