@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import Any, NoReturn, cast
 
 from planlang.designators import Action
-from planlang.kernel import Scheduler, shield
+from planlang.kernel import shield
 from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
 from planlang.language.budgets import charge
@@ -25,7 +25,7 @@ from planlang.records import dataclass
 from planlang.runs import Different, RecordedRun
 from planlang.runs.codec import failure_class
 from planlang.runs.recorded_run import BOOKKEEPING, Line
-from planlang.runs.replay_check import RecordedOrder, ReplayCheck, ReplayHost, ReplayOver
+from planlang.runs.replay_check import RecordedOrder, ReplayCheck, ReplayHost, ReplayOver, ReplayScheduler
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
         raise ValueError("the header of the trace has no rate and seed")
     trace = ReplayCheck(recorded)
     order = RecordedOrder(trace, all_=schedule is not None)
-    scheduler = Scheduler(ReplayHost(rate, trace), seed=seed, choice=order, observer=trace)
+    scheduler = ReplayScheduler(ReplayHost(rate, trace), order, seed=seed, observer=trace)
     trace.attach(scheduler)
     scheduler.recorded = trace
     executive = _ReplayedExecutive(trace, order) if trace.was_asked("modules") else None

@@ -266,23 +266,59 @@ class ReplayHost:
 
 
 class RecordedOrder:
-    """Schedule in which the task with the next record runs first: tasks of process modules, or with ``all_`` all."""
+    """Schedule of a replay: first come, first served, but by the records where the place in the queue is not known.
+
+    It is not known of tasks of process modules, as a request is repeated without the waits inside it. What such a task
+    wakes, and what that wakes in turn, has no known place either: in the run, a task that is in front of it now may
+    have gone on first, without a record, and have come back into the queue before it. With ``all_`` no place is known.
+    """
 
     def __init__(self, trace: ReplayCheck, *, all_: bool) -> None:
         self._trace = trace
         self._all = all_
         self.modules: set[str] = set()
         """Paths of the tasks that execute process modules."""
+        self._woken: set[Task] = set()
+        """Tasks whose place is not known, as the task that has woken them last had none."""
+
+    def woken(self, task: Task, by: Task | None) -> None:
+        """Register that a task enters the queue, woken by another one; None for timers and decisions of constructs."""
+        if by is not None and self._floats(by):
+            self._woken.add(task)
+        else:
+            self._woken.discard(task)
+
+    def _floats(self, task: Task) -> bool:
+        """Check whether the place of a task in the queue is not known."""
+        return task in self._woken or task.path in self.modules
 
     def choose(self, ready: Sequence[Task]) -> int:
-        """Choose the innermost task around the next record, else the first task."""
+        """Choose the innermost task around the next record if its place is not known, else the first task.
+
+        If that task has a known place, only such tasks can be in front of it. If it is not ready, another one has to go
+        on first, without a record: the first.
+        """
         line = self._trace.next()
         if line is None or line.path is None:
             return 0
         best, length = 0, -1
         for place, task in enumerate(ready):
             path = task.path
-            inside = line.path == path or line.path.startswith(f"{path}/")
-            if inside and len(path) > length and (self._all or path in self.modules):
+            if len(path) > length and (line.path == path or line.path.startswith(f"{path}/")):
                 best, length = place, len(path)
-        return best
+        if length < 0 or self._all or self._floats(ready[best]):
+            return best
+        return next(place for place, task in enumerate(ready) if not self._floats(task))
+
+
+class ReplayScheduler(Scheduler):
+    """State of a replay; it tells the order which task wakes which."""
+
+    def __init__(self, host: ReplayHost, order: RecordedOrder, *, seed: int, observer: ReplayCheck) -> None:
+        super().__init__(host, seed=seed, choice=order, observer=observer)
+        self._order = order
+
+    def enqueue(self, task: Task) -> None:
+        """Put a task into the run queue, unless it is held."""
+        self._order.woken(task, self.current)
+        super().enqueue(task)

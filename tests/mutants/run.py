@@ -60,7 +60,7 @@ FIRST = {  # these before them, where one of these files is broken
     "runs/journal.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
     "runs/recorded_run.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
     "runs/codec.py": f"{LANGUAGE}/test_resumption.py {LANGUAGE}/test_resumed_state.py",
-    "runs/replay_check.py": f"{LANGUAGE}/test_replays.py",
+    "runs/replay_check.py": f"{LANGUAGE}/test_replays.py {LANGUAGE}/test_order_of_replays.py",
 }
 SHORT = 4
 CPU_TIME = 300
@@ -145,6 +145,8 @@ MUTANTS = [
     ("what does not survive JSON is skipped", "runs/recorded_run.py", "                break\n            self.last", "                continue\n            self.last"),
     ("a tuple comes back as a list", "runs/codec.py", 'return {"$tuple": [dump(item, depth + 1) for item in value]}', "return [dump(item, depth + 1) for item in value]"),
     ("a repeated run may do something else", "runs/replay_check.py", "            self.differ({", "            self.take() or ({"),
+    ("a plan may be repeated in another order", "runs/replay_check.py", "self._all = all_", "self._all = True"),
+    ("what a request wakes comes before what was there", "runs/replay_check.py", "task in self._woken or ", ""),
     ("task_suspended wakes what it has not suspended", "language/plans.py", "if handle.bindings <= last:", "if True:"),
     ("task_suspended does not wake what it held before it began", "language/plans.py", "last = handle.bindings + (handle._task is None)", "last = handle.bindings"),
     ("a suspension that fails leaves the task held", "kernel/cancel.py", "        wake_up(scheduler, task)\n        raise error", "        raise error"),

@@ -8,6 +8,7 @@ from typing import Any
 
 import hypothesis
 import pytest
+from cut_runs import at_every_cut, difference
 from hypothesis import settings
 from hypothesis import strategies as st
 
@@ -15,23 +16,10 @@ from planlang import *
 from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectNotFound
 from planlang.runs import RecordedRun
 from planlang.runs.recorded_run import DamagedTrace
-from planlang.testing import PlanRun, Script, replay, run_plan
+from planlang.testing import Script, replay, run_plan
 
 Branch = Callable[[], Awaitable[Any]]
 CUP = an_object("Cup")
-
-
-def at_every_cut(top: Branch, run: PlanRun[Any]) -> list[int]:
-    """After how many records of a run its replay is not equal."""
-    events = run.trace.events
-    return [n for n in range(1, len(events) + 1) if not replay(top, RecordedRun.of(events[:n])).equal]
-
-
-def difference(top: Branch, run: PlanRun[Any]) -> tuple[Any, Any]:
-    """Return what was recorded and what was found at the first difference."""
-    found = replay(top, run).difference
-    assert found is not None
-    return found.recorded, found.found
 
 
 async def performing(cls: str, name: str) -> Any:
