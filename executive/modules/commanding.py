@@ -78,7 +78,8 @@ class Control:
     def observe(self) -> None:
         """Read encoders and touch: believe the robot, and the handles that its hands still feel, where they are now.
 
-        Called at the end of a motion, after a hand has closed on a handle, and before a decision.
+        Called at the end of a motion, after a hand has closed on a handle, before it is said where a lost body fell,
+        and before a decision.
         """
         for leaf in [leaf for leaf, link in self.belief.led.items() if not self.world.feels(link)]:
             self.belief.let_go(leaf)
@@ -156,7 +157,8 @@ class Control:
         return pinched(self.world.touches(gripper.finger_links)) if gripper is not None else None
 
     def below(self, name: str) -> Pose:
-        """Predict the pose at which a body comes to rest when it leaves the hand."""
+        """Predict the pose at which a body comes to rest when it leaves the hand, where that is by now."""
+        self.observe()
         believed = self.scene.world.pose(name)
         x, y, z = believed.position
         drop = self.scene.world.height_above_support(name)
