@@ -7,8 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.mesh_paths import case_differs, mesh_places
 from planlang.geometry.urdf import Element
+from planlang.package_paths import case_differs, file_places
 
 
 class Meshes:
@@ -38,7 +38,7 @@ class Meshes:
 
     def _read(self, name: str, line: int) -> str | None:
         reason = ""
-        for place in mesh_places(self.urdf, name):
+        for place in file_places(self.urdf, name):
             try:
                 suffix, content = checked_mesh(place)
             except BadMesh as problem:

@@ -22,11 +22,11 @@ from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, note, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.mesh_paths import mesh_places
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand
 from planlang.ontology.documents import Reading
 from planlang.ontology.terms import RDF, XSD
 from planlang.ontology.triples import Triples
+from planlang.package_paths import file_places
 from planlang.records import dataclass
 from planlang.spelling import guess
 
@@ -395,7 +395,7 @@ def _bounds(owl: Path, name: str, factors: tuple[float, ...]) -> tuple[Array, Ar
     For safety nothing is read outside the folder of the map and the one above it: packages have folders owl and meshes.
     """
     roots = (owl.resolve().parent, owl.resolve().parent.parent) if owl.is_file() else ()
-    for place in mesh_places(owl, name):
+    for place in file_places(owl, name):
         try:
             path = place.resolve()
             if path.is_file() and any(path.is_relative_to(root) for root in roots):

@@ -20,9 +20,9 @@ from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved, product, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.mesh_paths import mesh_places
 from planlang.geometry.urdf import Element, Joint, Urdf, displacement, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
+from planlang.package_paths import file_places
 from planlang.records import dataclass
 from planlang.temporary import process_folder
 
@@ -160,7 +160,7 @@ def _farthest(urdf: Path, shape: ElementTree.Element) -> float:
         return math.hypot(*xyz) + math.hypot(*extents) if extents else math.inf
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation_of(*rpy), xyz
-    for place in mesh_places(urdf, solid.get("filename", "")):
+    for place in file_places(urdf, solid.get("filename", "")):
         try:
             vertices = mesh_of(mesh_content(place), place.suffix.lower()).vertices
         except (BadMesh, OSError):
@@ -215,7 +215,7 @@ def _text(urdf: Path, mount: Mount | None, tools: Mapping[str, ToolPoint], range
     robot = deepcopy(read_urdf(urdf).tree)
     for mesh in robot.iter("mesh"):
         name = mesh.get("filename", "")
-        resolved = next((place for place in mesh_places(urdf, name) if place.is_file()), None)
+        resolved = next((place for place in file_places(urdf, name) if place.is_file()), None)
         if resolved is not None:
             mesh.set("filename", str(resolved.resolve()))
     found, marking = read_urdf(urdf), markers(urdf)

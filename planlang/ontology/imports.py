@@ -11,10 +11,10 @@ from urllib.parse import unquote
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.files import ONTOLOGIES, bundled, read_file
-from planlang.geometry.mesh_paths import mesh_places
 from planlang.ontology.catalog import Catalogs
 from planlang.ontology.moved_names import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
+from planlang.package_paths import file_places
 from planlang.records import dataclass
 from planlang.spelling import similar
 
@@ -168,7 +168,7 @@ class ImportMap:
 
         Such a folder has a package.xml, so that an import from elsewhere leads to no other file.
         """
-        for place in mesh_places(importing, target) if self._is_file and ".." not in target else ():
+        for place in file_places(importing, target) if self._is_file and ".." not in target else ():
             file = _file(place)
             package = next((one for one in file.parents if (one / "package.xml").is_file()), None) if file else None
             if package is not None:

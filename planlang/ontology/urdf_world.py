@@ -24,13 +24,13 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
 from planlang.geometry.matrices import product, rigid, rotation_of
 from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of
-from planlang.geometry.mesh_paths import mesh_places
 from planlang.geometry.shapes import corners, outline_of
 from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
 from planlang.geometry.urdf_schema import numbers
 from planlang.ontology.terms import MOVED_LINKS, OWL, RDF, URDF_WORLDS, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.ontology.urdf_labels import FARTHEST, Label, Triplet, labels_for
+from planlang.package_paths import file_places
 from planlang.records import dataclass
 
 MOST_LINKS = 5000
@@ -244,7 +244,7 @@ class _World:
 
     def _read_mesh(self, name: str) -> Mesh | str:
         """Read a mesh by the name that the URDF states; the reason if that is impossible."""
-        tried, shown = mesh_places(self.urdf.path, name), name[:120] or "without a file name"
+        tried, shown = file_places(self.urdf.path, name), name[:120] or "without a file name"
         for place in dict.fromkeys(tried):
             try:
                 content = mesh_content(place)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from planlang.diagnostics import BadInput
 from planlang.geometry.matrices import angles_of, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.mesh_paths import mesh_places
+from planlang.package_paths import file_places
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
 from sim.description import Description, inertia_box, read_description
@@ -235,7 +235,7 @@ ODD_NAMES = ("a.obj", "", "\0.obj", "a" * 5000 + ".obj", "/dev/zero", "package:/
 @pytest.mark.parametrize("name", ODD_NAMES, ids=["folder", "empty", "zero", "long", "device", "package", "escape"])
 def test_folders_and_odd_names_are_no_meshes(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.obj").mkdir()
-    for place in mesh_places(tmp_path / "cart.urdf", name):
+    for place in file_places(tmp_path / "cart.urdf", name):
         with pytest.raises((OSError, BadMesh)):
             checked_mesh(place)
 

@@ -7,7 +7,7 @@ plan come from the recipe.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -15,7 +15,6 @@ from itertools import pairwise
 from planlang.designators import local_name, local_part, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.ontology import BNode, Ontology, Triple, expand
-from planlang.ontology.convert import Target, excerpt
 from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import OWL, PREFIXES, RDF, RDFS
 from planlang.recipe.actions import Actions
@@ -193,8 +192,9 @@ def follow_from_others(recipe: Recipe) -> frozenset[tuple[str, str]]:
 def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
     """Write the advice to add an ordering constraint, in the syntax of the recipe's file."""
     name = f"{recipe.name}_{local_name(before)}_{local_name(after)}"
-    target = _TARGETS.get(recipe.syntax)
-    if target is not None:
+    if recipe.syntax in _WRITTEN:
+        from planlang.ontology.convert import Target, excerpt  # only for advice: all writers come with it
+
         own, node = f"{recipe.iri}_{local_name(before)}_{local_name(after)}", BNode("constraint")
         stated: list[tuple[str | BNode, str, str | BNode]] = [
             (recipe.iri, RDFS.subClassOf, node),
@@ -207,7 +207,7 @@ def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
         ]
         prefixes = {**PREFIXES, "": recipe.iri.removesuffix(local_part(recipe.iri))}
         triples = [Triple(*terms, Span("")) for terms in stated]
-        return f"add `{excerpt(triples, target, prefixes)}` for `{recipe.name}`"
+        return f"add `{excerpt(triples, Target[recipe.syntax.name], prefixes)}` for `{recipe.name}`"
     a, b = told_apart(before, after)
     facts = f"occursBeforeInOrdering {a}, occursAfterInOrdering {b}"
     return (
@@ -216,12 +216,7 @@ def ordering_to_write(recipe: Recipe, before: str, after: str) -> str:
     )
 
 
-_TARGETS: Mapping[Syntax | None, Target] = {
-    Syntax.RDFXML: Target.RDFXML,
-    Syntax.TURTLE: Target.TURTLE,
-    Syntax.FUNCTIONAL: Target.FUNCTIONAL,
-    Syntax.OWLXML: Target.OWLXML,
-}
+_WRITTEN = frozenset({Syntax.RDFXML, Syntax.TURTLE, Syntax.FUNCTIONAL, Syntax.OWLXML})
 """Syntaxes in which advice is written; it is in Manchester syntax otherwise."""
 
 RECURSIVE = ("R022", "R023")

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from planlang.geometry.mesh_paths import MODELS, PACKAGES
+from planlang.package_paths import MODELS, PACKAGES
 
 ROOT = Path(__file__).resolve().parents[3]
 HERE = "tests/benchmarks/robots_tried"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from planlang.geometry.mesh_paths import mesh_places
+from planlang.package_paths import file_places
 from sim.description import read_description
 
 STL = "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\nendloop\nendsolid s"
@@ -117,7 +117,7 @@ def test_what_lies_beside_the_urdf_comes_before_what_the_environment_knows(
     other.mkdir(parents=True)
     (other / "fore.STL").write_text(STL.replace("vertex 1", "vertex 2"), encoding="utf-8")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "src"))
-    places = mesh_places(package / "urdf" / "robot.urdf", "package://own_robot/meshes/fore.STL")
+    places = file_places(package / "urdf" / "robot.urdf", "package://own_robot/meshes/fore.STL")
     assert next(place for place in places if place.is_file()) == package / "meshes" / "fore.STL"
 
 

@@ -1,8 +1,8 @@
-"""Where the mesh files are that URDFs name: relative names, packages of ROS, models of Gazebo.
+"""Where the files are that URDFs and ontologies name: relative names, packages of ROS, models of Gazebo.
 
-One resolver for robots and worlds. What tools and systems write differently is read: ``$(find p)``, backslashes,
-percent-encoded characters, another case. The environment variables of ROS and Gazebo are asked last, so that equal
-folders give equal robots wherever they lie.
+One resolver for meshes of robots and worlds, and for imports. What tools and systems write differently is read:
+``$(find p)``, backslashes, percent-encoded characters, another case. The environment variables of ROS and Gazebo are
+asked last, so that equal folders give equal robots wherever they lie.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _FIND = re.compile(r"\$\(\s*find(?:-pkg-share)?\s+([^()\s]+)\s*\)[\\/]?")
 _DRIVE = re.compile(r"/?[A-Za-z]:[\\/]")
 
 
-def mesh_places(urdf: Path, name: str) -> list[Path]:
-    """List the paths at which a mesh named in a URDF may be, whether they exist or not; the best first.
+def file_places(naming: Path, name: str) -> list[Path]:
+    """List the paths at which what the file ``naming`` names may be, whether they exist or not; the best first.
 
-    ``package://p/rest`` may be p/rest in the URDF's folder or one above it, rest in one of these folders if its name is
-    p, rest in the URDF's folder or the one above it (copies of packages are often renamed), or else in a package p that
+    ``package://p/rest`` may be p/rest in that file's folder or one above it, rest in one of these folders if its name
+    is p, rest in that folder or the one above it (copies of packages are often renamed), or else in a package p that
     the environment knows (:data:`PACKAGES`). ``model://p/rest`` is that, or p/rest in a folder of :data:`MODELS`. Other
-    names are relative to the URDF, and if they name no file there, to a folder above it. Behind all these are the files
+    names are relative to the file, and if they name no file there, to a folder above it. Behind all these are the files
     whose names differ in case only, if there are any.
     """
-    folder = urdf.resolve().parent
+    folder = naming.resolve().parent
     for places in (_near, _known):
         found = list(dict.fromkeys(place for spelling in _spellings(name) for place in places(folder, spelling)))
         if any(map(_exists, found)):
