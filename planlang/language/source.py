@@ -72,8 +72,7 @@ class PlanSource:
         return header(self.text)
 
     @cached_property
-    def tree(self) -> ast.Module:
-        """The syntax tree, for this file only."""
+    def _tree(self) -> ast.Module:
         try:
             return ast.parse(self.text, self.file)
         except (SyntaxError, ValueError, RecursionError, MemoryError) as problem:
@@ -85,7 +84,7 @@ class PlanSource:
 
     @cached_property
     def _nodes(self) -> tuple[ast.AST, ...]:
-        return tuple(ast.walk(self.tree))
+        return tuple(ast.walk(self._tree))
 
     @cached_property
     def _calls(self) -> tuple[ast.Call, ...]:
@@ -95,7 +94,7 @@ class PlanSource:
     @property
     def imports_planlang(self) -> bool:
         """True if the file imports planlang, or something of it, outside of functions."""
-        body = self.tree.body
+        body = self._tree.body
         names = [alias.name for one in body if isinstance(one, ast.Import) for alias in one.names]
         names += [one.module or "" for one in body if isinstance(one, ast.ImportFrom)]
         return "planlang" in [name.partition(".")[0] for name in names]
@@ -222,7 +221,7 @@ class PlanSource:
         """Plan functions at the top of the file, by name."""
         return {
             one.name: one
-            for one in self.tree.body
+            for one in self._tree.body
             if isinstance(one, ast.AsyncFunctionDef) and "plan" in map(self._called, one.decorator_list)
         }
 
@@ -287,7 +286,7 @@ class PlanSource:
     def _constants(self) -> Mapping[str, str]:
         """What the file assigns to names, as far as it may be a class: its local name."""
         constants: dict[str, str] = {}
-        for one in self.tree.body:
+        for one in self._tree.body:
             if isinstance(one, ast.Assign) and (value := self._class_name(one.value, constants)) is not None:
                 constants.update((target.id, value) for target in one.targets if isinstance(target, ast.Name))
         return constants
@@ -332,7 +331,7 @@ class _Reading:
 
     def __init__(self, source: PlanSource, module: ModuleType) -> None:
         self._name, self._values = source.name, vars(module)
-        self._top = _definitions(source.tree.body)
+        self._top = _definitions(source._tree.body)
         self._known: dict[int, Needs] = {}
         self._read: dict[str, frozenset[str]] = {}
 
