@@ -271,6 +271,7 @@ def test_news_are_those_of_what_was_subscribed_to() -> None:
 
 
 def test_ctrl_c_is_the_usual_end_of_watching() -> None:
+    assert invoke("watch", "serveadrink.ben", "--once").exit_code == 0
     words = [sys.executable, "-m", "executive", "watch", "serveadrink.ada", "--every", "0.1", "--after", "0"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
