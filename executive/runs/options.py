@@ -179,5 +179,5 @@ class RunResult:
         bundle = {"text/plain": str(self)}
         if self.ended is not None:
             with suppress(BadInput):
-                bundle["text/html"] = framed(self.ended.page, "planlang run")
+                bundle["text/html"] = framed(self.ended.page, "a run of planlang")
         return bundle

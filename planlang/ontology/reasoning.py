@@ -200,7 +200,7 @@ class _Reasoning:
 
     def _run(self, classpath: Sequence[str], main: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
         command = ["java", f"-Xmx{MEMORY}M", "-cp", os.pathsep.join(classpath), main, *arguments]
-        late = f"{self.reasoner.title} took more than {self.seconds:g} s; allow more with --reason-seconds"
+        late = f"{self.reasoner.title} took more than {self.seconds:g} s, which is all that it was given"
         left = self.end - time.monotonic()
         if left <= 0:
             raise _Stopped(late)
