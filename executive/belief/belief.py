@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from executive.belief.knowledge import Knowledge, Source
-from executive.belief.known_things import KnownThings, ignore
+from executive.belief.known_things import MOST_FAILURES, KnownThings, ignore
 from executive.belief.obstacles import NAMES
 from executive.maps.semantic_map import MapObject
 from planlang.geometry import Pose
@@ -153,9 +153,24 @@ class Belief(KnownThings):
         """Record that the base has moved, so that objects must be looked at again before they are manipulated."""
         self._moves += 1
 
+    def hand_failed(self, arm: str) -> None:
+        """Record that the fingers of an arm did not reach their goal."""
+        self.failing[arm] = self.failing.get(arm, 0) + 1
+        if self.failing[arm] == MOST_FAILURES:
+            self._changed("given up", name=f"hand of {arm}")
+
+    def rely_on_all_hands(self) -> bool:
+        """Forget the failures of hands that were given up, as the others did not do; False if there are none."""
+        given_up = [arm for arm in self.failing if self.is_given_up(arm)]
+        for arm in given_up:
+            del self.failing[arm]
+            self._changed("tried again", name=f"hand of {arm}")
+        return bool(given_up)
+
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""
         self._taken.discard(name)
+        self.failing.pop(arm, None)
         self.dropped.pop(arm, None)
         self.dropped = {arm: dropped for arm, dropped in self.dropped.items() if dropped != name}
         grip = self.held.get(name)
@@ -328,6 +343,7 @@ class Belief(KnownThings):
             "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
             "leaves": {leaf: value for leaf, value in self.state.joints.items() if value},
             "led": dict(self.led),
+            **({"failing": dict(self.failing)} if self.failing else {}),
             **({"witnessed": sorted(self._witnessed)} if self._witnessed else {}),
             "known": {name: [one.source.value, one.time, one.moves] for name, one in self._known.items()},
             "moves": self._moves,
@@ -369,6 +385,7 @@ class Belief(KnownThings):
             if unknown := {rider for grip in held.values() for rider in grip.riders} - placed.keys():
                 raise ValueError(f"the map has no {', '.join(sorted(unknown))}")
             self.dropped = dropped
+            self.failing = {str(arm): int(times) for arm, times in state.get("failing", {}).items()}
             refused = state["refused"].items()
             self.refused = {str(name): [_pose(offset) for offset in offsets] for name, offsets in refused}
             self._taken, self._moves = set(state["taken"]), int(state["moves"])

@@ -24,6 +24,9 @@ from sim import PlanningWorld
 from sim.joints import Articulation
 from sim.leaves import inside
 
+MOST_FAILURES = 2
+"""Failures in a row of a hand's fingers after which another hand is used, if there is one: one may be an accident, and
+plans repeat a step about three times."""
 ALIKE = 0.02
 """Difference of distances from the robot below which two objects are equally near [m]."""
 
@@ -57,6 +60,8 @@ class KnownThings:
         """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
         self.dropped: dict[str, str] = {}
         """Arm -> object that it lost and that has not been grasped since: it may stand between the fingers."""
+        self.failing: dict[str, int] = {}
+        """Arm -> how often its fingers failed to reach their goal since it last grasped something."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
         poses = {name: world.pose(name) for name in world.names()}
@@ -107,6 +112,10 @@ class KnownThings:
     def is_gone(self, name: str) -> bool:
         """Check whether an object is known to have been destroyed."""
         return name in self._gone
+
+    def is_given_up(self, arm: str) -> bool:
+        """Check whether the hand of an arm has failed so often that another one is to be used."""
+        return self.failing.get(arm, 0) >= MOST_FAILURES
 
     @property
     def _poses(self) -> Mapping[str, Pose]:
