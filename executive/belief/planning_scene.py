@@ -244,7 +244,7 @@ class RobotArms(ScenePart):
 
     def able(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """Leave out the arms whose hands were given up because they failed; keep all if no other is left."""
-        return [arm for arm in arms if not self._belief.is_given_up(arm.name)] or list(arms)
+        return [arm for arm in arms if arm.name not in self._belief.memory.given_up] or list(arms)
 
     def tip(self, arm: ArmModel) -> Array:
         """Compute the pose (4, 4) of an arm's tip in the map."""

@@ -39,14 +39,14 @@ def test_a_base_pose_is_for_the_hand_that_is_not_given_up(ward: Stage) -> None:
 
 def test_a_hand_that_failed_once_is_used_on(ward: Stage) -> None:
     ward.belief.hand_failed("right")
-    assert not ward.belief.is_given_up("right")
+    assert "right" not in ward.belief.memory.given_up
 
 
 def test_a_grasp_in_between_shows_that_the_hand_works(ward: Stage) -> None:
     ward.belief.hand_failed("right")
     hold_bottle(ward, "right")
     ward.belief.hand_failed("right")
-    assert not ward.belief.is_given_up("right")
+    assert "right" not in ward.belief.memory.given_up
 
 
 def test_a_hand_that_was_given_up_does_what_is_stated_for_it(ward: Stage) -> None:
@@ -67,7 +67,7 @@ def test_a_hand_is_tried_again_where_the_other_finds_no_place(make_stage: MakeSt
     gives_up(stage, "right")
     with pytest.raises(LocationUnresolvable):
         list(stage.executive.solutions(a_location(in_reach_of=THE_BOTTLE, using=GRIPPER)))
-    assert not stage.belief.is_given_up("right")
+    assert "right" not in stage.belief.memory.given_up
 
 
 def test_a_resumed_run_knows_which_hand_was_given_up(ward: Stage, make_stage: MakeStage) -> None:
@@ -75,4 +75,4 @@ def test_a_resumed_run_knows_which_hand_was_given_up(ward: Stage, make_stage: Ma
     ward.belief.hand_failed("left")
     later = make_stage(CABINET, BOTTLE, *ward.truth.scene.bodies[2:4])
     later.belief.restore(ward.belief.snapshot())
-    assert (later.belief.is_given_up("right"), later.belief.failing) == (True, {"right": 2, "left": 1})
+    assert (later.belief.memory.given_up, later.belief.memory.failing) == (("right",), {"right": 2, "left": 1})
