@@ -40,7 +40,8 @@ from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from sim import PlanningWorld, Scene, perturb
+from planlang.state import Hold
+from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -70,9 +71,11 @@ def world_at_start(
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
-    for one in held:
-        world.set_pose(one.body.name, world.link_pose(one.link) @ one.offset)
-        world.attach(one.link, one.body.name)
+    if held:
+        state = state_of(world, robot.name)
+        for one in held:
+            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
+        world = WorldMirror(world, robot.name).at(state)
     if start is not None:
         _check_start(world)
     now = world.configuration()
