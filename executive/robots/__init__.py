@@ -10,7 +10,7 @@ depend on recipes. ``arms`` is the robot as planning sees it. ``draft`` makes a 
 
 from executive.robots.binding import bind_draft, bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
-from executive.robots.requirements import Availability, FindingKind, Semantics, requirements
+from executive.robots.requirements import Availability, FindingKind, requirements
 from executive.robots.robot import CARRYING, Arm, Gripper, Robot, trusting_map
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "Gripper",
     "Missing",
     "Robot",
-    "Semantics",
     "bind_draft",
     "bind_robot",
     "missing_capabilities",
