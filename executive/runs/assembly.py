@@ -20,7 +20,6 @@ from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
-from executive.belief.recognition import Recognition
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
@@ -123,10 +122,11 @@ def platform_of(
     ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
     ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
     """
-    belief = Belief(semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown)
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
-    belief.recognition = Recognition(semantic_map.ontology, classes)
+    belief = Belief(
+        semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown, recognised=classes
+    )
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -269,7 +269,7 @@ class RobotExecutive:
     def before_retry(self) -> Iterable[Action]:
         """Yield motions that open emptied hands, make room for the arms by the base, and bring them to carrying."""
         platform = self.platform
-        for name in platform.belief.dropped:  # the lost thing may stand between the fingers
+        for name in platform.belief.memory.dropped:  # the lost thing may stand between the fingers
             yield action("OpeningAGripper", device_used=self._device(name))
         untucked = platform.arms.untucked()
         if not untucked:

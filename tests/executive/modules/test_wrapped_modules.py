@@ -66,7 +66,7 @@ def with_effects(module: Unusual) -> WrappedModule:
 
 def looking_first(module: Unusual) -> WrappedModule:
     platform = Mock()
-    platform.belief.unknown = ()
+    platform.belief.memory.unknown = ()
     return LookingFirst(module, platform, frozenset())
 
 
