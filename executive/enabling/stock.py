@@ -12,7 +12,7 @@ from executive.maps.semantic_map import read_map
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.knowledge.answers import Found
-from planlang.ontology import Ontology, load
+from planlang.ontology import Ontology, load_apart
 from planlang.records import dataclass
 
 MODELS = "providesModelFor"
@@ -94,7 +94,7 @@ class Stock:
             raise self._failed[entry.uid]
         try:
             data = self.folder.content(entry) if self.is_kept(entry.uid) else self.shelf.content(entry)
-            return load(self.folder.file(entry), folders=self.folders, content=data)
+            return load_apart(self.folder.file(entry), folders=self.folders, content=data)
         except BadInput as problem:
             self._failed[entry.uid] = problem
             raise

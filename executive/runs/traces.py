@@ -10,8 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from executive.options.running import in_header, settings_from_header
 from executive.runs.parameters import Bound
-from executive.runs.settings import in_header, settings_from_header
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
