@@ -122,7 +122,7 @@ class Stated:
         raise ValueError(f"write {words.get(kind, kind)}")
 
 
-def declared(kind: type[Any]) -> Mapping[str, Stated]:
+def declared(kind: Any) -> Mapping[str, Stated]:
     """The declared fields of a class of options, by name, in their order; other fields are not for faces."""
     return _declared(kind)
 

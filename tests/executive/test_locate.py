@@ -100,7 +100,7 @@ def test_a_thing_is_put_where_a_phrase_says(tmp_path: Path) -> None:
 def test_what_is_put_somewhere_has_to_be_known() -> None:
     answer = located("on the bedside table", "--of", "the botle", code=2)
     assert codes(answer) == ["P002"]
-    assert answer["diagnostics"][0]["span"]["file"] == "of"
+    assert answer["diagnostics"][0]["span"]["file"] == "--of"
 
 
 def test_robot_and_environment_have_no_default() -> None:

@@ -13,6 +13,7 @@ from executive.runs.options import Outcome, RunOptions
 from executive.runs.parameters import bound_parameters, not_in_map, plan_parameters
 from executive.runs.plan_files import main_plan
 from executive.runs.plan_run import Run, run_plan_file
+from executive.runs.prepared import prepared
 from executive.runs.traces import read_trace
 from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic
