@@ -53,6 +53,14 @@ class Memory:
     refused: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
     """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
 
+    def evidence(self) -> object:
+        """Summarise what answers about places depend on, as a cache key: not when something became known.
+
+        Nor what designators are bound to, as a question binds those that it names.
+        """
+        sources = {name: (known.source, known.moves == self.moves) for name, known in self.known.items()}
+        return sources, self.in_vain, self.unknown
+
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""
         return replace(self, known={**self.known, **dict.fromkeys(names, Knowledge(source, self.time, self.moves))})
