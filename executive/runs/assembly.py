@@ -25,6 +25,7 @@ from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
+from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import arm_models, gaze_of
@@ -164,8 +165,8 @@ class RobotExecutive:
         self.finding = _finding(platform.belief.map.ontology)
         """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
-            for create in modules
+            ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
+            for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -190,8 +191,8 @@ class RobotExecutive:
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; the search starts anew if the belief changes in between.
 
-        A thing that is unreachable by the map alone is looked at before the search fails. Raises ObjectNotFound for a
-        thing without a known pose.
+        Before the search fails, hands that were given up are tried again, and a thing that is unreachable by the map
+        alone is looked at. Raises ObjectNotFound for a thing without a known pose.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -208,6 +209,8 @@ class RobotExecutive:
                         if self.revision() != revision:
                             break
                 except LocationUnresolvable as problem:
+                    if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
+                        continue
                     about_place = type(problem) is LocationUnresolvable and not is_found
                     look = resolver.look_at_unseen(location) if about_place else None
                     if look is None:
