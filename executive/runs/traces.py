@@ -22,8 +22,8 @@ from planlang.outputs import named
 from planlang.records import dataclass
 from planlang.report.tree import decision_text
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
-from planlang.runs.codec import load
-from planlang.runs.recorded_run import SPANS
+from planlang.runs.codec import SCHEMA, load
+from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
 from planlang.runs.trace import Listener
 from planlang.shell import quoted
@@ -170,8 +170,15 @@ def recorded_run(path: Path) -> RecordedRun:
 
 
 def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Read a trace of planlang run and its header. Raises BadInput as :func:`recorded_run` does."""
+    """Read a trace of planlang run and its header, to repeat the run. Raises BadInput as :func:`recorded_run` does.
+
+    Also for a trace of an older schema, with the versions of planlang that wrote and that read it.
+    """
     recorded = recorded_run(path)
+    try:
+        recorded.check_repeatable()
+    except OlderTrace as older:
+        raise BadInput([_written_before(recorded, older)]) from None
     if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
         advice = "planlang run PLAN --trace run.jsonl writes one"
         message = "this trace was not written by planlang run: its header names no plan"
@@ -280,6 +287,17 @@ def sha256(path: Path) -> str:
 def damaged(name: str, damage: DamagedTrace) -> Diagnostic:
     """Error for a file that is not a trace, or damaged."""
     return error("X020", f"not a trace, or damaged: {damage}", Span(name, damage.line))
+
+
+def _written_before(recorded: RecordedRun, older: OlderTrace) -> Diagnostic:
+    """Error for a trace that an older planlang wrote, in which the run cannot be resumed or replayed."""
+    stated, now = recorded.header.get("versions"), versions()["planlang"]
+    before = str(stated["planlang"]) if isinstance(stated, dict) and "planlang" in stated else "an older version"
+    message = (
+        f"planlang {before} wrote this trace with schema {older.schema}; planlang {now} repeats only schema {SCHEMA}"
+    )
+    advice = "show, report and export read it; to repeat it, use the planlang that wrote it, or run the plan again"
+    return error("X033", message, Span(recorded.name, 1), advice)
 
 
 def _short(value: object) -> str:
