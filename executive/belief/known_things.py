@@ -13,7 +13,7 @@ from executive.belief.knowledge import Knowledge, Source
 from executive.belief.memory import Base, Memory
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
-from executive.maps.class_names import is_kind
+from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
 from executive.maps.namesakes import namesakes
 from executive.maps.semantic_map import MapObject, SemanticMap
