@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from executive.modules.runner import MOST, Skill
-from planlang import run
+from planlang import VirtualHost, run
 from planlang.failures import (
     GraspMissed,
     HandleNotReachable,
@@ -43,7 +43,7 @@ class Recorder:
 
 
 def result(skill: Skill[int, int]) -> Any:
-    return run(skill.run)
+    return run(skill.run, host=VirtualHost())
 
 
 def test_the_first_candidate_that_succeeds_ends_the_skill_with_its_result() -> None:
@@ -129,9 +129,9 @@ def test_steps_go_on_until_the_world_is_as_wanted() -> None:
     async def is_done() -> bool:
         return recorder.tried().count(2) == 2
 
-    run(lambda: skill.until(is_done))
+    run(lambda: skill.until(is_done), host=VirtualHost())
     assert recorder.tried() == [1, 2, 1, 2]
-    run(lambda: skill.until(is_done))
+    run(lambda: skill.until(is_done), host=VirtualHost())
     assert recorder.tried() == [1, 2, 1, 2], "nothing is left to do"
 
 
@@ -147,7 +147,7 @@ def test_steps_that_do_not_suffice_fail_after_as_many_tries() -> None:
 
     skill = replace(Skill(lambda: (1,), recorder.contact), otherwise=otherwise)
     with pytest.raises(HandleNotReachable, match=f"{MOST} tried"):
-        run(lambda: skill.until(is_done))
+        run(lambda: skill.until(is_done), host=VirtualHost())
     assert recorder.tried() == [1] * MOST
 
 
