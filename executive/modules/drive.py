@@ -11,8 +11,8 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
-from executive.motion.drivable import SPARE, free_poses
-from executive.motion.tight_path import plan_tight_path
+from executive.motion.base_path import plan_tight_path
+from executive.motion.clearance import SPARE, free_poses
 from planlang.geometry import Array
 from planlang.protocols import Trajectory
 
