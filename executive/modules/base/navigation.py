@@ -8,6 +8,7 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import PlatformModule
+from executive.modules.runner import Skill
 from executive.modules.ways_out import way_out_of_base
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, FixedPose, Location, Object, Posture, a_location
@@ -25,7 +26,7 @@ from planlang.language.process_module import process_module
 from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
-"""Attempts to plan around unexpected obstacles before the failure is left to the plan."""
+"""Paths around unexpected obstacles to try before the failure is left to the plan."""
 
 AT_GOAL = 0.15
 """Radius around the goal in which floor counts for finding the body that closes the way [m]."""
@@ -56,22 +57,36 @@ class Navigation(PlatformModule):
                     raise
 
     async def _drive(self, goal: BasePose) -> None:
-        blocked_by: str | None = None
-        for _ in range(REPLANS):
-            if _close(goal, self.platform.base()):
-                return
-            path, arrives = self._path_or_escape(goal)
-            try:
-                motion = await self.platform.follow("base", path)
-            finally:
-                self.platform.drive.moved()
-            if motion.state is MotionState.DONE and arrives:
-                return
-            if motion.state is MotionState.DONE:
-                continue
-            blocked_by = motion.blocked_by
+        """Drive to a pose: after a touch, which changes what is believed, by another path."""
+        await Skill(
+            lambda: (goal,),
+            self._go,
+            believed=lambda: self.platform.belief.revision,
+            failures=(NavigationGoalNotReached,),
+            most=REPLANS,
+        ).run()
+
+    async def _go(self, goal: BasePose) -> None:
+        """Follow a path to a pose, out of a collision first if the robot is in one."""
+        if _close(goal, self.platform.base()):
+            return
+        try:
+            path = self._path(goal)
+        except NavigationGoalNotReached as stuck:
+            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
+                raise
+            await self._follow(out, goal)
+            path = self._path(goal)
+        await self._follow(path, goal)
+
+    async def _follow(self, path: Trajectory, goal: BasePose) -> None:
+        try:
+            motion = await self.platform.follow("base", path)
+        finally:
+            self.platform.drive.moved()
+        if motion.state is not MotionState.DONE:
             await self.platform.sensing.bump(motion)
-        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+            raise NavigationGoalNotReached(target=goal, blocked_by=motion.blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
@@ -85,15 +100,6 @@ class Navigation(PlatformModule):
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
-
-    def _path_or_escape(self, goal: BasePose) -> tuple[Trajectory, bool]:
-        """Plan a path to a pose, or an escape if the robot is in collision; and whether the path reaches the pose."""
-        try:
-            return self._path(goal), True
-        except NavigationGoalNotReached as stuck:
-            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
-                raise
-            return out, False
 
     def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
