@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.modules.base.giving_way import Lookout
 from executive.modules.platform import PlatformModule
 from executive.modules.ways_out import way_out_of_base
 from executive.motion import GoalInCollision, MotionError, StartInCollision
@@ -22,11 +25,15 @@ from planlang.failures import (
     ObjectNowhereToBeFound,
 )
 from planlang.language.process_module import process_module
-from planlang.protocols import MotionState, Trajectory
+from planlang.protocols import Motion, MotionState, Trajectory
 
 REPLANS = 3
 """Attempts to plan around unexpected obstacles before the failure is left to the plan."""
 
+MOST_WAITS = 30
+"""Times that another robot in the way is waited for during one drive."""
+FAR, ASKEW = 0.5, 0.5
+"""Where other robots drive, the base turns to a goal farther away [m] that is in another direction [rad] first."""
 AT_GOAL = 0.15
 """Radius around the goal in which floor counts for finding the body that closes the way [m]."""
 
@@ -40,8 +47,8 @@ class Navigation(PlatformModule):
     failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base."""
-        return ("base",)
+        """Return the base, and the head where other robots drive."""
+        return ("base", "head") if Lookout(self.platform).others else ("base",)
 
     async def execute(self, action: Action) -> None:
         """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
@@ -57,14 +64,11 @@ class Navigation(PlatformModule):
 
     async def _drive(self, goal: BasePose) -> None:
         blocked_by: str | None = None
+        lookout = Lookout(self.platform)
         for _ in range(REPLANS):
             if _close(goal, self.platform.base()):
                 return
-            path, arrives = self._path_or_escape(goal)
-            try:
-                motion = await self.platform.follow("base", path)
-            finally:
-                self.platform.drive.moved()
+            motion, arrives = await self._go(goal, lookout)
             if motion.state is MotionState.DONE and arrives:
                 return
             if motion.state is MotionState.DONE:
@@ -72,6 +76,41 @@ class Navigation(PlatformModule):
             blocked_by = motion.blocked_by
             await self.platform.sensing.bump(motion)
         raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+
+    async def _go(self, goal: BasePose, lookout: Lookout) -> tuple[Motion, bool]:
+        """Drive towards a pose, waiting for other robots that close the way; and whether the path reaches the pose."""
+        if not lookout.others:
+            path, arrives = self._path_or_escape(goal)
+            return await self._follow(path), arrives
+        await lookout.look()
+        await self._face(goal, lookout)
+        blocked_by: str | None = None
+        for _ in range(MOST_WAITS):
+            try:
+                path, arrives = self._path_or_escape(goal)
+                motion = await self._follow(path, lookout.closes)
+                if motion.state is not MotionState.MOVING:
+                    return motion, arrives
+            except NavigationFailure as failure:
+                if failure.blocked_by not in lookout.others:
+                    raise
+                blocked_by = failure.blocked_by
+            await lookout.wait()
+        raise NavigationGoalNotReached("another robot does not leave the way", target=goal, blocked_by=blocked_by)
+
+    async def _face(self, goal: BasePose, lookout: Lookout) -> None:
+        """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
+        x, y, yaw = self.platform.base()
+        heading = math.atan2(goal[1] - y, goal[0] - x)
+        if math.dist(goal[:2], (x, y)) > FAR and abs(math.remainder(heading - yaw, 2 * math.pi)) > ASKEW:
+            with suppress(MotionError):
+                await self._follow(self.platform.drive.path((x, y, heading)), lookout.closes)
+
+    async def _follow(self, path: Trajectory, closes: Callable[[Trajectory], bool] | None = None) -> Motion:
+        try:
+            return await self.platform.follow("base", path, closes=closes)
+        finally:
+            self.platform.drive.moved()
 
     def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
