@@ -17,12 +17,11 @@ import numpy as np
 from executive.locations.holding import Holding, holdings, trial_things
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.motion import Boxes, Grid
-from executive.motion.clearance import Outline, outlines
-from executive.motion.drivable import drivable, free_poses
+from executive.motion.clearance import Outline, drivable, free_poses, outlines
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel, arm_models, called
-from executive.robots.bare_hands import REMEDY
 from executive.robots.mechanism import BASE, Mechanism, is_still
+from executive.robots.openings import REMEDY
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import SolidKind, outline_of

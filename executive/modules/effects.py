@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from executive.maps import MapObject
-from executive.maps.class_names import known
+from executive.maps.classes import known
 from executive.modules.platform import Platform
 from executive.modules.tools.turning_over import check_turned
 from planlang.changes import Change, Output, Physics, Poured, Switched, Transformed, TurnedOver

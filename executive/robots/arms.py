@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executive.motion import Chain, Gaze, InverseKinematics
-from executive.robots.bare_hands import bare_hand
 from executive.robots.mechanism import Mechanism
-from executive.robots.openings import Openings, openings_of
+from executive.robots.openings import Openings, bare_hand, openings_of
 from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array, Pose

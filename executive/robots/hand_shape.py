@@ -12,9 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from executive.robots.anatomy import Limb
-from executive.robots.bare_hands import without_shapes
-from executive.robots.mechanism import Mechanism
-from executive.robots.part_words import Part, is_tool, names
+from executive.robots.mechanism import Mechanism, Part, is_tool, names
+from executive.robots.openings import without_shapes
 from executive.robots.robot import Axis
 from executive.robots.thumbs import ROW, ThumbGrip, apart, thumb_gap, thumb_grip
 from planlang.geometry import Array
