@@ -94,6 +94,7 @@ def test_without_another_robot_the_head_is_free_while_the_base_drives(ward: Stag
     assert needs == [("base",), ("base", "head")]
 
 
+@pytest.mark.long
 def test_a_drink_is_served_where_another_robot_crosses_the_room(tmp_path: Path) -> None:
     encounters = Encounters()
     place = shared_room(tmp_path, ROUTES[0])
