@@ -285,7 +285,7 @@ class RobotExecutive:
         untucked = platform.arms.untucked()
         if not untucked:
             return
-        room = platform.drive.room_for(untucked)
+        room = platform.standing().with_room_for(untucked)
         if room is not None and room != platform.base():
             x, y, yaw = map(float, room)
             yield action("Translation-LocationChange", x=x, y=y, yaw=yaw)

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from executive.commands.run import options_of
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from tests.support.scenarios import Scenario, judged_run, parsed

@@ -37,6 +37,8 @@ class Lookout:
         self._platform = platform
         self._last: Mapping[str, Pose] = {}
         """Where the others were when the way was last found free."""
+        self.closed_by: str | None = None
+        """The robot for which the base has last stopped."""
 
     @property
     def others(self) -> frozenset[str]:
@@ -75,11 +77,12 @@ class Lookout:
         self._watch(rest, now)
         if not now or now == self._last:
             return False
-        silhouette, size = platform.scene.collisions.silhouette(), platform.scene.bodies.size
-        boxes = Boxes.around(list(now.values()), np.array([size(name) for name in now]).reshape(-1, 3))
-        rooms = clearance_at(rest[:, :2], boxes, silhouette)
-        if rooms.min() < min(ROOM, rooms[0] - NEARER):
-            return True
+        silhouette, sizes = platform.scene.collisions.silhouette(), platform.scene.bodies.size
+        for name, pose in now.items():
+            rooms = clearance_at(rest[:, :2], Boxes.around([pose], np.array([sizes(name)])), silhouette)
+            if rooms.min() < min(ROOM, rooms[0] - NEARER):
+                self.closed_by = name
+                return True
         self._last = now
         return False
 

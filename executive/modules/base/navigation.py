@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.modules.base.giving_way import Lookout
 from executive.modules.platform import PlatformModule
+from executive.modules.runner import Skill
 from executive.modules.ways_out import way_out_of_base
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, FixedPose, Location, Object, Posture, a_location
@@ -25,13 +25,13 @@ from planlang.failures import (
     ObjectNowhereToBeFound,
 )
 from planlang.language.process_module import process_module
-from planlang.protocols import Motion, MotionState, Trajectory
+from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
-"""Attempts to plan around unexpected obstacles before the failure is left to the plan."""
+"""Paths around unexpected obstacles to try before the failure is left to the plan."""
 
-MOST_WAITS = 30
-"""Times that another robot in the way is waited for during one drive."""
+MOST_WAITS = 10
+"""Times that another robot in the way is waited for on one path."""
 FAR, ASKEW = 0.5, 0.5
 """Where other robots drive, the base turns to a goal farther away [m] that is in another direction [rad] first."""
 AT_GOAL = 0.15
@@ -63,54 +63,62 @@ class Navigation(PlatformModule):
                     raise
 
     async def _drive(self, goal: BasePose) -> None:
-        blocked_by: str | None = None
-        lookout = Lookout(self.platform)
-        for _ in range(REPLANS):
-            if _close(goal, self.platform.base()):
-                return
-            motion, arrives = await self._go(goal, lookout)
-            if motion.state is MotionState.DONE and arrives:
-                return
-            if motion.state is MotionState.DONE:
-                continue
-            blocked_by = motion.blocked_by
-            await self.platform.sensing.bump(motion)
-        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+        """Drive to a pose: after a touch, which changes what is believed, by another path."""
+        await Skill(
+            lambda: (goal,),
+            self._go,
+            believed=lambda: self.platform.belief.revision,
+            failures=(NavigationGoalNotReached,),
+            most=REPLANS,
+        ).run()
 
-    async def _go(self, goal: BasePose, lookout: Lookout) -> tuple[Motion, bool]:
-        """Drive towards a pose, waiting for other robots that close the way; and whether the path reaches the pose."""
+    async def _go(self, goal: BasePose) -> None:
+        """Drive to a pose; where other robots drive, wait for those that are in the way."""
+        if _close(goal, self.platform.base()):
+            return
+        lookout = Lookout(self.platform)
         if not lookout.others:
-            path, arrives = self._path_or_escape(goal)
-            return await self._follow(path), arrives
+            return await self._once(goal)
         await lookout.look()
         await self._face(goal, lookout)
-        blocked_by: str | None = None
         for _ in range(MOST_WAITS):
             try:
-                path, arrives = self._path_or_escape(goal)
-                motion = await self._follow(path, lookout.closes)
-                if motion.state is not MotionState.MOVING:
-                    return motion, arrives
+                return await self._once(goal, lookout)
             except NavigationFailure as failure:
                 if failure.blocked_by not in lookout.others:
                     raise
-                blocked_by = failure.blocked_by
             await lookout.wait()
-        raise NavigationGoalNotReached("another robot does not leave the way", target=goal, blocked_by=blocked_by)
+        await self._once(goal, lookout)
+
+    async def _once(self, goal: BasePose, lookout: Lookout | None = None) -> None:
+        """Follow a path to a pose, out of a collision first if the robot is in one."""
+        try:
+            path = self._path(goal)
+        except NavigationGoalNotReached as stuck:
+            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
+                raise
+            await self._follow(out, goal, lookout)
+            path = self._path(goal)
+        await self._follow(path, goal, lookout)
 
     async def _face(self, goal: BasePose, lookout: Lookout) -> None:
         """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
         x, y, yaw = self.platform.base()
         heading = math.atan2(goal[1] - y, goal[0] - x)
         if math.dist(goal[:2], (x, y)) > FAR and abs(math.remainder(heading - yaw, 2 * math.pi)) > ASKEW:
-            with suppress(MotionError):
-                await self._follow(self.platform.drive.path((x, y, heading)), lookout.closes)
+            with suppress(MotionError, NavigationGoalNotReached):
+                await self._follow(self.platform.drive.path((x, y, heading)), goal, lookout)
 
-    async def _follow(self, path: Trajectory, closes: Callable[[Trajectory], bool] | None = None) -> Motion:
+    async def _follow(self, path: Trajectory, goal: BasePose, lookout: Lookout | None) -> None:
         try:
-            return await self.platform.follow("base", path, closes=closes)
+            motion = await self.platform.follow("base", path, closes=None if lookout is None else lookout.closes)
         finally:
             self.platform.drive.moved()
+        if motion.state is MotionState.MOVING and lookout is not None:
+            raise NavigationGoalNotReached(target=goal, blocked_by=lookout.closed_by)
+        if motion.state is not MotionState.DONE:
+            await self.platform.sensing.bump(motion)
+            raise NavigationGoalNotReached(target=goal, blocked_by=motion.blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
@@ -124,15 +132,6 @@ class Navigation(PlatformModule):
                 location = where if isinstance(where, Location) else a_location(in_reach_of=where)
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
-
-    def _path_or_escape(self, goal: BasePose) -> tuple[Trajectory, bool]:
-        """Plan a path to a pose, or an escape if the robot is in collision; and whether the path reaches the pose."""
-        try:
-            return self._path(goal), True
-        except NavigationGoalNotReached as stuck:
-            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
-                raise
-            return out, False
 
     def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
