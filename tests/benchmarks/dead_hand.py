@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.runs.options import Outcome, RunOptions
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
