@@ -25,7 +25,7 @@ from executive.runs.files import (
     refuse,
 )
 from executive.runs.options import RunOptions
-from executive.runs.traces import TraceHeader, read_trace
+from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
 from planlang.diagnostics import Diagnostic, WrongOption, error
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
@@ -83,7 +83,7 @@ def prepared(options: RunOptions) -> RunFiles:
     given, start = bindings(options.set or {}), None if options.start is None else planar(options.start)
     recorded, header = options.repeated, TraceHeader()
     if recorded is not None:
-        header = TraceHeader.of(recorded)
+        header = header_to_repeat(recorded)
     elif options.resume is not None:
         recorded, header = read_trace(options.resume)
     file = read(options.recipe if options.recipe is not None else header.plan(_trace_of(options)))
