@@ -13,6 +13,7 @@ from collections.abc import Container, Iterable, Iterator
 from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
+from warnings import warn
 
 from planlang.iris import is_called as is_called
 from planlang.iris import label_iris as label_iris
@@ -28,7 +29,7 @@ GRASPS: tuple[str, ...] = ("side", "tilted", "top")
 """Classes of grasps, by the direction from which the hand approaches."""
 
 _OBJECT = Usage("an_object", {"type": '"DrinkingBottle"'}, {"iri": '"http://example.org/room.owl#bottle1"'})
-_RELATION = Usage("Relation", {"name": '"near"', "reference": "table"}, {"within": "0.5", "beyond": "0.1"})
+_RELATION = Usage("Relation", {"name": '"near"', "references": "(table,)"}, {"within": "0.5", "beyond": "0.1"})
 _LOCATION = Usage(
     "a_location",
     {"in_reach_of=": "bottle"},
@@ -88,12 +89,13 @@ class Device(Object):
 class Relation:
     """One conjunct of a location: ``name`` is a key of ``planlang.relations.RELATIONS``.
 
+    It relates to as many ``references`` as the relation has: one, but for ``between`` two.
     ``within`` and ``beyond`` bound the distance of a relation that has one [m]: between the outlines seen from above,
     or for ``above`` the height. A ``negated`` relation holds where the relation, bounds included, does not.
     """
 
     name: str
-    reference: Object | Location
+    references: tuple[Reference, ...]
     within: float | None = None
     beyond: float | None = None
     negated: bool = False
@@ -104,7 +106,18 @@ class Relation:
         for bound, length in (("within", self.within), ("beyond", self.beyond)):
             if length is not None and amount(length) is None:
                 raise _RELATION.wrong(bound, length, "a finite length >= 0 [m]", WrongValue)
-        _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
+        if isinstance(self.references, Reference):
+            warn(f"write Relation({self.name!r}, (reference,)): a relation may have several", DeprecationWarning, 3)
+            object.__setattr__(self, "references", (self.references,))
+        refers = isinstance(self.references, tuple) and all(isinstance(one, Reference) for one in self.references)
+        if not refers or not self.references:
+            raise _RELATION.wrong("references", self.references, "a tuple of objects and locations")
+
+    @property
+    def reference(self) -> Reference:
+        """The first of the references, for modules that were written when there was one."""
+        warn("Relation.reference is Relation.references[0]: a relation may have several", DeprecationWarning, 2)
+        return self.references[0]
 
     def __invert__(self) -> Relation:
         """The complement."""
@@ -116,7 +129,7 @@ class Relation:
             bounds += f", beyond {self.beyond!r} m"
         if self.within is not None:
             bounds += f", within {self.within!r} m"
-        return f"{'not ' if self.negated else ''}{self.name}({self.reference}{bounds})"
+        return f"{'not ' if self.negated else ''}{self.name}({', '.join(map(str, self.references))}{bounds})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,13 +179,22 @@ class Location:
             raise ValueError(f"only a location of one relation, without arm and grasp, can be negated; this is {self}")
         return Location((~self.relations[0],))
 
+    def references(self) -> Iterator[Reference]:
+        """Yield what the relations refer to, in their order."""
+        for relation in self.relations:
+            yield from relation.references
+
+    def objects(self) -> Iterator[Object]:
+        """Yield the things that the relations themselves refer to."""
+        return (one for one in self.references() if isinstance(one, Object))
+
     def things(self) -> Iterator[Object]:
         """Yield the things that the location refers to, including those of nested locations."""
-        for relation in self.relations:
-            if isinstance(relation.reference, Location):
-                yield from relation.reference.things()
+        for reference in self.references():
+            if isinstance(reference, Location):
+                yield from reference.things()
             else:
-                yield relation.reference
+                yield reference
 
     def __str__(self) -> str:
         if not self.relations:
@@ -180,6 +202,10 @@ class Location:
         text = " and ".join(str(relation) for relation in self.relations)
         text = f"{text} with {self.device}" if self.device else text
         return f"{text} by a {self.grasp} grasp" if self.grasp else text
+
+
+Reference = Object | Location
+"""What a relation refers to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -338,7 +364,7 @@ def a_location(
         if isinstance(references, (Object, Location)):
             references = (references,)
         _LOCATION.iterable(keyword, references, "an object or a location, or a tuple of them")
-        conjuncts.extend(Relation(relation.name, reference) for reference in references)
+        conjuncts.extend(Relation(relation.name, (reference,)) for reference in references)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
     if not isinstance(not_, Location):

@@ -73,6 +73,8 @@ class RelationType:
     """Sides of X relative to its front [rad], left positive; empty for all sides."""
     synonyms: tuple[str, ...] = ()
     """Other keywords for it."""
+    arity: int = 1
+    """Number of things that it relates to."""
     of_locations: bool = False
     """X may be a location."""
     of_solids: bool = False

@@ -71,7 +71,7 @@ def check_consistent(location: Location, subject: Subject) -> None:
             raise contradictory(location, "it both requires and excludes ", required)
     distances = {relation: limits for relation in location.relations if (limits := _distances(relation, subject))}
     for first, second in permutations(distances, 2):
-        if first.reference != second.reference or first.negated:
+        if first.references != second.references or first.negated:
             continue
         (least, most), (other_least, other_most) = distances[first], distances[second]
         if second.negated:

@@ -115,7 +115,7 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
     unseen: dict[str, None] = {}
     areas: dict[Area | Facing | Clear, None] = {}
     for relation in location.relations:
-        match RELATIONS[relation.name].sense("base"), relation.reference:
+        match RELATIONS[relation.name].sense("base"), relation.references[0]:
             case Sense.REACH, Location() as hand:
                 reach = hand_demand(replace(hand, device=hand.device or location.device), scene, viewer)
                 if reach.kind is ReachKind.GRASP and reach.grasp is None:
@@ -191,9 +191,9 @@ def _beside(terms: Sequence[HandTerm], scene: PlanningScene) -> dict[HandTerm, R
 def viewpoint(location: Location, scene: PlanningScene) -> Viewer | None:
     """Find the stated viewpoint of a location for left and right, if there is one."""
     for relation in filter(_is_viewpoint, location.relations):
-        if relation.negated or not isinstance(relation.reference, Object):
+        if relation.negated or not isinstance(relation.references[0], Object):
             raise meaningless(relation, relation, " is no valid viewpoint")
-        block = scene.bodies.block(_body(relation, relation.reference, scene.bodies))
+        block = scene.bodies.block(_body(relation, relation.references[0], scene.bodies))
         return block.x, block.y
     return None
 
@@ -209,9 +209,9 @@ def hand_terms(location: Location, scene: PlanningScene, viewer: Viewer) -> tupl
     for relation in location.relations:
         if _is_viewpoint(relation):
             continue
-        if not isinstance(relation.reference, Object) or RELATIONS[relation.name].hand is None:
+        if not isinstance(relation.references[0], Object) or RELATIONS[relation.name].hand is None:
             raise _without_meaning(relation, "hand")
-        body = _body(relation, relation.reference, bodies)
+        body = _body(relation, relation.references[0], bodies)
         term_viewer = viewer if RELATIONS[relation.name].directions and bodies.front(body) is None else None
         terms.append(HandTerm(relation.name, body, relation.within, relation.beyond, relation.negated, term_viewer))
     return tuple(terms)
@@ -235,9 +235,9 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
         if _is_viewpoint(relation):
             continue
         meaning = RELATIONS[relation.name].thing
-        if not isinstance(relation.reference, Object) or meaning is None:
+        if not isinstance(relation.references[0], Object) or meaning is None:
             raise _without_meaning(relation, "thing")
-        body = _body(relation, relation.reference, bodies)
+        body = _body(relation, relation.references[0], bodies)
         if meaning.sense is Sense.REACH and not bodies.is_person(body):
             only = (" means nothing for an object: it takes a person, and ", f"{body} is not a person")
             raise meaningless(relation, relation, *only)
@@ -369,13 +369,13 @@ def without_unused(location: Location, scene: PlanningScene, viewer: Viewer) -> 
     relations = []
     for relation in location.relations:
         if RELATIONS[relation.name].sense("base") is Sense.REACH:
-            match relation.reference:
+            match relation.references[0]:
                 case Location() as hand:
                     kind = hand_demand(hand, scene, viewer).kind
                     uses_device |= hand.device is None
                     uses_grasp |= hand.grasp is None and kind is ReachKind.GRASP
                     if kind not in CHOSEN:
-                        relation = replace(relation, reference=replace(hand, grasp=None))
+                        relation = replace(relation, references=(replace(hand, grasp=None),))
                 case Object() as what:
                     uses_device = True
                     uses_grasp |= not scene.bodies.is_person(scene.bodies.bind(what))
@@ -485,7 +485,7 @@ def _clear(relation: Relation, body: str, scene: PlanningScene) -> Clear:
 
 
 def _without_meaning(relation: Relation, subject: Subject) -> LocationMeaningless:
-    if isinstance(relation.reference, Location) and not RELATIONS[relation.name].of_locations:
+    if isinstance(relation.references[0], Location) and not RELATIONS[relation.name].of_locations:
         of_locations = tuple(name for name, one in RELATIONS.items() if one.of_locations)
         only = ((relation.name,), " takes a thing or a person; a location can follow only ", of_locations)
         return meaningless(relation, relation, ": ", *only)

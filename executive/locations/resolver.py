@@ -47,7 +47,6 @@ from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
-from planlang.relations import RELATIONS
 
 MOST_VIEWERS = 256
 """Number of locations whose viewpoint is remembered."""
@@ -335,7 +334,7 @@ class Resolver:
     def _look(self, location: Location) -> None:
         """Fix the viewpoint of a location's left and right at the present base pose."""
         x, y, _ = self.scene.base()
-        for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
+        for inner in (location, *(one for one in location.references() if isinstance(one, Location))):
             self._viewers.pop(inner, None)
             self._viewers[inner] = x, y
         while len(self._viewers) > MOST_VIEWERS:
@@ -345,12 +344,6 @@ class Resolver:
         """Viewpoint of a location's left and right: where the base was when it was last searched for."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
-
-
-def _names_a_side(location: Location) -> bool:
-    """Check whether a location may depend on the viewpoint."""
-    inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
-    return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
 
 T = TypeVar("T")

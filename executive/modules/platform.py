@@ -156,7 +156,7 @@ class Arms:
         if not asks_for(location, "hand", following):
             return None
         bind = self._control.scene.bodies.bind
-        bodies = [bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        bodies = [bind(one) for one in location.objects()]
         current = revision == self._control.belief.revision and base == self._control.base()
         return solution if current and solution.reach.body in bodies else None
 

@@ -239,9 +239,9 @@ def _unused(stated: Location, used: Location) -> Iterator[Diagnostic]:
     if unused:
         help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
         yield warning("P011", f"{' '.join(unused)!r} has no effect here, and is ignored", help=help)
-    for one, other in zip(stated.relations, used.relations, strict=True):
-        if isinstance(one.reference, Location) and isinstance(other.reference, Location):
-            yield from _unused(one.reference, other.reference)
+    for one, other in zip(stated.references(), used.references(), strict=True):
+        if isinstance(one, Location) and isinstance(other, Location):
+            yield from _unused(one, other)
 
 
 def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:

@@ -122,7 +122,7 @@ class _Reader:
                 elif manner.data == "view":
                     viewer = self.thing(_trees(manner)[-1], manner, named=len(manner.children) == 2)
                     if viewer is not None:
-                        view = Relation(forms()[plain(str(manner.children[0]))], viewer)
+                        view = Relation(forms()[plain(str(manner.children[0]))], (viewer,))
                         relations[view] = None
                 else:
                     other = self.device(manner)
@@ -139,11 +139,11 @@ class _Reader:
         what = self.reference(reference, depth, said)
         if what is None or relation is None:
             return None
-        return replace(relation, reference=what, negated=relation.negated != before)
+        return replace(relation, references=(what,), negated=relation.negated != before)
 
     def said(self, tree: Tree[Token]) -> Relation | None:
         """Convert the words of a relation; its reference is a placeholder."""
-        nothing = Object("Thing")
+        nothing = (Object("Thing"),)
         match tree.data, tree.children:
             case "relation", [word]:
                 return Relation(forms()[plain(str(word))], nothing)
@@ -168,7 +168,7 @@ class _Reader:
                 return self._bounded(name, nothing, **bounds)
         raise AssertionError(tree.data)
 
-    def _bounded(self, name: str, what: Object, **bounds: float | None) -> Relation | None:
+    def _bounded(self, name: str, what: tuple[Object, ...], **bounds: float | None) -> Relation | None:
         return None if None in bounds.values() else Relation(name, what, bounds.get("within"), bounds.get("beyond"))
 
     def measure(self, tree: Tree[Token]) -> dict[str, float | None]:

@@ -48,7 +48,7 @@ def _location(location: Location, lexicon: Lexicon) -> str:
 
 
 def _clause(relation: Relation, lexicon: Lexicon) -> str:
-    return f"{'not ' if relation.negated else ''}{_said(relation)} {_reference(relation.reference, lexicon)}"
+    return f"{'not ' if relation.negated else ''}{_said(relation)} {_reference(relation.references[0], lexicon)}"
 
 
 def _said(relation: Relation) -> str:

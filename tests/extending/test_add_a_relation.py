@@ -57,11 +57,11 @@ def test_a_new_relation_is_written_in_python_and_in_phrases() -> None:
     bed = an_object("Bed-PieceOfFurniture")
     lexicon = Lexicon(classes={"bed": bed}, _written={bed: "bed"})
     location = a_location(across_from=bed, within=2.5)
-    assert location.relations == (Relation("across_from", bed, within=2.5),)
+    assert location.relations == (Relation("across_from", (bed,), within=2.5),)
     assert write_location(location, lexicon) == "at most 2.5 m across from the bed"
     assert read_location("at most 2.5 m across from the bed", lexicon) == location
     assert read_location("out of the way of the bed", lexicon).relations == (
-        Relation("across_from", bed, negated=True),
+        Relation("across_from", (bed,), negated=True),
     )
 
 

@@ -21,7 +21,6 @@ from planlang.designators import (
     Location,
     Object,
     Person,
-    Relation,
     a_location,
     action,
 )
@@ -128,15 +127,12 @@ class HandReaching(PlatformModule):
         """Check whether the target is a pose relative to a person."""
         location, scene = self._target(action), self.platform.scene
         return location is not None and any(
-            isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
-            for relation in location.relations
+            scene.bodies.is_person(scene.bodies.bind(one)) for one in location.objects()
         )
 
     async def _look_first(self, location: Location) -> None:
-        for relation in location.relations:
-            match relation:
-                case Relation(_, Object() as what) if self.platform.sensing.must_look(what):
-                    await perform(action("LookingForSomething", object_acted_on=what))
+        for what in filter(self.platform.sensing.must_look, location.objects()):
+            await perform(action("LookingForSomething", object_acted_on=what))
 
     async def _to_posture(self, arm: ArmModel, name: str) -> None:
         """Move an arm to a named posture; without a path, pull the hand out first, then back off with the base."""
@@ -185,7 +181,7 @@ class HandReaching(PlatformModule):
     async def _reach_where_felt(self, arm: ArmModel, location: Location) -> None:
         """Reach; plan again if a touch has changed the believed pose of an object that the location refers to."""
         bodies = self.platform.scene.bodies
-        names = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        names = [bodies.bind(one) for one in location.objects()]
         for number in range(1, REPLANS + 1):
             believed = [bodies.pose(name) for name in names]
             try:

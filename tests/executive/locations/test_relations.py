@@ -184,7 +184,7 @@ def test_what_is_said_from_outside_is_not_said_of_the_room_that_everything_is_in
     stage = make_stage(room, CABINET)
     what = an_object("HospitalRoom")
     with pytest.raises(LocationUnresolvable, match=r"room is (a|the only) room"):
-        next(stage.resolver.bases(Location((Relation(relation, what),))))
+        next(stage.resolver.bases(Location((Relation(relation, (what,)),))))
     assert bases(stage, a_location(near=what, facing=what), 1)
 
 

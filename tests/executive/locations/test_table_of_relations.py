@@ -133,7 +133,7 @@ def test_nothing_is_at_where_something_is_seen_from(room: Stage) -> None:
 
 def base_keeps(relation: Relation, base: tuple[float, float, float], viewer: tuple[float, float]) -> bool:
     """Return whether a base keeps a relation about the floor."""
-    body = next(body for body in ALL if relation.reference == an_object(body.type, PLACE + body.name))
+    body = next(body for body in ALL if relation.references[0] == an_object(body.type, PLACE + body.name))
     if relation.name == "clear_of":
         x, y = base[0] + 0.45, base[1] + 2.5  # from the hinge, the left end of the door
         inside = x >= 0 and math.hypot(x, y) < 0.9 + RADIUS
@@ -212,7 +212,7 @@ def hand_keeps(stage: Stage, relation: Relation, tip: Array, held: Array | None,
         case "in_reach_of":
             return in_comfort(stage, middle)
         case "above":
-            body = BED if relation.reference == THE_BED else CABINET
+            body = BED if relation.references[0] == THE_BED else CABINET
             least, most = relation.beyond or 0.02, relation.within or 0.15
             over = low - body.pose.position[2] - body.size[2] / 2
             return least - HAIR <= over <= most + HAIR and distance(middle[:2], body) == 0
@@ -303,7 +303,7 @@ def thing_keeps(stage: Stage, relation: Relation, at: Array, size: tuple[float, 
     body = next(
         body
         for body in ALL
-        if body.name == getattr(relation.reference, "name", "") or body.type == relation.reference.type  # type: ignore[union-attr]
+        if body.name == getattr(relation.references[0], "name", "") or body.type == relation.references[0].type  # type: ignore[union-attr]
     )
     away = at[:2] - np.array(body.pose.position[:2])
     match relation.name:
@@ -324,7 +324,7 @@ def thing_keeps(stage: Stage, relation: Relation, at: Array, size: tuple[float, 
 @pytest.mark.parametrize("location", [*THINGS.values(), *MORE_THINGS], ids=str)
 def test_a_thing_keeps_the_relation_and_then_it_holds(location: Location, room: Stage) -> None:
     stand(room, (0.0, 0.0, 0.5))
-    moved, what = (CUP, THE_CUP) if THE_BOTTLE in [r.reference for r in location.relations] else (BOTTLE, THE_BOTTLE)
+    moved, what = (CUP, THE_CUP) if THE_BOTTLE in location.objects() else (BOTTLE, THE_BOTTLE)
     poses = first(room.resolver.things(location, what), 40)[::7]
     assert len(poses) > 1
     for pose in poses:

@@ -74,7 +74,7 @@ def relations(draw: st.DrawFn, depth: int = 0) -> Relation:
             least, most = sorted((least, most))
     is_place = depth < 2 and draw(st.integers(0, 4)) == 0
     reference = draw(locations(depth + 1)) if is_place else draw(objects)
-    return Relation(name, reference, most, least, draw(st.booleans()))
+    return Relation(name, (reference,), most, least, draw(st.booleans()))
 
 
 @st.composite
@@ -116,7 +116,7 @@ def any_relation(rng: Random, depth: int) -> Relation:
         kind = rng.choice((Object, Person, Device))
         made = kind(any_name(rng), rng.choice((None, any_name(rng)))), type(known[1])(known[1].type, any_name(rng))
         reference = rng.choice((*known, *made))
-    return Relation(name, reference, most, least, rng.random() < 0.5)
+    return Relation(name, (reference,), most, least, rng.random() < 0.5)
 
 
 def any_name(rng: Random) -> str:
@@ -387,4 +387,4 @@ def test_a_thing_with_an_opaque_name_is_called_by_its_label_its_name_and_its_iri
     mug = Object("Mug", OPAQUE)
     lexicon = Lexicon.from_classes({"Mug": Object}, {"blue_mug": mug})
     near, _ = read_location(f"near {noun}, and clear of the mug # where it is free", lexicon).relations
-    assert near.reference == mug
+    assert near.references[0] == mug

@@ -40,8 +40,8 @@ def objections(
 ) -> Iterator[str]:
     """Yield what of a location a place does not keep; ``viewer``: where the robot was when it asked."""
     for relation in location.relations:
-        if relation.name in CHECKED and isinstance(relation.reference, Object):
-            body = _body(room, relation.reference)
+        if relation.name in CHECKED and isinstance(relation.references[0], Object):
+            body = _body(room, relation.references[0])
             hair = -HAIR if relation.negated else HAIR
             if keeps(relation, body, robot.base.radius, base, viewer, hair=hair) == relation.negated:
                 yield f"{base} is {'' if relation.negated else 'not '}{relation.name} {body.name}: {relation}"
