@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
-from executive.belief.believed_bodies import BelievedBodies, Block
+from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Gaze
@@ -20,6 +20,7 @@ from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.kernel import still_computing

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import CELL, Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -21,6 +20,7 @@ from executive.locations.questions import Question
 from executive.locations.rejections import NO_ROOM, NO_WAY, Rejections, first_body
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 
 SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of a point ahead of the shoulders, as shares of an arm's reach."""

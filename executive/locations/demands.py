@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene, RobotArms
-from executive.locations.areas import Area, Clear, Facing, area_of
 from executive.locations.consistency import LocationMeaningless, bounds, check_consistent, contradictory, meaningless
 from planlang.designators import Action, Location, Object, Person, Relation, Situation, a_location, resting_on
 from planlang.failures import ObjectUnresolvable
+from planlang.geometry.areas import Area, Clear, Facing, area_of
 from planlang.records import dataclass
 from planlang.relations import HEIGHTS, RELATIONS, Bounds, Sense, Subject, meaningful
 

@@ -16,10 +16,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import CELL
 from executive.belief.planning_scene import PlanningScene, Unseen
-from executive.locations.areas import FACING, HAIR, Clear, Facing
 from executive.locations.base_poses import MOST_CROWDED, BasePoses
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
@@ -27,6 +25,7 @@ from executive.locations.questions import Question
 from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
 from executive.locations.validation import PLACES, BaseValidator, scored, unmet
 from planlang.geometry import Array
+from planlang.geometry.areas import FACING, HAIR, Block, Clear, Facing
 from planlang.protocols import Solution
 
 AT_ONCE = 60

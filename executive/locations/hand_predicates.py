@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.consistency import bounds
 from executive.locations.deliveries import held_above, offering, placing
@@ -60,6 +59,7 @@ from executive.robots.arms import ArmModel, Held, called
 from executive.robots.bare_hands import REMEDY
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import inverse, product, rigid, rotated
 from planlang.relations import HEIGHTS, RELATIONS, Sense
 

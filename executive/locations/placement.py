@@ -12,13 +12,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.areas import Area
 from executive.locations.demands import ThingDemand
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Area, Block
 from planlang.records import dataclass
 
 SPACING = 0.04

@@ -14,7 +14,6 @@ from itertools import chain
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.base_poses import BasePoses
 from executive.locations.budgets import ALL, BUDGETS, SearchBudget
@@ -37,6 +36,7 @@ from executive.locations.rejections import (
 from executive.locations.validation import BaseValidator, scored, unmet
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.geometry.areas import Facing
 from planlang.protocols import Solution
 
 Band = tuple[tuple[float, float], float, float]

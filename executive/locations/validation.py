@@ -10,7 +10,6 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.areas import Area, Clear, Facing
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import BasePoses
 from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
@@ -24,6 +23,7 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
 from planlang.geometry import Array
+from planlang.geometry.areas import Area, Clear, Facing
 from planlang.protocols import Solution
 
 PLACES = 6

@@ -10,14 +10,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import DOUBTFUL, Floor
 from executive.belief.planning_scene import Unseen
-from executive.locations.areas import area_of
 from executive.locations.base_candidates import BaseCandidates
 from executive.motion.clearance import Boxes, outlines
 from planlang.designators import a_location, an_object, located
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block, area_of
 from planlang.relations import RELATIONS
 from tests.executive.conftest import BED, BOTTLE, THE_BOTTLE, MakeStage, stand
 from tests.support.locations.rooms import BOUNDS, asked, room_of
