@@ -173,6 +173,10 @@ class BelievedBodies(ScenePart):
         """Look up how many hands it takes to hold a body."""
         return self._world.scene.body(name).hands
 
+    def is_held(self, name: str) -> bool:
+        """Check whether a hand is believed to hold a body."""
+        return name in self._belief.held
+
     def is_movable(self, name: str) -> bool:
         """Check whether a body may stand elsewhere than in the map."""
         return self._world.scene.body(name).movable

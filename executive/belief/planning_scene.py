@@ -262,10 +262,6 @@ class RobotArms(ScenePart):
         names = {name for grip in self._belief.held.values() if arm in grip.arms for name in grip.arms} - {arm}
         return [one for one in self.all if one.name in names]
 
-    def is_held(self, body: str) -> bool:
-        """Check whether a hand is believed to hold a body."""
-        return any((held := self.held(arm.name)) is not None and held.name == body for arm in self.all)
-
     def grasped_at(self, body: str) -> Array:
         """Compute the tip pose (4, 4) in the map at which a held body was grasped."""
         return (self._belief.reference_pose(body) @ self._belief.held[body].offset.inverse()).matrix()

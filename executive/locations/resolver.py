@@ -22,8 +22,6 @@ from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED, MOS
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
-    Reach,
-    ReachKind,
     base_demand,
     bodies_meant,
     goals_of,
@@ -47,6 +45,7 @@ from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
+from planlang.relations.demands import Reach, ReachKind
 
 MOST_VIEWERS = 256
 """Number of locations whose viewpoint is remembered."""
@@ -189,7 +188,7 @@ class Resolver:
         """List the bodies to put things on or beside that are known only from the map and may stand elsewhere."""
         belief, bodies = self.scene.belief, self.scene.bodies
         places = [reach for reach in wanted if reach.kind is ReachKind.PLACE]
-        around = [name for reach in places for name in (reach.body, *(term.body for term in reach.also))]
+        around = [name for reach in places for name in reach.bodies()]
         return [
             name
             for name in dict.fromkeys(around if self.scene.visibility.sighted() else ())

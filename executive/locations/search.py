@@ -18,7 +18,7 @@ from executive.locations.base_candidates import BaseCandidates, Conjunct, Invers
 from executive.locations.base_poses import BasePoses
 from executive.locations.budgets import ALL, BUDGETS, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, SearchSpec, as_reported
-from executive.locations.demands import BaseDemand, Reach, ReachKind
+from executive.locations.demands import BaseDemand
 from executive.locations.floor_search import FloorSearch
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
@@ -38,6 +38,7 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.geometry.areas import Facing
 from planlang.protocols import Solution
+from planlang.relations.demands import Reach, ReachKind
 
 Band = tuple[tuple[float, float], float, float]
 """Centre, and least and greatest distance of base poses from it [m]."""

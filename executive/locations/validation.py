@@ -12,7 +12,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import BasePoses
-from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
+from executive.locations.demands import ORDER, BaseDemand, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.later_uses import LaterUses
@@ -25,6 +25,7 @@ from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeav
 from planlang.geometry import Array
 from planlang.geometry.areas import Area, Clear, Facing
 from planlang.protocols import Solution
+from planlang.relations.demands import Reach, ReachKind
 
 PLACES = 6
 """Decimals of base poses [m, rad]: few enough that machines agree, enough that the map's origin does not matter."""
@@ -72,7 +73,7 @@ class BaseValidator:
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
         """Select the reaches required from the base: not those for things already in the hand."""
-        free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.arms.is_held(r.body))
+        free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.bodies.is_held(r.body))
         return tuple(sorted(free, key=lambda reach: ORDER.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:

@@ -248,12 +248,12 @@ def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) ->
     """Advice for a relation that applies to poses of a thing but not of the base, or vice versa."""
     for relation in location.relations:
         meaning = RELATIONS[relation.name]
-        if what is None and meaning.base is None:
-            hints = ["--of THING searches poses of a thing"] if meaning.thing else []
-            if meaning.hand:
+        if what is None and meaning.of_base is None:
+            hints = ["--of THING searches poses of a thing"] if meaning.of_thing else []
+            if meaning.of_hand:
                 hints.append(f'for a hand, write "in reach of a place {write_relation(relation, lexicon)}"')
             return "; ".join(hints)
-        if what is not None and meaning.thing is None and meaning.base is not None:
+        if what is not None and meaning.of_thing is None and meaning.of_base is not None:
             return "leave out --of to search poses of the base"
     return None
 

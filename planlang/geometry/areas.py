@@ -25,6 +25,10 @@ POOREST = 1e-12
 """Smallest score of a point inside an area."""
 
 
+Bounds = tuple[float, float]
+"""Least and greatest distance [m]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Block:
     """Vertical prism over an oriented rectangle; lengths [m], ``yaw`` of its local x in the map [rad]."""
@@ -106,6 +110,21 @@ class Block:
             return max(self.half_x, self.half_y)
         turn = direction - self.yaw
         return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
+
+    def around(
+        self, words: str, body: str, headings: tuple[float, ...], bounds: Bounds, radius: float, *, negated: bool
+    ) -> Area:
+        """Make the area within distances of it [m], on sides with these headings [rad], all around without any."""
+        return Area(words, body, self, radius, *bounds, headings, negated)
+
+    def faced(self, words: str, *, negated: bool) -> Facing:
+        """Make the headings of a base towards it."""
+        return Facing(words, self, negated)
+
+    def cleared(self, words: str, body: str, doors: tuple[Door, ...], radius: float, *, negated: bool) -> Clear:
+        """Make the places clear of it and of doors, one of which may be the body itself, which its sweep surrounds."""
+        is_door = any(door.name == body for door in doors)
+        return Clear(words, None if is_door else self, doors, radius, negated)
 
     def grid(self, spacing: float, inset: float) -> Array:
         """Sample map points (n, 2) over the rectangle shrunk by ``inset``, about ``spacing`` apart; at least one."""
@@ -211,6 +230,10 @@ class Area:
         return c * dx + s * dy - self.block.support(direction), c * dy - s * dx
 
 
+Region = Area
+"""Places that a relation means."""
+
+
 @dataclass(frozen=True, slots=True)
 class Facing:
     """Headings of a base towards a block."""
@@ -270,29 +293,3 @@ def _from_sweep(door: Door, points: Array) -> Array:
     along, across = c * dx + s * dy, np.abs(c * dy - s * dx)
     before = np.hypot(along, np.maximum(across - door.width, 0.0))
     return np.asarray(np.where(along >= 0, np.maximum(np.hypot(along, across) - door.width, 0.0), before))
-
-
-def front_of(block: Block, front: float | None, viewer: tuple[float, float]) -> tuple[float, bool]:
-    """Heading [rad] of a body's front, and whether it is the viewer's, in which case left and right swap."""
-    if front is not None:
-        return front, False
-    return math.atan2(viewer[1] - block.y, viewer[0] - block.x), True
-
-
-def area_of(
-    words: str,
-    body: str,
-    block: Block,
-    directions: tuple[float, ...],
-    *,
-    front: float | None,
-    viewer: tuple[float, float],
-    radius: float,
-    bounds: tuple[float, float],
-    negated: bool = False,
-) -> Area:
-    """Create the area within bounds of a body, on sides of it [rad from its front], or all around without any."""
-    ahead, seen = front_of(block, front, viewer)
-    # seen by the viewer, left and right are swapped
-    headings = tuple(ahead + (-turn if seen else turn) for turn in directions)
-    return Area(words, body, block, radius, bounds[0], bounds[1], headings, negated)

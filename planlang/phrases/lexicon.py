@@ -10,7 +10,8 @@ from planlang.designators import GRASPS, Device, Object, Person, is_called, loca
 from planlang.ontology import Literal, Ontology, expand, shorten
 from planlang.ontology.terms import RDFS
 from planlang.records import dataclass
-from planlang.relations import RELATIONS, Sense
+from planlang.relations import RELATIONS
+from planlang.relations.looking import SeenFrom
 from planlang.spelling import similar
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {
@@ -202,7 +203,7 @@ def opposites() -> dict[str, str]:
 
 def viewpoints() -> tuple[str, ...]:
     """Forms of viewpoints, such as "seen from", which may follow another relation without "and"."""
-    return tuple(form for form, name in forms().items() if RELATIONS[name].sense("thing") is Sense.VIEWPOINT)
+    return tuple(form for form, name in forms().items() if isinstance(RELATIONS[name], SeenFrom))
 
 
 def pattern(forms: tuple[str, ...]) -> str:

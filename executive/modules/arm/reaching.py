@@ -40,7 +40,7 @@ from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.protocols import Trajectory
-from planlang.relations import Sense
+from planlang.relations.reaching import InCenterOf
 
 REPLANS = 3
 """Attempts to plan around unexpected obstacles before the failure is left to the plan."""
@@ -211,7 +211,7 @@ class HandReaching(PlatformModule):
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
-        grasps = asks_for(location, "hand", Sense.GRASP_POINT)
+        grasps = asks_for(location, InCenterOf)
         arm, first, label = solution.arm, solution.joints[0], solution.plan.label
         await self.platform.hands.shape(arm, solution.plan.fingers)
         match solution.reach.kind:

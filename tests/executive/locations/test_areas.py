@@ -16,7 +16,7 @@ from executive.locations.base_candidates import BaseCandidates
 from executive.motion.clearance import Boxes, outlines
 from planlang.designators import a_location, an_object, located
 from planlang.geometry import Array, Pose
-from planlang.geometry.areas import Block, area_of
+from planlang.geometry.areas import Area, Block
 from planlang.relations import RELATIONS
 from tests.executive.conftest import BED, BOTTLE, THE_BOTTLE, MakeStage, stand
 from tests.support.locations.rooms import BOUNDS, asked, room_of
@@ -43,7 +43,7 @@ def test_a_base_on_a_marker_is_near_it(make_stage: MakeStage) -> None:
 
 def test_everything_in_a_room_is_near_the_room() -> None:
     room = Block(0.0, 0.0, 0.0, 4.0, 4.0, 0.0, 3.0)
-    area = area_of("near room", "room", room, (), front=None, viewer=(0.0, 0.0), radius=0.333, bounds=(0.0, 1.0))
+    area = Area("near room", "room", room, radius=0.333, least=0.0, most=1.0)
     assert area.holds((0.0, 0.0))
     assert area.holds((3.9, -3.9))
 
@@ -56,14 +56,14 @@ def test_a_place_is_as_far_away_as_is_asked_for_and_nothing_overflows(relation: 
     turn = (*directions, 0.0)[0]
     points = np.outer([0.0, away + 0.5, 2 * away + 1.0], [math.cos(turn), math.sin(turn)])
     limits = (away, math.inf)
-    beyond = area_of("", "table", table, directions, front=0.0, viewer=(0.0, 0.0), radius=0.0, bounds=limits)
+    beyond = Area("", "table", table, 0.0, *limits, directions)
     with np.errstate(over="raise"):
         assert (beyond.score(points) > 0).tolist() == [False, True, True]
 
 
 def test_a_distance_that_is_given_exactly_is_kept_within_a_millimetre() -> None:
     table = Block(0.0, 0.0, 0.0, 0.4, 0.4, 0.0, 0.7)
-    area = area_of("", "table", table, (), front=0.0, viewer=(0.0, 0.0), radius=0.0, bounds=(1.0, 1.0))
+    area = Area("", "table", table, radius=0.0, least=1.0, most=1.0)
     held = [area.holds((0.4 + away, 0.0)) for away in (0.998, 0.9995, 1.0, 1.0005, 1.002)]
     assert held == [False, True, True, True, False]
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from executive.locations.budgets import BUDGETS
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.explanations import explain_bases
 from executive.locations.questions import Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
+from planlang.relations.demands import Reach, ReachKind
 from sim import Body
 from sim.scene import Handle
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, PLACE, THE_BOTTLE, MakeStage, Stage

@@ -9,11 +9,12 @@ from itertools import islice
 import pytest
 
 from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import ReachKind, base_demand, hand_demand
+from executive.locations.demands import base_demand, hand_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
+from planlang.relations.demands import ReachKind
 from sim import Body
 from tests.executive.conftest import (
     BED,

@@ -22,7 +22,9 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.protocols import Configuration
-from planlang.relations import RELATIONS, Sense
+from planlang.relations import RELATIONS
+from planlang.relations.demands import SUBJECTS
+from planlang.relations.looking import SeenFrom
 from sim import Body
 from tests.executive.conftest import (
     BED,
@@ -101,13 +103,13 @@ BASES: dict[str, Location] = {
 
 
 def test_every_cell_of_the_table_is_tried_here() -> None:
-    tried = {name: one for name, one in RELATIONS.items() if one.sense("base") is not Sense.VIEWPOINT}
+    tried = {name: one for name, one in RELATIONS.items() if not isinstance(one, SeenFrom)}
     cells = (
-        {name for name, meaning in tried.items() if meaning.base},
-        {name for name, meaning in tried.items() if meaning.hand},
+        {name for name, meaning in tried.items() if meaning.of_base},
+        {name for name, meaning in tried.items() if meaning.of_hand},
     )
     assert cells == (BASES.keys(), HANDS.keys())
-    assert THINGS.keys() == {name for name, meaning in tried.items() if meaning.thing}
+    assert THINGS.keys() == {name for name, meaning in tried.items() if meaning.of_thing}
 
 
 @pytest.mark.parametrize("base", [(0.0, -0.4, 0.0), (0.3, 0.8, 2.0)])
@@ -352,7 +354,7 @@ def relations() -> str:
     """Return what each relation denotes."""
     lines = ["| relation | OWL property | for a base | for a hand | for an object |", "|---|---|---|---|---|"]
     for name, relation in RELATIONS.items():
-        cells = [meaning.text if meaning else "-" for meaning in (relation.base, relation.hand, relation.thing)]
+        cells = [one.text if (one := relation.meaning(subject)) else "-" for subject in SUBJECTS]
         lines.append(f"| `{name}` | {relation.owl} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
