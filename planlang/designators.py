@@ -13,6 +13,7 @@ from collections.abc import Container, Iterable, Iterator
 from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
+from typing import Any, cast
 from warnings import warn
 
 from planlang.iris import is_called as is_called
@@ -110,8 +111,8 @@ class Relation:
             warn(f"write Relation({self.name!r}, (reference,)): a relation may have several", DeprecationWarning, 3)
             object.__setattr__(self, "references", (self.references,))
         refers = isinstance(self.references, tuple) and all(isinstance(one, Reference) for one in self.references)
-        if not refers or not self.references:
-            raise _RELATION.wrong("references", self.references, "a tuple of objects and locations")
+        if not refers or len(self.references) != (arity := RELATIONS[self.name].arity):
+            raise _RELATION.wrong("references", self.references, f"a tuple of {arity} objects or locations")
 
     @property
     def reference(self) -> Reference:
@@ -346,13 +347,14 @@ def a_location(
     within: float | str | None = None,
     beyond: float | str | None = None,
     not_: Location | Iterable[Location] = (),
-    **relations: Object | Location | Iterable[Object | Location],
+    **relations: Reference | Iterable[Reference] | Iterable[tuple[Reference, ...]],
 ) -> Location:
     """Describe a location by relations, e.g. ``a_location(in_reach_of=bottle, using=RIGHT_GRIPPER)``.
 
-    A tuple relates to several references. ``within`` and ``beyond`` bound the distance of the one relation in the call
-    that has a distance, in metres or as a text: ``a_location(near=door, within="30 cm")``. Join several bounded
-    relations with ``&``. ``not_`` takes locations of one relation each that must not hold:
+    A tuple relates to several references, each by itself; ``between`` takes two references in a tuple, or a tuple of
+    such pairs. ``within`` and ``beyond`` bound the distance of the one relation in the call that has a distance, in
+    metres or as a text: ``a_location(near=door, within="30 cm")``. Join several bounded relations with ``&``. ``not_``
+    takes locations of one relation each that must not hold:
     ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for invalid relations and bounds.
     """
     conjuncts: list[Relation] = []
@@ -361,10 +363,8 @@ def a_location(
         if relation is None:
             message = f"unknown relation {keyword!r}; valid relations: {', '.join(RELATIONS)}"
             raise WrongValue(contrast(message, f"a_location({keyword}=bottle)", "a_location(in_reach_of=bottle)"))
-        if isinstance(references, (Object, Location)):
-            references = (references,)
-        _LOCATION.iterable(keyword, references, "an object or a location, or a tuple of them")
-        conjuncts.extend(Relation(relation.name, (reference,)) for reference in references)
+        each = _each(keyword, references) if relation.arity == 1 else _pairs(keyword, references)
+        conjuncts.extend(Relation(relation.name, some) for some in each)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
     if not isinstance(not_, Location):
@@ -376,6 +376,27 @@ def a_location(
         message = "a location needs a relation; a named posture of the robot is a_posture(name)"
         raise WrongValue(contrast(message, "a_location()", "a_location(in_reach_of=bottle)    or    a_posture(name)"))
     return Location(tuple(dict.fromkeys(conjuncts)), name, using, grasp)
+
+
+def _each(keyword: str, given: object) -> Iterator[tuple[Reference, ...]]:
+    """Yield the references of each conjunct of a relation to one thing."""
+    meant = "an object or a location, or a tuple of them"
+    several = (given,) if isinstance(given, Reference) else given
+    _LOCATION.iterable(keyword, several, meant)
+    for one in cast(Iterable[Any], several):
+        _LOCATION.instance(keyword, one, Reference, meant)
+        yield (one,)
+
+
+def _pairs(keyword: str, given: object) -> Iterator[tuple[Reference, ...]]:
+    """Yield the references of each conjunct of a relation to two things."""
+    are_pairs = isinstance(given, tuple) and all(isinstance(one, tuple) for one in given)
+    for pair in cast(tuple[Any, ...], given if are_pairs else (given,)):
+        if not isinstance(pair, tuple) or [isinstance(one, Reference) for one in pair] != [True, True]:
+            code = written(given)
+            message = f"{keyword} of a_location relates to two objects, not {code}"
+            raise WrongValue(contrast(message, f"a_location({keyword}={code})", f"a_location({keyword}=(bed, table))"))
+        yield pair
 
 
 def resting_on(where: Location | Object) -> Location:

@@ -59,7 +59,6 @@ def check_consistent(location: Location, subject: Subject) -> None:
             required = ~relation if relation.negated else relation
             raise contradictory(location, "it both requires and excludes ", required)
     for first, second in permutations(location.relations, 2):
-        if first.references == second.references and not first.negated:
-            why = RELATIONS[first.name].excludes(first, second, RELATIONS[second.name], subject)
-            if why:
-                raise contradictory(location, *why)
+        kind, other = RELATIONS[first.name], RELATIONS[second.name]
+        if not first.negated and (why := kind.excludes(first, second, other, subject)):
+            raise contradictory(location, *why)

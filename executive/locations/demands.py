@@ -76,7 +76,9 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
                 (unreached if relation.negated else reaches)[_by_arms(reach, location, scene.arms)] = None
             case See(body):
                 (unseen if relation.negated else seen)[body] = None
-            case Facing() | Clear() | Area() as area:
+            case None:
+                pass
+            case area:
                 areas[area] = None
     if not (reaches or unreached or seen or unseen or areas):
         raise meaningless(location, location, " states a viewpoint, but no relation")
@@ -162,7 +164,7 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
     for relation in filter(_limits, location.relations):
         term, kind = _bound(relation, "thing", scene, viewer), RELATIONS[relation.name]
         demand = kind.thing(term, bodies, radius)
-        if thing in term.bodies and not (taken and isinstance(demand, Area)):
+        if thing in term.bodies and not (taken and not isinstance(demand, Rest | InZone)):
             raise meaningless(relation, relation, f" relates {thing} to itself: state its place by other things")
         match demand:
             case Rest() if not relation.negated:
@@ -171,8 +173,8 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
                 neither.append((body, inside))
             case InZone(person):
                 people.append((person, not relation.negated))
-            case Area():
-                areas.append(demand)
+            case region if region is not None:
+                areas.append(region)
                 supports.extend(kind.supports(term, bodies))
     if len({rest.body for rest in rests}) > 1:
         named = " and ".join(dict.fromkeys(rest.body for rest in sorted(rests, key=lambda rest: rest.inside)))
@@ -196,7 +198,7 @@ def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
                 people.append((person, not term.negated))
             case Rest(body, inside):
                 neither.append((body, inside))
-            case Area() as area:
+            case area if area is not None:
                 areas.append(area)
     on, into = (None, reach.body) if reach.inside else (reach.body, None)
     return ThingDemand(on, into, tuple(areas), tuple(people), tuple(neither))

@@ -23,7 +23,7 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
 from planlang.geometry import Array
-from planlang.geometry.areas import Area, Clear, Facing
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.protocols import Solution
 from planlang.relations.demands import Reach, ReachKind
 
@@ -342,7 +342,7 @@ class BaseValidator:
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
 
 
-def unmet(term: Area | Facing | Clear) -> str:
+def unmet(term: Region | Facing | Clear) -> str:
     """Reason for rejecting base poses by a conjunct about the floor."""
     return f"not {term.words}".replace("not not ", "")
 

@@ -1,18 +1,20 @@
 """Blocks, which bodies are seen from above, and areas of the floor (or of a surface) that are described by them.
 
-``Area`` lies within a distance of a body, ``Facing`` is a heading, ``Clear`` is the space outside a body and the sweep
-of its doors. Directions are those of the body's own front if it has one; else of the viewer: in front is towards the
-viewer, and left is the viewer's left. Distances are between outlines seen from above.
+``Area`` lies within a distance of a block, on some sides of it; ``Strip`` between two; ``Facing`` is a heading,
+``Clear`` the space outside a block and the sweep of its doors. Distances are between outlines seen from above.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry.matrices import Array, Pose
+from planlang.geometry.shapes import outline_of
 from planlang.records import dataclass
 
 FACING = math.radians(30)
@@ -23,6 +25,10 @@ STEEPEST = math.sqrt(2)
 """Greatest approach to a border per metre of motion: being on a side depends on a difference of two distances."""
 POOREST = 1e-12
 """Smallest score of a point inside an area."""
+THINNEST = 0.05
+"""Least half width of what a strip leads to [m]: a mere place has no size."""
+ROUND = 64
+"""Corners of a round outline: they are within a thousandth of the radius."""
 
 
 Bounds = tuple[float, float]
@@ -117,6 +123,10 @@ class Block:
         """Make the area within distances of it [m], on sides with these headings [rad], all around without any."""
         return Area(words, body, self, radius, *bounds, headings, negated)
 
+    def towards(self, words: str, other: Block, *, negated: bool) -> Strip:
+        """Make the strip between it and another block."""
+        return Strip(words, self, other, negated)
+
     def faced(self, words: str, *, negated: bool) -> Facing:
         """Make the headings of a base towards it."""
         return Facing(words, self, negated)
@@ -125,6 +135,18 @@ class Block:
         """Make the places clear of it and of doors, one of which may be the body itself, which its sweep surrounds."""
         is_door = any(door.name == body for door in doors)
         return Clear(words, None if is_door else self, doors, radius, negated)
+
+    def covers(self, other: Block) -> bool:
+        """Check whether the outline has all of another's inside."""
+        return not self.distance(other.outline()).any()
+
+    def outline(self) -> Array:
+        """Corners (n, 2) of the outline in the map; those of a polygon inside a round one."""
+        half = np.maximum([self.half_x, self.half_y], THINNEST)
+        if not self.round:
+            return self.to_map(half * [[1, 1], [-1, 1], [-1, -1], [1, -1]])
+        turns = np.arange(ROUND) * (2 * math.pi / ROUND)
+        return self.to_map(half.max() * np.column_stack([np.cos(turns), np.sin(turns)]))
 
     def grid(self, spacing: float, inset: float) -> Array:
         """Sample map points (n, 2) over the rectangle shrunk by ``inset``, about ``spacing`` apart; at least one."""
@@ -172,12 +194,14 @@ class Area:
             return np.asarray(~self._inside(points), float)
         return np.where(self._inside(points), self._preference(points), 0.0)
 
-    def holds(self, point: tuple[float, float]) -> bool:
-        """Check whether a point is in the area."""
-        return bool(self.score(np.array([point]))[0] > 0)
+    def of_thing(self, block: Block) -> Area:
+        """Adapt the area to a thing turned as a block: on a side its extent towards that side counts."""
+        return replace(self, radius=block.support(self.directions[0])) if self.directions else self
 
-    def anchor(self) -> tuple[float, float, float, float]:
-        """Centre (x, y), heading and radius of a circle around the area, up to 3 m around the block."""
+    def anchor(self) -> tuple[float, float, float, float] | None:
+        """Centre (x, y), heading and radius of a circle around it, up to 3 m around the block; None if endless."""
+        if self.negated or math.isinf(self.most):
+            return None
         return (
             self.block.x,
             self.block.y,
@@ -230,7 +254,74 @@ class Area:
         return c * dx + s * dy - self.block.support(direction), c * dy - s * dx
 
 
-Region = Area
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """Points between two blocks: on a straight line from one outline to the other, and outside of both."""
+
+    words: str
+    """The relation in words."""
+    block: Block
+    other: Block
+    negated: bool = False
+
+    directions: ClassVar[tuple[float, ...]] = ()
+    """No side of either is meant."""
+
+    def score(self, points: Array) -> Array:
+        """Rate points (n, 2), (n,) in [0, 1]: best in the middle; 0 exactly if they are outside the strip."""
+        gaps = self.block.distance(points), self.other.distance(points)
+        inside = (self._beyond(points) <= HAIR) & (gaps[0] > 0) & (gaps[1] > 0)
+        if self.negated:
+            return np.asarray(~inside, float)
+        heading = self._heading()
+        aside = (points - self._middle()) @ [-math.sin(heading), math.cos(heading)]
+        width = min(one.support(heading + math.pi / 2) for one in (self.block, self.other)) + THINNEST
+        halfway = 1.0 - np.abs(gaps[0] - gaps[1]) / np.maximum(gaps[0] + gaps[1], HAIR)
+        return np.where(inside, np.maximum(halfway * np.exp(-((aside / width) ** 2)), POOREST), 0.0)
+
+    def of_thing(self, block: Block) -> Strip:
+        """Of a thing the middle counts, however it is turned."""
+        return self
+
+    def anchor(self) -> tuple[float, float, float, float] | None:
+        """Centre (x, y), heading and radius of a circle around both outlines; None if it is endless."""
+        middle = self._middle()
+        radius = float(np.linalg.norm(self._outline() - middle, axis=1).max())
+        return None if self.negated else (float(middle[0]), float(middle[1]), self._heading(), radius)
+
+    def nearly(self, points: Array, within: float) -> NDArray[np.bool_]:
+        """Check whether the strip may have a point ``within`` [m] of points (n, 2); False is certain (n,)."""
+        beyond = self._beyond(points)
+        if not self.negated:
+            return np.asarray(beyond <= HAIR + within)
+        outside = np.minimum(self.block.distance(points), self.other.distance(points)) > within
+        return np.asarray(~((beyond <= HAIR - within) & outside))
+
+    def _middle(self) -> Array:
+        """Point (2,) halfway between the centres."""
+        return (self.block.centre + self.other.centre)[:2] / 2
+
+    def _heading(self) -> float:
+        """Heading from one centre to the other [rad]."""
+        return math.atan2(self.other.y - self.block.y, self.other.x - self.block.x)
+
+    def _outline(self) -> Array:
+        """Corners (n, 2) of the hull of both outlines, counter-clockwise."""
+        return outline_of(np.concatenate([self.block.outline(), self.other.outline()]))
+
+    def _beyond(self, points: Array) -> Array:
+        """How far points are outside the hull, beyond the edge that is farthest [m], (n,); negative inside.
+
+        A point is between two convex outlines if and only if their hull has it: the hull consists of the lines from
+        one to the other.
+        """
+        corners = self._outline()
+        along = np.roll(corners, -1, axis=0) - corners
+        outwards = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
+        return np.asarray((points @ outwards.T - (corners * outwards).sum(axis=1)).max(axis=1))
+
+
+Region = Area | Strip
 """Places that a relation means."""
 
 

@@ -186,9 +186,10 @@ def _speakable(words: str) -> bool:
     return all(_WORD.fullmatch(part) and part not in (*ENDS, *ARTICLES) for part in parts)
 
 
-def forms() -> dict[str, str]:
-    """Map each form to the name of its relation."""
-    return {form: name for name, relation in RELATIONS.items() for form in relation.forms}
+def forms(*arities: int) -> dict[str, str]:
+    """Map each form to the name of its relation; only of relations to so many things, if any are given."""
+    every = ((name, one) for name, one in RELATIONS.items() if not arities or one.arity in arities)
+    return {form: name for name, one in every for form in one.forms}
 
 
 def opposites() -> dict[str, str]:

@@ -1,16 +1,16 @@
 """Relations in locations: a class for each, with its words and what it demands of a base, a hand or a thing.
 
-A new relation is a class, in a file of its own or beside similar ones, and its row in :data:`RELATIONS` here: recipes
-use its OWL property, plans its name, phrases its forms, and the executive meets its demands. ``relation_type`` has the
-base class, ``demands`` what a relation may demand, ``reaching``, ``beside`` and ``looking`` the relations.
+A new relation is a class in the file of similar ones, and listed at its end: recipes use its OWL property, plans its
+name, phrases its forms, and the executive meets its demands. ``relation_type`` has the base class, ``demands`` what a
+relation may demand; ``reaching``, ``beside`` and ``looking`` have the relations.
 """
 
 from __future__ import annotations
 
-from planlang.relations.beside import Behind, FarFrom, InFrontOf, LeftOf, Near, NextTo, RightOf
+from planlang.relations.beside import BESIDE
 from planlang.relations.demands import Subject
-from planlang.relations.looking import ClearOf, Faces, SeenFrom, VisibleFrom
-from planlang.relations.reaching import Above, In, InCenterOf, InReachOf, On
+from planlang.relations.looking import LOOKING
+from planlang.relations.reaching import REACHING
 from planlang.relations.relation_type import Meaning, RelationType
 
 __all__ = ["RELATIONS", "Meaning", "RelationType", "add", "meaningful", "measured", "named", "of_owl_property"]
@@ -33,6 +33,8 @@ def add(relation: RelationType) -> None:
         raise ValueError(
             f"the relation {relation.name} relates to {relation.arity} things: phrases have one thing or two"
         )
+    if relation.arity == 2 and any(form.startswith("not ") for form in relation.forms):
+        raise ValueError(f"the relation {relation.name} relates to two things: it has no form of its complement")
     relation.check_itself()
     RELATIONS[relation.name] = relation
 
@@ -42,24 +44,7 @@ def _words(relation: RelationType) -> tuple[set[str], ...]:
     return {relation.name, *relation.synonyms}, {relation.owl}, set(relation.forms)
 
 
-for _one in (
-    InReachOf(),
-    VisibleFrom(),
-    Above(),
-    On(),
-    In(),
-    InCenterOf(),
-    InFrontOf(),
-    Behind(),
-    LeftOf(),
-    RightOf(),
-    NextTo(),
-    Near(),
-    FarFrom(),
-    Faces(),
-    ClearOf(),
-    SeenFrom(),
-):
+for _one in (*REACHING, *BESIDE, *LOOKING):
     add(_one)
 
 

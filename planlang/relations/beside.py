@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from planlang.relations.demands import BeforeGrip, Bodies, Bounds, Conjunct, Reach, Subject
-from planlang.relations.reaching import handling, is_handled
-from planlang.relations.relation_type import Meaning, RelationType
+from planlang.relations.reaching import In, On, handling, is_handled
+from planlang.relations.relation_type import Meaning, Parts, RelationType, Stated
 
 if TYPE_CHECKING:
-    from planlang.geometry.areas import Area
+    from planlang.geometry.areas import Area, Strip
 
 BASE_SIDE: Bounds = (0.1, 1.1)
 """Distance of a base at a side of X [m]: clear of X, and within reach for an arm of 0.7 m."""
@@ -146,6 +146,55 @@ class Near(Beside):
     of_thing = Meaning("on the same support unless another is stated, within 0.3 m", THING_SIDE)
 
 
+class Between(RelationType):
+    """In the strip between the outlines of two things."""
+
+    name = "between"
+    owl = "between"
+    forms = ("between", "in between")
+    arity = 2
+    of_base = Meaning("the middle of the base is on a straight line from X to Y, seen from above, and outside of both")
+    of_hand = Meaning("the middle of the hand, or of what it holds, is there")
+    of_thing = Meaning("on the same support as both unless another is stated, its middle is there")
+    of_rooms = False
+
+    def base(self, at: Conjunct, bodies: Bodies, radius: float) -> Strip:
+        """Be in the strip."""
+        return bodies.block(at.body).towards(at.words, bodies.block(at.bodies[1]), negated=at.negated)
+
+    def hand(self, at: Conjunct, bodies: Bodies) -> Strip:
+        """Be in the strip."""
+        return self.base(replace(at, negated=False), bodies, 0.0)
+
+    def thing(self, at: Conjunct, bodies: Bodies, radius: float) -> Strip:
+        """Be in the strip."""
+        return self.base(at, bodies, radius)
+
+    def supports(self, at: Conjunct, bodies: Bodies) -> tuple[str, ...]:
+        """Return what both stand on; nothing if they stand on different bodies."""
+        both = {bodies.support(body) for body in at.bodies}
+        return tuple(support for support in both if support is not None) if len(both) == 1 else ()
+
+    def check(self, at: Conjunct, bodies: Bodies, subject: Subject) -> Parts:
+        """There is nothing between a thing and itself, or what is over or under it."""
+        if problem := super().check(at, bodies, subject):
+            return problem
+        one, other = at.bodies
+        if one == other:
+            return at, f" relates {one} to itself: name two things"
+        first, second = bodies.block(one), bodies.block(other)
+        is_apart = not (first.covers(second) or second.covers(first))
+        return () if is_apart else (at, f" is no place: seen from above, one of {one} and {other} is within the other")
+
+    def excludes(self, own: Stated, other: Stated, kind: RelationType, subject: Subject) -> Parts:
+        """It has no order, and is outside of both things."""
+        if isinstance(kind, Between) and other.negated and {*own.references} == {*other.references}:
+            return ~other, " holds wherever ", own, " does"
+        if isinstance(kind, On | In) and not other.negated and other.references[0] in own.references:
+            return own, " and ", other, " exclude each other: what is between two things is outside of both"
+        return ()
+
+
 class FarFrom(Beside):
     """Beyond a distance of X."""
 
@@ -155,3 +204,6 @@ class FarFrom(Beside):
     of_base = Meaning("at least 2 m away", (2.0, math.inf))
     of_hand = Meaning("at least 0.6 m away", (0.6, math.inf))
     of_thing = Meaning("at least 0.6 m away", (0.6, math.inf))
+
+
+BESIDE: tuple[RelationType, ...] = (InFrontOf(), Behind(), LeftOf(), RightOf(), NextTo(), Near(), FarFrom(), Between())

@@ -71,3 +71,6 @@ class SeenFrom(RelationType):
     of_hand = _VIEW
     of_thing = _VIEW
     of_rooms = False
+
+
+LOOKING: tuple[RelationType, ...] = (VisibleFrom(), Faces(), ClearOf(), SeenFrom())

@@ -175,3 +175,6 @@ class InCenterOf(RelationType):
     def hand(self, at: Conjunct, bodies: Bodies) -> AtGrip:
         """Be at its grip."""
         return AtGrip(at.body)
+
+
+REACHING: tuple[RelationType, ...] = (InReachOf(), Above(), On(), In(), InCenterOf())

@@ -30,6 +30,10 @@ class Stated(Protocol):
     """A relation as a location states it: a designator."""
 
     @property
+    def references(self) -> tuple[object, ...]:
+        """What it relates to."""
+
+    @property
     def within(self) -> float | None:
         """Greatest distance, if stated [m]."""
 
@@ -113,10 +117,12 @@ class RelationType:
         return ()
 
     def excludes(self, own: Stated, other: Stated, kind: RelationType, subject: Subject) -> Parts:
-        """Return why ``own``, which is not negated, and ``other``, of a kind and to the same things, cannot both hold.
+        """Return why ``own``, which is not negated, and ``other``, of a kind, cannot both hold; () if they can.
 
-        The reason is given as parts of a message; () if they can.
+        The reason is given as parts of a message. Distances and sides exclude each other only of the same thing.
         """
+        if own.references != other.references:
+            return ()
         mine, theirs = self.distances(own, subject), kind.distances(other, subject)
         if mine is None or theirs is None:
             return ()
