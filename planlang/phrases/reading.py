@@ -86,8 +86,8 @@ def _parser(single: tuple[str, ...], pairs: tuple[str, ...], opposite: tuple[str
         "GRASP": tuple(form for some in GRASP_FORMS.values() for form in some),
         "VIEW": viewpoints(),
     }
-    for name, words in tables.items():
-        grammar += f"\n{name}.5: /(?:{pattern(words)})\\b/i"
+    for name, words in tables.items():  # "in between" begins with "in", which is a relation to one thing
+        grammar += f"\n{name}.{6 if name == 'PAIR' else 5}: /(?:{pattern(words)})\\b/i"
     return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
 
 

@@ -56,11 +56,11 @@ def _relation(rng: np.random.Generator, room: Room, depth: int) -> Relation:
     usual = ("in_reach_of", "visible_from", "near", "in_front_of", "next_to", "clear_of")
     names = usual if rng.random() < 0.7 else tuple(RELATIONS)
     name = names[int(rng.integers(len(names)))]
-    reference: Object | Location = _thing(rng, room)
+    references: tuple[Object | Location, ...] = tuple(_thing(rng, room) for _ in range(RELATIONS[name].arity))
     if depth == 0 and rng.random() < 0.2:
-        reference = random_location(rng, room, 1)
+        references = (random_location(rng, room, 1), *references[1:])
     within = float(rng.uniform(0.1, 2.0)) if RELATIONS[name].measured and rng.random() < 0.3 else None
-    return Relation(name, (reference,), within, negated=bool(rng.random() < 0.15))
+    return Relation(name, references, within, negated=bool(rng.random() < 0.15))
 
 
 def _thing(rng: np.random.Generator, room: Room) -> Object:
