@@ -37,11 +37,12 @@ from executive.locations.placement import Placement
 from executive.locations.questions import Allowance, Findings, Question
 from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
-from executive.locations.validation import BaseValidator
+from executive.locations.validation import BaseValidator, unmet
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
@@ -120,6 +121,11 @@ class Resolver:
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
         findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
+        if not found and (excluding := self._excluding(demand, findings, question.log)) is not None:
+            # what is said of the thing to reach would lead astray: it can be reached
+            words = excluding.words.replace("not not ", "")
+            question.log.figures = {unmet(excluding): f"without {words!r} there would be a place"}
+            raise question.log.failure(location)
         is_feasible = None if found else partial(self._is_feasible, location, findings)
         meant = bodies_meant(location, actions_around(), scene)
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
@@ -140,13 +146,17 @@ class Resolver:
         if common.allowance.is_spent:
             log.add(NOT_LOOKED_AT)
             return False
-        validator = BaseValidator(scene, self.maps)
         demand = base_demand(location, scene, self._viewer(location))
-        tried = Question(known=Findings(common.allowance, walled=common.walled))
-        with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-            is_found = next(found, None) is not None
-        log.include(tried.log)
-        return is_found
+        return _has_base(BaseValidator(scene, self.maps), demand, common, log)
+
+    def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
+        """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
+        areas = [area for area in demand.areas if log.counts[unmet(area)]]
+        for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
+            others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
+            if not common.allowance.is_spent and _has_base(self._validator, others, common, Rejections()):
+                return area
+        return None
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
         """Add later uses of the thing to a grasp; with ``look``, fix their viewpoint at the present base pose."""
@@ -343,6 +353,15 @@ class Resolver:
         """Viewpoint of a location's left and right: where the base was when it was last searched for."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
+
+
+def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings, log: Rejections) -> bool:
+    """Check quickly whether demands have a base pose, and count why others are rejected."""
+    tried = Question(known=Findings(common.allowance, walled=common.walled))
+    with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
+        is_found = next(found, None) is not None
+    log.include(tried.log)
+    return is_found
 
 
 T = TypeVar("T")

@@ -277,6 +277,11 @@ def test_an_object_that_is_not_in_the_map_is_no_matter_of_places(make_stage: Mak
         next(make_stage(CABINET).resolver.bases(TO_GRASP))
 
 
+def test_a_conjunct_without_which_there_would_be_a_place_is_named_and_nothing_else(refused: Refused) -> None:
+    failure = refused(a_location(in_reach_of=THE_BOTTLE, near=an_object("Bed-PieceOfFurniture")), CABINET, BOTTLE, BED)
+    assert failure.figures == "without 'near bed' there would be a place"
+
+
 def test_conjuncts_of_a_hand_location_that_exclude_each_other_are_named(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE, BED, PATIENT)
     arm = stage.platform.scene.arms.all[0]
