@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from planlang.relations.demands import BeforeGrip, Bodies, Bounds, Conjunct, Reach, Subject
 from planlang.relations.reaching import In, On, handling, is_handled
@@ -74,9 +74,9 @@ _SIDE = "within 45 degrees of that side of X: in X's frame if X has a front, els
 class Side(Beside):
     """At sides of X, which are those of its front or, without one, the viewer's."""
 
-    of_base = Meaning(f"{_SIDE}, 0.1 to 1.1 m away", BASE_SIDE)
-    of_hand = Meaning(_SIDE, THING_SIDE)
-    of_thing = Meaning(f"on the same support unless another is stated, {_SIDE}", THING_SIDE)
+    of_base: ClassVar[Meaning | None] = Meaning(f"{_SIDE}, 0.1 to 1.1 m away", BASE_SIDE)
+    of_hand: ClassVar[Meaning | None] = Meaning(_SIDE, THING_SIDE)
+    of_thing: ClassVar[Meaning | None] = Meaning(f"on the same support unless another is stated, {_SIDE}", THING_SIDE)
     from_outside = True
 
 
