@@ -41,6 +41,7 @@ from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
 from planlang.state import Hold
+from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
 
 MOST_STARTS = 5000
@@ -91,8 +92,12 @@ def world_at_start(
     return world
 
 
+START = Option("start", Blank("X,Y,YAW"))
+"""The option that places the robot."""
+
+
 def _no_start() -> BadInput:
-    advice = "choose a pose with --start x,y,yaw"
+    advice = Text("choose a pose with ", START)
     return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
@@ -101,7 +106,7 @@ def _check_start(world: PlanningWorld) -> None:
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
     place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
-    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
+    advice = Text(START, f" with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}")
     if not (x_min < x < x_max and y_min < y < y_max):
         raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})
