@@ -24,6 +24,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    places,
     resources,
     slots,
     steps,
@@ -353,6 +354,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
+    places.numbers_of_references,
     constraints.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""

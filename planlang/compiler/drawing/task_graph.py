@@ -270,7 +270,8 @@ def _filler(filler: Filler) -> str:
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
             stated = " and ".join(
-                f"{RELATIONS[relation].owl} {_reference(reference)}" for relation, reference in filler.relations
+                f"{RELATIONS[relation].owl} {' and '.join(map(_reference, references))}"
+                for relation, references in filler.relations
             )
             return f"{filler.name} ({stated or 'posture'})"
         case Name():
