@@ -5,12 +5,20 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from enum import Enum
 
 from planlang.ontology.terms import OWL, PREFIXES, RDF, XSD, BNode, Literal, Term, Triple
 
 AXIOM = OWL.Axiom
 ANNOTATION = OWL.Annotation
 _SOURCE, _PROPERTY, _TARGET = (OWL + name for name in ("annotatedSource", "annotatedProperty", "annotatedTarget"))
+
+
+class Sorting(Enum):
+    """What a written graph is sorted by: terms, so that equal graphs give equal texts, or positions in the file."""
+
+    TERMS = "terms"
+    FILE = "file"
 
 
 class CannotSay(Exception):
@@ -23,8 +31,8 @@ class Graph:
     ``written`` holds the triples that have been written; the others are lost.
     """
 
-    def __init__(self, triples: Iterable[Triple], *, by_file: bool = False) -> None:
-        self.triples = labelled(triples, by_file=by_file)
+    def __init__(self, triples: Iterable[Triple], *, order: Sorting = Sorting.TERMS) -> None:
+        self.triples = labelled(triples, order=order)
         self.written: dict[Triple, None] = {}
         self._about: dict[str | BNode, list[Triple]] = {}
         self._with: dict[BNode, list[Triple]] = {}
@@ -126,10 +134,8 @@ MOST_TIES = 200
 """Ties between equally coloured nodes that are broken by choosing one."""
 
 
-def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple]:
+def labelled(triples: Iterable[Triple], *, order: Sorting = Sorting.TERMS) -> list[Triple]:
     """Sort triples without duplicates, and label their blank nodes b1, b2, ... in order of use.
-
-    With ``by_file`` the triples keep the order of their positions in the file.
 
     IRIs come before literals, these before blank nodes. The order depends on the graph only, not on labels or the
     order of the triples. It is computed by colour refinement; ties are broken by the input order, which in real files
@@ -159,7 +165,7 @@ def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple
         subject = label(triple.subject)
         assert not isinstance(subject, Literal)
         result.append(Triple(subject, triple.predicate, label(triple.object), triple.span))
-    return sorted(result, key=lambda triple: triple.span) if by_file else result
+    return sorted(result, key=lambda triple: triple.span) if order is Sorting.FILE else result
 
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
-from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph
+from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Sorting
 from planlang.ontology.canonical import Names as Prefixes
 from planlang.ontology.expression_text import Expressions, Words
 from planlang.ontology.expressions import Expression
@@ -38,15 +38,14 @@ _SEVERAL = {
 
 
 def functional(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph; also return the triples that functional syntax cannot express.
 
-    The same graph gives the same text. With ``by_file`` axioms keep the order of their positions, and unused prefixes
-    are kept.
+    Equal graphs give equal texts if sorted. In the order of the file, unused prefixes are kept, too.
     """
-    graph = Graph(triples, by_file=by_file)
-    return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
+    graph = Graph(triples, order=order)
+    return _Writer(graph, prefixes, order=order).text(), list(graph.rest())
 
 
 class _FunctionalWords(Words):
@@ -78,10 +77,10 @@ class _FunctionalWords(Words):
 
 
 class _Writer:
-    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, by_file: bool) -> None:
+    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, order: Sorting) -> None:
         self._graph = graph
-        self._by_file = by_file
-        self._declared = prefixes if by_file else None
+        self._order = order
+        self._declared = prefixes if order is Sorting.FILE else None
         self._header = graph.header
         own = self._header.subject if self._header is not None else None
         self._names = Prefixes(prefixes, own if isinstance(own, str) else None)
@@ -98,10 +97,11 @@ class _Writer:
             for triple in unwritten
             for text in self._graph.attempt(triple, partial(self._statement, triple))
         ]
-        if self._by_file:
+        if self._order is Sorting.FILE:
             stated.sort(key=lambda one: one[0])
         axioms = [text for _, text in stated]
-        axioms = axioms if self._by_file else sorted(axioms, key=lambda text: (not text.startswith("Decl"), text))
+        if self._order is Sorting.TERMS:
+            axioms.sort(key=lambda text: (not text.startswith("Decl"), text))
         prefixes = [f"Prefix({name}:=<{space}>)\n" for name, space in self._names.used(self._declared)]
         standard = {prefix.partition(":=")[0] for prefix in prefixes}
         prefixes += [

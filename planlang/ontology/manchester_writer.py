@@ -6,29 +6,29 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from functools import partial
 
-from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
+from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names, Sorting
 from planlang.ontology.expression_text import FORMS, Expressions, Words
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
 
 def manchester(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph; also return the triples that Manchester syntax cannot express.
 
-    The same graph gives the same text. Undeclared entities get a frame, which declares them. With ``by_file`` frames
-    and their items keep the order of their positions, and unused prefixes are kept.
+    Equal graphs give equal texts if sorted. In the order of the file, unused prefixes are kept, too. Undeclared
+    entities get a frame, which declares them.
     """
-    graph = Graph(triples, by_file=by_file)
-    return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
+    graph = Graph(triples, order=order)
+    return _Writer(graph, prefixes, order=order).text(), list(graph.rest())
 
 
 class _Writer:
-    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, by_file: bool) -> None:
+    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, order: Sorting) -> None:
         self._graph = graph
-        self._by_file = by_file
-        self._declared = prefixes if by_file else None
+        self._order = order
+        self._declared = prefixes if order is Sorting.FILE else None
         self._ontology = graph.header
         own = self._ontology.subject if self._ontology is not None else None
         self._names = Names(prefixes, own if isinstance(own, str) else None)
@@ -47,10 +47,10 @@ class _Writer:
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
                 self._blank_node(subject)
-        keys = list(self._frames) if self._by_file else sorted(self._frames, key=self._place)
-        frames = [self._frames[key].text(by_file=self._by_file) for key in keys]
+        keys = list(self._frames) if self._order is Sorting.FILE else sorted(self._frames, key=self._place)
+        frames = [self._frames[key].text(order=self._order) for key in keys]
         several = [text for text in (*found, *self._pairs) if text]
-        several = several if self._by_file else sorted(several)
+        several = several if self._order is Sorting.FILE else sorted(several)
         prefixes = "".join(f"Prefix: {name}: <{space}>\n" for name, space in self._names.used(self._declared))
         parts = [prefixes, header, *frames, *several]
         return "\n".join(part for part in parts if part)
@@ -407,11 +407,11 @@ class Frame:
     heads: list[str]
     sections: dict[str, list[str]] = field(default_factory=dict)
 
-    def text(self, *, by_file: bool) -> str:
+    def text(self, *, order: Sorting) -> str:
         lines = [f"{self.word}: {head}" for head in self.heads]
         for name in ORDER:
             items = self.sections.get(name, [])
-            items = items if by_file else sorted(items, key=lambda item: (" " in item, item))
+            items = items if order is Sorting.FILE else sorted(items, key=lambda item: (" " in item, item))
             if items:
                 single = name in SINGLE or (self.word, name) == ("Datatype", "EquivalentTo")
                 alone = [item for item in items if single or item.startswith("Annotations: ")]
