@@ -13,11 +13,11 @@ from difflib import get_close_matches
 from planlang.closure import reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
-from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
+from planlang.ontology import BNode, Ontology, Restriction, expand, once_per_ontology, shorten
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, kept, nearest_action
+from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, nearest_action
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
 
@@ -253,19 +253,16 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 
+@once_per_ontology
 def _alternatives(ontology: Ontology, word: str, ending: str) -> Known:
     """Classes to suggest: capabilities or components with the same uninformative ending, if any."""
-
-    def names() -> Known:
-        upper = _UPPER.get(word)
-        if upper:
-            names = ontology.subclasses(expand(upper))[1:]
-        else:
-            others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
-            names = tuple(name for name in ontology.class_names() if name not in others)
-        return Known((name for name in names if not ending or _ending(name) == ending), _telling)
-
-    return kept(ontology, ("known requirements", word, ending), names)
+    upper = _UPPER.get(word)
+    if upper:
+        names = ontology.subclasses(expand(upper))[1:]
+    else:
+        others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
+        names = tuple(name for name in ontology.class_names() if name not in others)
+    return Known((name for name in names if not ending or _ending(name) == ending), _telling)
 
 
 def _ending(name: str) -> str:
