@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.experience.traces import LATEST, LONGEST, roles_of
+from planlang.experience.traces import LONGEST, roles_of
 from planlang.files import encoding_of, read_file
 from planlang.outputs import MARK
 from planlang.records import dataclass
+from planlang.runs.schema import LATEST
 
 MAP = "map"
 """Frame of the environment, in which the poses of the base and of bodies are expressed."""
