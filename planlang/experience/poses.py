@@ -87,15 +87,12 @@ def _base(step: int, base: object) -> Iterator[Transform]:
 
 
 def _pose(step: int, name: str, pose: Mapping[str, Any], by: str, frame: str = MAP) -> Iterator[Transform]:
+    stated = ((pose.get(key), size) for key, size in (("position", 3), ("orientation", 4)))
     position, orientation = (
-        _numbers(_plain(pose.get(key)), size) for key, size in (("position", 3), ("orientation", 4))
+        _numbers(value.get("$tuple") if isinstance(value, dict) else value, size) for value, size in stated
     )
     if position is not None and orientation is not None:
         yield Transform(step, frame, name, position, orientation, by)
-
-
-def _plain(value: object) -> object:
-    return value.get("$tuple") if isinstance(value, dict) else value
 
 
 def _numbers(values: object, size: int) -> tuple[float, ...] | None:

@@ -135,7 +135,8 @@ class Connection:
         if 200 <= reply.status < 300 or reply.status == 304:
             return reply
         problem = refusal(reply.status, reply.body)
-        if reply.status in _UNANSWERED and not _is_problem(reply):
+        is_problem = reply.headers.get("content-type", "").startswith("application/problem+json")
+        if reply.status in _UNANSWERED and not is_problem:
             if self._proxy is not None:
                 raise ProxyFails(f"{self.url} does not answer, or not through {self._proxy}: status {reply.status}")
             raise NoAnswer(f"{self.url} does not answer: status {reply.status}")
@@ -179,10 +180,6 @@ def checked_url(url: str) -> str:
     if parts.username is not None or parts.query or parts.fragment:
         raise ValueError(_BARE)
     return url.rstrip("/")
-
-
-def _is_problem(reply: Reply) -> bool:
-    return reply.headers.get("content-type", "").startswith("application/problem+json")
 
 
 def _pause(number: int) -> float:

@@ -373,14 +373,16 @@ def ambiguous_transitions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     machine, recipe = checked.recipe.machine, checked.recipe
     first: dict[tuple[str, str | Ending], Transition] = {}
     for one in machine.transitions if machine is not None else ():
-        earlier = first.setdefault((one.source, _case(one)), one)
+        is_named = one.ending in (Ending.OTHER, Ending.FAILED) and one.outcome
+        earlier = first.setdefault((one.source, one.outcome if is_named and one.outcome else one.ending), one)
         if earlier.target != one.target:
             message = (
                 f"from `{local_name(one.source)}`, {_word(one)} leads to two states:"
                 f" `{local_name(earlier.target)}` and `{local_name(one.target)}`"
             )
             advice = "give them different outcomes (causedBy), or keep one"
-            yield error("R053", message, _later(earlier, one) or recipe.span, advice)
+            spans = (each.span for each in (earlier, one) if each.span is not None)
+            yield error("R053", message, max(spans, default=recipe.span), advice)
 
 
 @check("R054", unless=("R052",))
@@ -468,18 +470,8 @@ def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     yield warning("R056", message, recipe.span, advice)
 
 
-def _case(transition: Transition) -> str | Ending:
-    is_named = transition.ending in (Ending.OTHER, Ending.FAILED) and transition.outcome is not None
-    return transition.outcome if is_named and transition.outcome else transition.ending
-
-
 def _word(transition: Transition) -> str:
     return local_name(transition.outcome) if transition.outcome else "any outcome"
-
-
-def _later(first: Transition, second: Transition) -> Span | None:
-    spans = [one.span for one in (first, second) if one.span is not None]
-    return max(spans, default=None)
 
 
 def _where(ontology: Ontology, statements: Statements, name: str) -> Span | None:

@@ -249,7 +249,7 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
     for fact in _linked(ontology, task, ("isTaskOf",), ("hasTask",)):
         role = str(fact.term)
         kind = action_class(ontology, role) or role
-        for classified in sorted(_linked(ontology, role, _FILLS, _FILLED_BY), key=_name):
+        for classified in sorted(_linked(ontology, role, _FILLS, _FILLED_BY), key=lambda one: str(one.term)):
             kinds.setdefault(kind, []).append(str(classified.term))
             yield Filling(_property(ontology, kind), classified.term, fact.span)
     cls = task if ontology.is_class(task) else action_class(ontology, task)
@@ -329,7 +329,3 @@ def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) ->
 
 def _kind(ontology: Ontology, role: str) -> str:
     return action_class(ontology, role) or role
-
-
-def _name(filling: Filling) -> str:
-    return str(filling.term)
