@@ -74,10 +74,10 @@ class Connection:
         """Close the connection."""
         self._http.close()
 
-    def get(self, path: str, params: Mapping[str, str] | None = None, *, is_kept: bool = True) -> Reply:
-        """Send a GET request; if the server does not respond and ``is_kept``, return the cached response."""
+    def get(self, path: str, params: Mapping[str, str] | None = None) -> Reply:
+        """Send a GET request; if the server does not respond, return the cached response, if there is one."""
         address = str(httpx.URL(self.url + path, params=params or {}))
-        if not is_kept or self._cache is None:
+        if self._cache is None:
             return self.send("GET", path, params=params)
         before = _unpacked(self._cache.load(address))
         tag = before.headers.get("etag") if before else None

@@ -214,10 +214,12 @@ class Ontology:
         used = ((number, self.store.name(number) or "") for number in self.store.used)
         return {number: None for number, iri in used if local_part(iri) in names}
 
-    def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
+    def values(self, s: str | BNode, p: str) -> tuple[Term, ...]:
         """Values of a property for a subject, in document order, each once."""
-        if not subproperties:
-            return self._values(s, (self._number(p),))
+        return self._values(s, (self._number(p),))
+
+    def values_below(self, s: str | BNode, p: str) -> tuple[Term, ...]:
+        """Values of a property and of its subproperties for a subject, in document order, each once."""
         return self._values(s, frozenset(map(self._number, self.subproperties(p))))
 
     def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
@@ -261,9 +263,9 @@ class Ontology:
         objects = [store.objects[row] for row in store.about(number) if store.predicates[row] in predicates]
         return tuple(map(store.term, dict.fromkeys(objects) if len(objects) > 1 else objects))
 
-    def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
+    def value(self, s: str | BNode, p: str) -> Term | None:
         """First value of a property, or None."""
-        return next(iter(self.values(s, p, subproperties=subproperties)), None)
+        return next(iter(self.values(s, p)), None)
 
     def iris(self, s: str | BNode, p: str) -> tuple[str, ...]:
         """IRIs among the values of a property, in document order, each once."""

@@ -424,7 +424,7 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 yield warning("R055", message, regular[0].span, "remove the transition, or the taskEndState")
             continue
         checks = endings & {Ending.TRUE, Ending.FALSE}
-        yield from _unknown_outcomes(actions, step.name, own, checked=bool(checks))
+        yield from _never_taken(step, own) if checks else _unknown_outcomes(actions, step, own)
         missing: list[str] = []
         if len(checks) == 1:
             missing = ["CONDITION_FALSE" if Ending.TRUE in checks else "CONDITION_TRUE"]
@@ -438,16 +438,19 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             yield warning("R055", message, step.span, advice)
 
 
-def _unknown_outcomes(actions: Actions, state: str, own: list[Transition], *, checked: bool) -> Iterator[Diagnostic]:
+def _never_taken(state: Step, own: list[Transition]) -> Iterator[Diagnostic]:
+    """Report outcomes without a known meaning of a state that checks a condition."""
+    for one in own:
+        if one.ending is Ending.OTHER and one.outcome is not None:
+            message = f"`{state.name}` checks a condition: its transition with `{_word(one)}` is never taken"
+            yield warning("R055", message, one.span, "write `causedBy CONDITION_TRUE`, or CONDITION_FALSE")
+
+
+def _unknown_outcomes(actions: Actions, state: Step, own: list[Transition]) -> Iterator[Diagnostic]:
     """Report outcomes without a known meaning: they occur only if the performer of the state returns their name."""
     for one in own:
-        if one.ending is not Ending.OTHER or one.outcome is None:
-            continue
-        if checked:
-            message = f"`{state}` checks a condition: its transition with `{_word(one)}` is never taken"
-            yield warning("R055", message, one.span, "write `causedBy CONDITION_TRUE`, or CONDITION_FALSE")
-        elif not actions.ontology.defined(one.outcome):
-            message = f"the outcome `{_word(one)}` is not defined: it occurs only if it is the result of `{state}`"
+        if one.ending is Ending.OTHER and one.outcome is not None and not actions.ontology.defined(one.outcome):
+            message = f"the outcome `{_word(one)}` is not defined: it occurs only if it is the result of `{state.name}`"
             advice = (
                 "write `causedBy` CONDITION_TRUE, CONDITION_FALSE, COMPLETED_OK or COMPLETED_FAILED;"
                 f" or define it: `Individual: {_word(one)}` with `Types: ActionResult`"
