@@ -8,7 +8,7 @@ from pathlib import Path
 
 from executive.commands.answers import Answer
 from executive.maps import read_map, scene_of
-from executive.maps.files import OBSTACLE
+from executive.maps.occupied_space import OBSTACLE
 from executive.maps.semantic_map import MapObject
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity

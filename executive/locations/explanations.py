@@ -32,7 +32,7 @@ from executive.locations.rejections import (
 )
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, called
-from executive.robots.bare_hands import REMEDY
+from executive.robots.openings import REMEDY
 from planlang.records import dataclass
 
 LEAST = 0.01

@@ -57,7 +57,7 @@ from executive.locations.rejections import Rejections
 from executive.locations.taking_out import NO_WAY_OUT, ONWARDS, way_out
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, Held, called
-from executive.robots.bare_hands import REMEDY
+from executive.robots.openings import REMEDY
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product, rigid, rotated
@@ -222,7 +222,7 @@ def _not_refused(
     candidates: GraspCandidates, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections
 ) -> GraspCandidates:
     """Drop grasps of a thing that resemble those with which it could not be used."""
-    refused = scene.belief.refused.get(reach.body, ()) if reach.kind is ReachKind.GRASP else ()
+    refused = scene.belief.memory.refused.get(reach.body, ()) if reach.kind is ReachKind.GRASP else ()
     if not refused or not len(candidates):
         return candidates
     thing = scene.bodies.pose(reach.body).matrix()

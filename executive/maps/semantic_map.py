@@ -10,12 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.maps.class_names import with_known_classes
-from executive.maps.class_parts import StatedObject, parts_of_classes
+from executive.maps.classes import StatedObject, parts_of_classes, with_known_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
-from executive.maps.misspellings import misspellings
 from executive.maps.soma import in_known_words
-from executive.maps.unread import settled
+from executive.maps.unread import misspellings, settled
 from planlang.designators import local_name, names_of, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, unread
 from planlang.geometry import Array, Pose

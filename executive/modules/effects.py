@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 from executive.maps import MapObject
-from executive.maps.class_names import known
+from executive.maps.classes import known
 from executive.modules.platform import Platform
 from executive.modules.tools.turning_over import check_turned
 from planlang.changes import Change, Output, Physics, Poured, Switched, Transformed, TurnedOver
@@ -70,7 +70,7 @@ class ActionEffects:
         except PlanStructureError:  # without a running plan, no time passes
             return
         belief, changes = self._platform.belief, self._believed
-        passed, belief.time = time - belief.time, time
+        passed = belief.heated_until(time)
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
             self._happen(lambda world: warm(world.changes, passed))
 
@@ -160,7 +160,7 @@ class ActionEffects:
         self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel))
         self._update_belief(before, {output.name: described for output, described in outputs.items()})
         for output, described in outputs.items():
-            if described is not None and output.name in self._platform.belief.made:
+            if described is not None and output.name in self._platform.belief.memory.made:
                 self._platform.belief.bound_to(described, output.name)
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[tuple[Output, Object | None]]:

@@ -18,9 +18,9 @@ import numpy as np
 
 from executive.robots import anatomy
 from executive.robots.anatomy import TURNS, Anatomy, Limb, is_arm
-from executive.robots.bare_hands import REMEDY, in_series, replaced_meshes
 from executive.robots.hand_shape import HandShape, shape_of
 from executive.robots.mechanism import Mechanism, base_joints, grounded
+from executive.robots.openings import REMEDY, in_series, replaced_meshes
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from executive.robots.srdf import Srdf, read_srdf

@@ -20,12 +20,12 @@ from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
-from executive.belief.recognition import Recognition
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
+from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import arm_models, gaze_of
@@ -40,7 +40,8 @@ from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from sim import PlanningWorld, Scene, perturb
+from planlang.state import Hold
+from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -70,9 +71,11 @@ def world_at_start(
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
-    for one in held:
-        world.set_pose(one.body.name, world.link_pose(one.link) @ one.offset)
-        world.attach(one.link, one.body.name)
+    if held:
+        state = state_of(world, robot.name)
+        for one in held:
+            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
+        world = WorldMirror(world, robot.name).at(state)
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -123,10 +126,11 @@ def platform_of(
     ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
     ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
     """
-    belief = Belief(semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown)
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
-    belief.recognition = Recognition(semantic_map.ontology, classes)
+    belief = Belief(
+        semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown, recognised=classes
+    )
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -164,8 +168,8 @@ class RobotExecutive:
         self.finding = _finding(platform.belief.map.ontology)
         """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
-            for create in modules
+            ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
+            for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -190,8 +194,8 @@ class RobotExecutive:
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; the search starts anew if the belief changes in between.
 
-        A thing that is unreachable by the map alone is looked at before the search fails. Raises ObjectNotFound for a
-        thing without a known pose.
+        Before the search fails, hands that were given up are tried again, and a thing that is unreachable by the map
+        alone is looked at. Raises ObjectNotFound for a thing without a known pose.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -208,6 +212,8 @@ class RobotExecutive:
                         if self.revision() != revision:
                             break
                 except LocationUnresolvable as problem:
+                    if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
+                        continue
                     about_place = type(problem) is LocationUnresolvable and not is_found
                     look = resolver.look_at_unseen(location) if about_place else None
                     if look is None:
@@ -269,7 +275,7 @@ class RobotExecutive:
     def before_retry(self) -> Iterable[Action]:
         """Yield motions that open emptied hands, make room for the arms by the base, and bring them to carrying."""
         platform = self.platform
-        for name in platform.belief.dropped:  # the lost thing may stand between the fingers
+        for name in platform.belief.memory.dropped:  # the lost thing may stand between the fingers
             yield action("OpeningAGripper", device_used=self._device(name))
         untucked = platform.arms.untucked()
         if not untucked:

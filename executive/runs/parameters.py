@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any, get_args, get_type_hints
 
 from executive.maps import MapObject, SemanticMap, scene_of
-from executive.maps.class_names import is_kind
+from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
 from executive.maps.environments import environments_with
 from executive.maps.namesakes import namesakes

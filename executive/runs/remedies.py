@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from executive.maps import MapObject, SemanticMap
-from executive.maps.class_names import is_kind
+from executive.maps.classes import is_kind
 from executive.maps.environments import environments_for
 from executive.robots import FindingKind, Missing, Robot, bind_robot
 from executive.runs.options import RunOptions

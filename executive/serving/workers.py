@@ -16,8 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeVar, cast
 
-from executive.processes.calls import Ending, Limits
-from executive.processes.workers import Source, Worker
+from executive.processes.workers import Ending, Limits, Source, Worker
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
 

@@ -14,8 +14,7 @@ import httpx
 import pytest
 from fastapi.testclient import TestClient
 
-from executive.processes.calls import Limits
-from executive.processes.workers import Source
+from executive.processes.workers import Limits, Source
 from executive.serving.app import application
 from executive.serving.vocabulary import Vocabulary
 from executive.serving.workers import PREPARE, Busy, Failed, Staff, Workers
