@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,6 +53,10 @@ class Watching:
     def listen(self, record: Mapping[str, Any], node: object) -> None:
         """Process a record of the trace."""
         self.told.add(record)
+
+    def tell(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Start from the records of a whole trace, for a run that is repeated."""
+        self.told = Told.of(records)
 
     def look(self, world: Truth) -> None:
         """Record the state after a world step."""
