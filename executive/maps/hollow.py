@@ -104,7 +104,7 @@ def _rooms(
     """Cavities of a body with the name of what opens them: doors, compartments without a door, or the body itself."""
     if is_drawer and not cavities:
         return [(body.name, _open_above(body))]
-    front = _front(body, doors)
+    front = face_of(doors[0], body) if doors else (0, 1.0)
     rooms = [(door.name, room_behind(door, body)) for door in doors]
     rooms += [(part.name, _compartment(part, body, *front)) for part in parts]
     return rooms or [(body.name, cavity) for cavity in cavities]
@@ -153,11 +153,6 @@ def _content(body: Body, movable: Sequence[Body], places: Array) -> list[Body]:
     """List the movable bodies whose centre, of ``places`` (n, 3), is inside a piece of furniture."""
     is_inside = inside(body.pose, body.size, places)
     return [movable[index] for index in np.flatnonzero(is_inside).tolist()]
-
-
-def _front(body: Body, doors: Sequence[Body]) -> tuple[int, float]:
-    """Front face of furniture: where its doors are, else +x."""
-    return face_of(doors[0], body) if doors else (0, 1.0)
 
 
 def _compartment(part: Body, furniture: Body, axis: int, sign: float) -> Cavity:
