@@ -26,8 +26,7 @@ from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import shorten
 from sim import Body, Scene
-from sim.controls import Control
-from sim.joints import Articulation
+from sim.joints import Articulation, Control
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
 
 PENETRATION = 0.02

@@ -1,12 +1,14 @@
 """Pools of worker processes for checks of uploads, conversions and comparisons with robots.
 
-Each call has limits of time and memory, at which its worker is killed. Calls wait in a first-in-first-out queue; a call
-that would have to wait for long is refused at once, with the time after which to try again.
+Workers parse untrusted contents, isolated from the server's own process. Each call has limits of time and memory, at
+which its worker is killed. Calls wait in a first-in-first-out queue; a call that would have to wait for long is refused
+at once, with the time after which to try again.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections import deque
@@ -14,9 +16,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
-from executive.processes.workers import Ending, Limits, Source, Worker
+from executive.processes.workers import Ending, Limits, Performs, Source, Worker
+from executive.serving.uploads import as_here, warm_up
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
 
@@ -31,7 +34,7 @@ LONGEST_WAIT = 2.0
 """Longest expected wait in the queue [s]; the actual wait is limited to twice this time."""
 USUAL = 0.05
 """Initial estimate of the duration of a call [s]."""
-PREPARE = "executive.serving.worker:prepared"
+PREPARE = "executive.serving.workers:prepared"
 """Function that reads the vocabulary in the process that workers are forked from."""
 MOST_WAITING = 100
 """Longest queue."""
@@ -166,3 +169,18 @@ class Staff:
         for some in (self.checking, self.reading, self.asking, self.behind):
             some.close()
         self._source.close()
+
+
+def prepared(*folders: str) -> Performs:
+    """Read the vocabulary with the ontologies in ``folders``; calls get it as their last argument."""
+    vocabulary = read_vocabulary([Path(folder) for folder in folders])
+    warm_up(vocabulary)
+    os.nice(5)  # lets the server's own process, which answers plain reads, go first
+
+    def perform(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+        try:
+            return function(*arguments, vocabulary)
+        except BadInput as problem:
+            raise BadInput([as_here(one, vocabulary) for one in problem.diagnostics]) from None
+
+    return perform

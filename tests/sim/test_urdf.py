@@ -18,8 +18,7 @@ from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
 from planlang.package_paths import file_places
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
-from sim.description import Description, inertia_box, read_description
-from sim.meshes import checked_mesh
+from sim.description import Description, checked_mesh, inertia_box, read_description
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0" rpy="0 0 0.5"/><mass value="1200"/>
 <inertia ixx="500" iyy="1000" izz="1300" ixy="0" ixz="0" iyz="0"/></inertial>"""

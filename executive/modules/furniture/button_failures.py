@@ -14,7 +14,7 @@ from executive.modules.tools.motion_failures import too_far
 from executive.robots.arms import ArmModel
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
-from sim.controls import Control
+from sim.joints import Control
 
 UPRIGHT = 0.7
 """Vertical component of a button's normal above which it is on top of its device, so that turning would not help."""
