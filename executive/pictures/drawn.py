@@ -312,22 +312,22 @@ class Drawn:
     """Computes the current pose in the parent's frame, or in the map."""
 
 
-def drawn_in(world: Truth | PlanningWorld, *, walls: bool = False) -> tuple[Drawn, ...]:
+def drawn_in(world: Truth | PlanningWorld, wall: Callable[[Shape], Shape] | None = None) -> tuple[Drawn, ...]:
     """Collect all bodies of a world, with people's limbs one by one, and the links of its robot.
 
-    Walls are cut off at a low height so that one can look into rooms. With ``walls`` they are complete, and the caller
-    leaves out those between the viewer and the room.
+    Walls are as ``wall`` makes them of complete ones: by default they are :func:`lowered`, so that one can look into
+    rooms.
     """
     drawn: list[Drawn] = []
     for name in world.names():
-        drawn += _body(world, world.scene.body(name), walls=walls)
+        drawn += _body(world, world.scene.body(name), wall or lowered)
     for link, looks in looks_of_links(world.robot).items() if world.has_robot else ():
         shapes = tuple(_link(look) for look in looks)
         drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
     return tuple(drawn)
 
 
-def _body(world: Truth | PlanningWorld, body: Body, *, walls: bool) -> Iterator[Drawn]:
+def _body(world: Truth | PlanningWorld, body: Body, wall: Callable[[Shape], Shape]) -> Iterator[Drawn]:
     """Yield a body, then its limbs."""
     path, parts = ("bodies", body.name), [part for part, _ in world.pieces(body.name)]
     match body.shape:
@@ -337,7 +337,7 @@ def _body(world: Truth | PlanningWorld, body: Body, *, walls: bool) -> Iterator[
             still = still_pieces([part for part in parts if not part.limb])
             shapes = [_surface(piece, pose=pose) for pose, pieces in still for piece in pieces]
         case BodyShape.ROOM:
-            shapes = [_wall(part, whole=walls) if part.outward is not None else _part(part, _FLOOR) for part in parts]
+            shapes = [wall(_wall(part)) if part.outward is not None else _part(part, _FLOOR) for part in parts]
         case _:
             shapes = list(_thing(body, parts))
     yield Drawn(path, tuple(shapes), partial(world.pose, body.name))
@@ -396,9 +396,8 @@ def _bevelled(size: Size) -> Solid:
     return shaded([box(size, min(BEVEL * min(size), 0.01))])
 
 
-def _wall(part: Part, *, whole: bool) -> Shape:
-    wall = Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward)
-    return wall if whole else lowered(wall)
+def _wall(part: Part) -> Shape:
+    return Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward)
 
 
 def lowered(wall: Shape) -> Shape:

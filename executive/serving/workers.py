@@ -92,7 +92,7 @@ class Workers:
                 raise Failed(str(reply.answer))
             case Ending.LOST:
                 raise Failed(f"{function.__name__}: {reply.beyond(self._limits)}")
-        raise BadInput([_beyond(self._limits.within_shell(), is_late=reply.ending is Ending.LATE)])
+        raise BadInput([_beyond(self._limits.within_shell(), reply.ending)])
 
     def _acquire(self) -> Worker:
         with self._lock:
@@ -131,10 +131,10 @@ def nothing(_: object) -> None:
     """Do nothing; the call returns once a worker is ready."""
 
 
-def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
-    limit = f"{limits.seconds} s" if is_late else f"{limits.memory / 1e6:g} MB of memory"
+def _beyond(limits: Limits, ending: Ending) -> Diagnostic:
+    limit = f"{limits.seconds} s" if ending is Ending.LATE else f"{limits.memory / 1e6:g} MB of memory"
     advice = "split the upload into smaller parts"
-    if is_late:
+    if ending is Ending.LATE:
         advice += ", or ask the operator for a higher limit: planlang serve --check-seconds"
     return error("K015", f"the check takes more than {limit}", help=advice)
 
