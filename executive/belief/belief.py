@@ -152,15 +152,24 @@ class Belief(KnownThings):
         """Record that the base has moved, so that objects must be looked at again before they are manipulated."""
         self.memory = replace(self.memory, moves=self.memory.moves + 1)
 
+    def hand_failed(self, arm: str) -> None:
+        """Record that the fingers of an arm did not reach their goal."""
+        before = self.memory
+        self.memory = replace(before, failing={**before.failing, arm: before.failing.get(arm, 0) + 1})
+        if self.memory.given_up != before.given_up:
+            self._changed("given up", name=f"hand of {arm}")
+
+    def rely_on_all_hands(self) -> bool:
+        """Forget the failures of hands that were given up, as the others did not do; False if there are none."""
+        for arm in (given_up := self.memory.given_up):
+            self.memory = replace(self.memory, failing=without(self.memory.failing, arm))
+            self._changed("tried again", name=f"hand of {arm}")
+        return bool(given_up)
+
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""
         self.memory = self.memory.grasped(name, arm)
-        grip = self.held.get(name)
-        if grip is None or arm in grip.arms:
-            grip = Grip(arm, link, offset, self._poses[name])
-        else:
-            grip = replace(grip, others=(*grip.others, Hold(arm, link, offset)))
-        self._become(held={**self.held, name: grip}, away=self.state.away - {name})
+        self.state = self.state.gripped(name, Hold(arm, link, offset))
         self._changed("grasped", name=name, arm=arm)
 
     def loaded(self, name: str, riders: Iterable[str]) -> None:

@@ -14,6 +14,9 @@ from planlang.records import dataclass
 from planlang.state import Grip
 from planlang.state.matter import without
 
+MOST_FAILURES = 2
+"""Failures in a row of a hand's fingers after which another hand is used, if there is one: one may be an accident, and
+plans repeat a step about three times."""
 Base = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
 
@@ -52,6 +55,13 @@ class Memory:
     """Arm -> object that it lost and that has not been grasped since: it may stand between the fingers."""
     refused: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
     """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
+    failing: Mapping[str, int] = field(default_factory=dict)
+    """Arm -> how often its fingers failed to reach their goal since it last grasped something."""
+
+    @property
+    def given_up(self) -> tuple[str, ...]:
+        """Arms whose hands have failed so often that others are to be used."""
+        return tuple(arm for arm, times in self.failing.items() if times >= MOST_FAILURES)
 
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""
@@ -100,9 +110,9 @@ class Memory:
         return replace(self, bound={**self.bound, what: name})
 
     def grasped(self, name: str, arm: str) -> Memory:
-        """Forget what an arm had lost, and that any arm had lost what it holds now."""
+        """Forget what an arm had lost and how its hand failed, and that any arm had lost what it holds now."""
         left = {one: lost for one, lost in self.dropped.items() if one != arm and lost != name}
-        return replace(self, dropped=left)
+        return replace(self, dropped=left, failing=without(self.failing, arm))
 
     def dropping(self, name: str, arms: Collection[str]) -> Memory:
         """Remember which arms have lost an object."""

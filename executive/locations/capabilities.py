@@ -29,7 +29,8 @@ from planlang.geometry.urdf import Joint
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
-from sim import Body, BodyShape, PlanningWorld, Scene
+from planlang.state import Hold
+from sim import Body, BodyShape, PlanningWorld, Scene, WorldMirror, state_of
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
@@ -261,8 +262,9 @@ def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
     empty = _narrowest(world, outlines(world.outlines()))
     if arm is None:
         return Doorways(empty, None, None)
-    world.set_pose(_MUG.name, Pose(world.link_pose(arm.tip).position))
-    world.attach(arm.hand_link, _MUG.name)
+    offset = world.link_pose(arm.hand_link).inverse() @ Pose(world.link_pose(arm.tip).position)
+    with_mug = state_of(world, robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
+    world = WorldMirror(world, robot.name).at(with_mug)
     x, y, z = world.pose(_MUG.name).position
     turns = np.arange(8) * (np.pi / 4)
     around = np.array([x, y]) + _MUG.size[0] / 2 * np.column_stack([np.cos(turns), np.sin(turns)])

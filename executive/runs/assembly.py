@@ -25,6 +25,7 @@ from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
+from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import arm_models, gaze_of
@@ -39,7 +40,8 @@ from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from sim import PlanningWorld, Scene, perturb
+from planlang.state import Hold
+from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -69,9 +71,11 @@ def world_at_start(
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
-    for one in held:
-        world.set_pose(one.body.name, world.link_pose(one.link) @ one.offset)
-        world.attach(one.link, one.body.name)
+    if held:
+        state = state_of(world, robot.name)
+        for one in held:
+            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
+        world = WorldMirror(world, robot.name).at(state)
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -164,8 +168,8 @@ class RobotExecutive:
         self.finding = _finding(platform.belief.map.ontology)
         """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
-            for create in modules
+            ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
+            for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -190,8 +194,8 @@ class RobotExecutive:
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; the search starts anew if the belief changes in between.
 
-        A thing that is unreachable by the map alone is looked at before the search fails. Raises ObjectNotFound for a
-        thing without a known pose.
+        Before the search fails, hands that were given up are tried again, and a thing that is unreachable by the map
+        alone is looked at. Raises ObjectNotFound for a thing without a known pose.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -208,6 +212,8 @@ class RobotExecutive:
                         if self.revision() != revision:
                             break
                 except LocationUnresolvable as problem:
+                    if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
+                        continue
                     about_place = type(problem) is LocationUnresolvable and not is_found
                     look = resolver.look_at_unseen(location) if about_place else None
                     if look is None:

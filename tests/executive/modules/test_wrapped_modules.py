@@ -13,6 +13,7 @@ import pytest
 import executive.runs.assembly  # noqa: F401 - imports every wrapper
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
+from executive.modules.noting_hands import NotingHands
 from planlang import VirtualHost, action, run
 from planlang.designators import Action
 from planlang.failures import GraspMissed
@@ -77,6 +78,7 @@ MADE: dict[type[WrappedModule], Callable[[Unusual], WrappedModule]] = {
     ModuleWithEffects: with_effects,
     _Demanded: on_demand,
     LookingFirst: looking_first,
+    NotingHands: lambda module: NotingHands(module, Mock()),
 }
 
 
