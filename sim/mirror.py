@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TypeVar
-
-from planlang.geometry import Pose
 from planlang.state import Grip, WorldState
 from sim.planning_world import PlanningWorld
-
-T = TypeVar("T")
 
 
 class WorldMirror:
@@ -20,8 +13,8 @@ class WorldMirror:
         """``robot``: name in the states of the robot that is in the world."""
         self._world, self._robot = world, robot
         self._shown: WorldState | None = None
-        self._known = dict.fromkeys(world.names())
-        """Bodies of all states so far: others were made in the world itself, and no state knows of them yet."""
+        self.queries = world.queries(self.at)
+        """Answers for changes of any state."""
 
     def at(self, state: WorldState) -> PlanningWorld:
         """Return the world as it is in a state. What it answers holds until another state is asked for."""
@@ -30,25 +23,6 @@ class WorldMirror:
             self._become(state, before)
             self._shown = state
         return self._world
-
-    def after(self, state: WorldState, happening: Callable[[PlanningWorld], T]) -> tuple[WorldState, T]:
-        """Let something happen to things in a state; return the state after it, and what ``happening`` returned.
-
-        Destroyed bodies have no pose then. Created ones are in the world, but not in the state: they get a pose there
-        when it is said what they are.
-        """
-        world, carried = self.at(state), state.carried()
-        self._shown = None
-        result = happening(world)
-        there, poses = world.poses(), dict[str, Pose]()
-        for name, pose in state.poses.items():
-            if name in state.away or (name in carried and name in there):
-                poses[name] = pose
-            elif name in there:
-                poses[name] = pose if pose == there[name] else there[name]
-        held = {name: grip for name, grip in state.held.items() if name in poses}
-        self._shown = replace(state, poses=poses, held=held, matter=world.changes.matter)
-        return self._shown, result
 
     def _become(self, state: WorldState, before: WorldState | None) -> None:
         """Bring the world to a state: what hands hold, the robot, joints, then all other poses."""
@@ -69,28 +43,11 @@ class WorldMirror:
                 world.set_joint(leaf, value)
             if leaf in state.led and leaf not in world.led():
                 world.lead(state.led[leaf], leaf)
-        self._place(state, carried)
+        world.arrange(state)
         for name, grip in state.held.items():
             if name not in world.attached():
                 _put_into_hands(world, name, grip, state)
         world.recall_touched(state.touched)
-        world.changes.matter = state.matter
-
-    def _place(self, state: WorldState, carried: frozenset[str]) -> None:
-        """Bring all bodies that no hand carries to their poses, and take those out that are not in the room."""
-        world = self._world
-        there = world.poses()
-        present = {name: pose for name, pose in state.poses.items() if name not in state.away}
-        for name in self._known:
-            if name in there and name not in present:
-                world.remove(name)
-        for name, pose in present.items():
-            if name not in there:
-                world.restore(name)
-            at = there[name] if name in there else world.pose(name)
-            if name not in carried and at is not pose and at != pose:
-                world.set_pose(name, pose)
-        self._known |= dict.fromkeys(state.poses)
 
 
 def _put_into_hands(world: PlanningWorld, name: str, grip: Grip, state: WorldState) -> None:

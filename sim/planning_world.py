@@ -202,12 +202,6 @@ class PlanningWorld(KinematicScene):
         self._show(configuration)
         return {leaf: self._leaves.values[leaf] for leaf in self._leaves.led}
 
-    def flow(self, name: str, amount: float, point: tuple[float, float, float]) -> tuple[float, str | None]:
-        """Let an amount [ml] flow out of a thing from a point; return what flowed, and what it landed on or in."""
-        self.changes.matter, portions = self.changes.matter.take(name, amount)
-        below = self.changes.drop(portions, point, name) if portions else None
-        return sum(one.amount for one in portions), below
-
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Bodies in touch with a held one since it was grasped: slight contact with them is allowed."""
         return frozenset(self._held[name].touched)

@@ -15,9 +15,9 @@ from pathlib import Path
 from planlang.geometry import Pose
 from planlang.records import dataclass
 from planlang.state.matter import Portion
+from planlang.state.rules import Rules
 from sim.controls import Control
 from sim.joints import Articulation
-from sim.rules import Rules
 
 
 class BodyShape(StrEnum):

@@ -9,9 +9,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.geometry import Array
+from planlang.changes import Change
+from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from planlang.records import dataclass
+from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
@@ -182,7 +184,10 @@ class PyBulletWorld(KinematicScene):
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
         """Motion group that pushes -> link of the hand with which it pushes."""
-        self._processes = Processes(self.changes)
+        self._queries = self.queries(self._become)
+        self._placed: Mapping[str, Pose] = {}
+        """Poses of the state to which things have been brought last."""
+        self._processes = Processes(self.changes, self._queries, self.world_state, self._become)
         self._motions: dict[str, Playback] = {}
         self._controls = Controls(
             scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
@@ -340,6 +345,37 @@ class PyBulletWorld(KinematicScene):
         super().release(name)
         if self._people.holder(name) is None:
             self._falling.begin(name, riders)
+
+    # Changes of things: implements planlang.changes.Physics
+
+    @property
+    def changed(self) -> int:
+        """Number of changes of things, whoever made them."""
+        return self.changes.count
+
+    def do(self, change: Change) -> float:
+        """Apply a change caused by an action; return the volume that flowed [ml]."""
+        state, flowed = apply(change, self.world_state(), self._queries)
+        self._become(state)
+        return flowed
+
+    def is_free(self, name: str) -> bool:
+        """Check whether nothing has or had a name."""
+        return is_free(self.world_state(), name, self._queries)
+
+    def world_state(self) -> WorldState:
+        """The present state as a value; held bodies are where they are now."""
+        state = super().world_state()
+        self._placed = state.poses
+        return state
+
+    def _become(self, state: WorldState) -> PyBulletWorld:
+        """Bring things to a state to which changes, flow or heat have led from the present one."""
+        if state.poses is not self._placed:
+            self.arrange(state)
+            self._placed = state.poses
+        self.changes.matter, self.changes.count = state.matter, state.changes
+        return self
 
     # Ground truth: implements sim.truth.Truth
 

@@ -8,12 +8,11 @@ motions pour or turn objects over in the simulator; these effects are then appli
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import count, islice
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 from executive.maps import MapObject
 from executive.maps.class_names import known
@@ -28,11 +27,9 @@ from planlang.kernel import PlanStructureError, now, sleep
 from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
-from sim import PlanningWorld
+from planlang.state import apply, is_free, warm
 from sim.changes import Changes
-from sim.processes import due, warm
-
-T = TypeVar("T")
+from sim.processes import due
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action that name what it destroys, turns over or pours."""
@@ -72,7 +69,7 @@ class ActionEffects:
         belief, changes = self._platform.belief, self._believed
         passed, belief.time = time - belief.time, time
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            self._happen(lambda world: warm(world.changes, passed))
+            belief.happened(warm(belief.state, passed, self._platform.scene.mirror.queries))
 
     @property
     def _believed(self) -> Changes:
@@ -169,7 +166,7 @@ class ActionEffects:
         taken: set[str] = set()
         for cls in created:
             names = (f"{local_name(cls)}_{number}" for number in count(1))
-            name = next(one for one in names if one not in taken and all(each.is_free(one) for each in self._worlds()))
+            name = next(one for one in names if one not in taken and self._is_free(one))
             taken.add(name)
             type = shorten(cls)
             what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
@@ -251,23 +248,19 @@ class ActionEffects:
 
     # Helpers
 
-    def _worlds(self) -> list[Physics]:
-        """List the believed world and, if it does not simulate effects itself, the true one."""
-        return [self._platform.scene.world, *([] if self._physics is None else [self._physics])]
+    def _is_free(self, name: str) -> bool:
+        """Check that no thing has a name, nor ever had it, as it is believed and in truth."""
+        is_free_here = is_free(self._platform.belief.state, name, self._platform.scene.mirror.queries)
+        return is_free_here and (self._physics is None or self._physics.is_free(name))
 
     def _do(self, change: Change, *, only_believed: bool = False) -> float:
         """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
-        flowed = self._happen(partial(PlanningWorld.do, change=change))
+        belief = self._platform.belief
+        state, flowed = apply(change, belief.state, self._platform.scene.mirror.queries)
+        belief.happened(state)
         if self._physics is not None and not only_believed:
             self._physics.do(change)
         return flowed
-
-    def _happen(self, happening: Callable[[PlanningWorld], T]) -> T:
-        """Let something happen to things as they are believed to be."""
-        belief = self._platform.belief
-        state, result = self._platform.scene.mirror.after(belief.state, happening)
-        belief.happened(state)
-        return result
 
     def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
         """Remove destroyed objects of the planning scene from the belief, and add new ones."""
@@ -283,7 +276,8 @@ class ActionEffects:
         ``outputs``: name of a new object -> the action's designator of it.
         """
         world, belief = self._platform.scene.world, self._platform.belief
-        for name in (name for name in world.names() if name not in before and name not in belief.names()):
+        new = belief.state.made.keys() - belief.made.keys()
+        for name in (name for name in world.names() if name not in before and name in new):
             body, what = world.scene.body(name), outputs.get(name)
             iri = None if what is None else what.iri
             thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from itertools import chain, islice
 from typing import Any
 
@@ -40,6 +40,7 @@ from planlang.language.process_module import ModuleOnce, ProcessModule
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
+from planlang.state import restored, saved
 from sim import PlanningWorld, Scene, perturb
 
 MOST_STARTS = 5000
@@ -298,7 +299,7 @@ class RobotExecutive:
         platform = self.platform
         return {
             "belief": platform.belief.snapshot(),
-            "things": platform.scene.world.snapshot(),
+            "things": saved(platform.belief.state),
             "base": list(platform.base()),
             "leaning": sorted(platform.leaning),
         }
@@ -307,8 +308,8 @@ class RobotExecutive:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
-            restored = partial(PlanningWorld.restore_state, state=left["things"])
-            platform.belief.happened(platform.scene.mirror.after(platform.belief.state, restored)[0])
+            known = {body.name for body in platform.scene.world.scene.bodies}
+            platform.belief.happened(restored(platform.belief.state, left["things"], known))
             platform.belief.restore(left["belief"])
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()

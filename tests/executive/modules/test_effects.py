@@ -38,6 +38,7 @@ from planlang import (
     switched_on,
     transformed_into,
 )
+from planlang.changes import Switched
 from planlang.designators import Action
 from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectNotTurned, ObjectUnresolvable
 from planlang.ontology import load
@@ -95,7 +96,7 @@ class Cheating(Cooking):
 
     async def execute(self, action: Action) -> None:
         assert isinstance(self.platform.world, PyBulletWorld)
-        self.platform.world.changes.switch("maker1", "DeviceStateOn")
+        self.platform.world.do(Switched("maker1", "DeviceStateOn"))
 
 
 @dataclass(frozen=True)
