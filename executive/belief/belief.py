@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from executive.belief.knowledge import Knowledge, Source
+from executive.belief.knowledge import Source
 from executive.belief.known_things import KnownThings, ignore
+from executive.belief.memory import Base
 from executive.belief.obstacles import NAMES
+from executive.belief.recognition import Recognition
+from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.semantic_map import MapObject
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Detection
-from planlang.runs.codec import dump, load
 from planlang.state import Grip, Hold, WorldState
 from planlang.state.matter import OFF, without
 from sim import WorldMirror
@@ -37,20 +39,19 @@ class Belief(KnownThings):
     def see(self, detections: Iterable[Detection]) -> None:
         """Move the recognised objects to the poses at which the camera detected them."""
         for detection in detections:
-            if detection.name in self.unknown:
+            if detection.name in self.memory.unknown:
                 self._find_out(detection.name)
             if detection.name in self._poses and detection.name not in self.carried():
-                self._know(detection.name, Source.SEEN)
-                self._in_vain.pop(detection.name, None)
+                self.memory = self.memory.saw(detection.name)
                 self._put(detection.name, detection.pose, "seen")
                 self._read(detection)
 
     def _read(self, detection: Detection) -> None:
         """Take over the state that a seen leaf or device shows."""
         if detection.name in self._moving:
-            self._witnessed.add(self._moving[detection.name])
+            self.memory = self.memory.witnesses(self._moving[detection.name])
         if detection.state is not None:
-            self._witnessed.add(detection.name)
+            self.memory = self.memory.witnesses(detection.name)
             if self.state.matter.states.get(detection.name, OFF) != detection.state:
                 self._become(matter=self.state.matter.switched(detection.name, detection.state))
                 self._changed("seen", name=detection.name, state=detection.state)
@@ -58,38 +59,36 @@ class Belief(KnownThings):
     def touched(self, leaf: str, value: float) -> None:
         """Record the position of a leaf's joint that a hand feels at its handle [rad, m]."""
         self.moved(leaf, value, "felt")
-        self._witnessed.add(leaf)
+        self.memory = self.memory.witnesses(leaf)
 
     def doubted(self, name: str) -> None:
         """Record that the state of a leaf or device may have changed, so that it has to be looked at again."""
-        self._witnessed.discard(name)
+        self.memory = self.memory.doubts(name)
 
     def _find_out(self, name: str) -> None:
-        self._become(poses={**self._poses, name: self.unknown.pop(name)})
+        self._become(poses={**self._poses, name: self.memory.unknown[name]})
+        self.memory = self.memory.found(name)
         self._changed("found", name=name)
 
-    def not_seen(self, name: str, base: tuple[float, float, float]) -> None:
+    def not_seen(self, name: str, base: Base) -> None:
         """Record that an object was looked for from a base pose and not seen."""
-        self._in_vain.setdefault(name, []).append(base)
+        self.memory = self.memory.not_seen(name, base)
         self._changed("not_seen", name=name, base=base)
 
     def not_there(self, name: str) -> None:
         """Record that an object is not at its believed pose, so that its place is unknown."""
-        self.unknown[name] = self._poses[name]
+        self.memory = self.memory.lost_sight(name, self._poses[name])
         self._become(poses=without(self._poses, name))
-        for table in (self._known, self._in_vain):
-            table.pop(name, None)
-        self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
         self._changed("not there", name=name)
 
-    def missed(self, name: str, arm: str, base: tuple[float, float, float]) -> None:
+    def missed(self, name: str, arm: str, base: Base) -> None:
         """Record that a hand closed on nothing where an object was believed to be."""
-        self.dropped[arm] = name
+        self.memory = self.memory.dropping(name, (arm,))
         self.not_seen(name, base)
 
     def bump(self, name: str, pose: Pose) -> None:
         """Record that the robot touched an object, which must be about at ``pose``; it has to be looked at again."""
-        self._know(name, Source.FELT)
+        self.memory = self.memory.learned((name,), Source.FELT)
         if name in self._moving:
             self.doubted(self._moving[name])
         self._put(name, pose, "felt")
@@ -102,20 +101,20 @@ class Belief(KnownThings):
         pool = [name for name in self._poses if name in NAMES]
         if not pool:
             return
-        name = next(iter(self._absent), pool[0])
-        self._absent.pop(name, None)
-        self.met = called or name
-        self._become(poses={**without(self._poses, name), name: pose})  # at the end: the oldest obstacle comes first
+        name = next((name for name in pool if name in self.state.away), pool[0])
+        self.memory = replace(self.memory, met=called or name)
+        poses = {**without(self._poses, name), name: pose}  # at the end: the oldest obstacle comes first
+        self._become(poses=poses, away=self.state.away - {name})
         self._changed("felt", name=name, pose=pose)
 
     def forget(self, obstacles: Collection[str]) -> None:
         """Return obstacles to the pool, because a known body explains the touch."""
         for name in obstacles:
-            self._absent[name] = None
-            self._become()
+            poses = {**without(self._poses, name), name: self._poses[name]}  # it is the last to be used again
+            self._become(poses=poses, away=self.state.away | {name})
             self._changed("explained", name=name)
         if obstacles and not any(name in NAMES for name in self.names()):
-            self.met = None
+            self.memory = replace(self.memory, met=None)
 
     def moved(self, leaf: str, value: float, how: str = "moved") -> None:
         """Record the position of a leaf's joint [rad, m]; its parts and the objects inside it move with it."""
@@ -127,7 +126,7 @@ class Belief(KnownThings):
     def leads(self, leaf: str, link: str) -> None:
         """Record that a hand has closed on a leaf's handle, so that they move together."""
         self._become(led={**self.led, leaf: link})
-        self._witnessed.add(leaf)
+        self.memory = self.memory.witnesses(leaf)
         self._changed("leads", name=leaf, link=link)
 
     def let_go(self, leaf: str) -> None:
@@ -151,19 +150,31 @@ class Belief(KnownThings):
 
     def base_moved(self) -> None:
         """Record that the base has moved, so that objects must be looked at again before they are manipulated."""
-        self._moves += 1
+        self.memory = replace(self.memory, moves=self.memory.moves + 1)
+
+    def hand_failed(self, arm: str) -> None:
+        """Record that the fingers of an arm did not reach their goal."""
+        before = self.memory
+        self.memory = replace(before, failing={**before.failing, arm: before.failing.get(arm, 0) + 1})
+        if self.memory.given_up != before.given_up:
+            self._changed("given up", name=f"hand of {arm}")
+
+    def rely_on_all_hands(self) -> bool:
+        """Forget the failures of hands that were given up, as the others did not do; False if there are none."""
+        for arm in (given_up := self.memory.given_up):
+            self.memory = replace(self.memory, failing=without(self.memory.failing, arm))
+            self._changed("tried again", name=f"hand of {arm}")
+        return bool(given_up)
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""
-        self._taken.discard(name)
-        self.dropped.pop(arm, None)
-        self.dropped = {arm: dropped for arm, dropped in self.dropped.items() if dropped != name}
+        self.memory = self.memory.grasped(name, arm)
         grip = self.held.get(name)
         if grip is None or arm in grip.arms:
             grip = Grip(arm, link, offset, self._poses[name])
         else:
             grip = replace(grip, others=(*grip.others, Hold(arm, link, offset)))
-        self._become(held={**self.held, name: grip})
+        self._become(held={**self.held, name: grip}, away=self.state.away - {name})
         self._changed("grasped", name=name, arm=arm)
 
     def loaded(self, name: str, riders: Iterable[str]) -> None:
@@ -173,25 +184,24 @@ class Belief(KnownThings):
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
         """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
         self._came_down(name, pose)
-        self.refused.pop(name, None)
+        self.memory = self.memory.allowing(name)
         if to is not None:
-            self._taken.add(name)
-            self._become()
+            self._become(away=self.state.away | {name})
         self._changed("released", name=name, pose=pose, to=to)
 
     def pushed(self, name: str, pose: Pose) -> None:
         """Record that a hand has pushed an object to a pose."""
-        self._know(name, Source.DONE)
+        self.memory = self.memory.learned((name,), Source.DONE)
         self._put(name, pose, "pushed")
 
     def refuse(self, name: str, grip: Grip) -> None:
         """Rule out a grip of an object for later grasps, until the object is released from another grip."""
-        self.refused.setdefault(name, []).extend(hand.offset for hand in grip.hands)
+        self.memory = self.memory.refusing(name, grip)
         self._changed("grip refused", name=name)
 
     def lost(self, name: str, pose: Pose) -> None:
         """Record that an object has slipped out of the hand; it is assumed to have fallen to ``pose``."""
-        self.dropped |= dict.fromkeys(self.held[name].arms, name)
+        self.memory = self.memory.dropping(name, self.held[name].arms)
         self._came_down(name, pose)
         self._changed("lost", name=name, pose=pose)
 
@@ -201,8 +211,7 @@ class Belief(KnownThings):
         down = {name: pose, **{one: motion @ self._poses[one] for one in (grip.riders if grip is not None else ())}}
         touched = {one: bodies for one, bodies in self.state.touched.items() if one not in down}
         self._become(poses={**self._poses, **down}, held=without(self.held, name), touched=touched)
-        for one in down:
-            self._know(one, Source.DONE)
+        self.memory = self.memory.learned(down, Source.DONE)
 
     def happened(self, state: WorldState) -> None:
         """Go on to a state that effects of an action, heat or flow have led to; what it means is recorded apart."""
@@ -212,25 +221,15 @@ class Belief(KnownThings):
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:
         """Record that an object was created."""
-        self._make(thing, pose)
-        self._changed("created", name=thing.name, pose=pose)
-
-    def _make(self, thing: MapObject, pose: Pose) -> None:
-        self.made[thing.name] = thing
-        self._first[thing.name] = pose
+        self.memory = self.memory.created(thing, pose)
         self._become(poses={**self._poses, thing.name: pose})
-        self._boxes[thing.name] = thing.size or (0.0, 0.0, 0.0)
+        self._changed("created", name=thing.name, pose=pose)
 
     def destroyed(self, name: str) -> None:
         """Record that an object no longer exists; its designators may be bound to others."""
-        self._lose(name)
-        self._changed("destroyed", name=name)
-
-    def _lose(self, name: str) -> None:
-        self._gone[name] = None
-        self._known.pop(name, None)
+        self.memory = self.memory.destroyed(name)
         self._become(poses=without(self._poses, name), held=without(self.held, name))
-        self._bound = {what: meant for what, meant in self._bound.items() if meant != name}
+        self._changed("destroyed", name=name)
 
     def turned_over(self, name: str, pose: Pose) -> None:
         """Record that an object has been turned over."""
@@ -239,21 +238,27 @@ class Belief(KnownThings):
 
     def switched(self, name: str, state: str) -> None:
         """Record the state of a device, or of an object that was mixed or cleaned."""
-        self._witnessed.add(name)
+        self.memory = self.memory.witnesses(name)
         self._changed("switched", name=name, state=state)
 
     def poured(self, source: str, target: str, amount: float) -> None:
         """Record that an amount [ml] was poured out of one object into or onto another."""
         self._changed("poured", name=source, into=target, amount=amount)
 
-    def _know(self, name: str, source: Source) -> None:
-        self._known[name] = Knowledge(source, self.time, self._moves)
+    def heated_until(self, time: float) -> float:
+        """Record that heating has been simulated up to a plan time [s]; return how long it took since the last one."""
+        passed, self.memory = time - self.memory.time, replace(self.memory, time=time)
+        return passed
+
+    def recognises_by(self, recognition: Recognition) -> None:
+        """Record that components have been started or stopped, or recognition models loaded."""
+        self.memory = replace(self.memory, recognition=recognition)
 
     def _put(self, name: str, pose: Pose, how: str) -> None:
         before = self._poses[name]
         if name in self._moving:
             leaf = self._moving[name]
-            value = self.joints[leaf].value_of(self._first[name], pose)
+            value = self.joints[leaf].value_of(self.memory.first[name], pose)
             joint, known = self.joints[leaf], self.joint(leaf)
             same = joint.is_shut(value) is joint.is_shut(known) and joint.is_open(value) is joint.is_open(known)
             if abs(value - known) > TURNED or not same:
@@ -273,12 +278,13 @@ class Belief(KnownThings):
 
         They are assumed to move with it.
         """
-        stack, loose = [name], [other for other in self._boxes if self._is_loose(other)]
-        for support in (one for one in stack if one in self._boxes):  # grows in the loop: objects may be stacked
-            x, y, z = self._boxes[support]
+        boxes = self.boxes()
+        stack, loose = [name], [other for other in boxes if self._is_loose(other)]
+        for support in (one for one in stack if one in boxes):  # grows in the loop: objects may be stacked
+            x, y, z = boxes[support]
             to_support = self._poses[support].inverse()
             for other in (one for one in loose if one not in stack):
-                bottom = to_support @ self._poses[other] @ Pose((0.0, 0.0, -self._boxes[other][2] / 2))
+                bottom = to_support @ self._poses[other] @ Pose((0.0, 0.0, -boxes[other][2] / 2))
                 ahead, aside, above = bottom.position
                 if abs(ahead) <= x / 2 and abs(aside) <= y / 2 and abs(above - z / 2) <= RESTING:
                     stack.append(other)
@@ -286,12 +292,12 @@ class Belief(KnownThings):
 
     def _is_loose(self, name: str) -> bool:
         """Check whether the pose of an object is only known from the map."""
-        elsewhere = name in self.joints or name in self.held or name in self._taken or name not in self._poses
+        elsewhere = name in self.joints or name in self.held or name in self.state.away or name not in self._poses
         return not elsewhere and self.knowledge(name).source in (Source.MAP, Source.TOLD)
 
     def _become(self, **changes: Any) -> None:
         """Go on to another state: the last one with other tables."""
-        self.state = replace(self.state, away=frozenset((*self._absent, *self._taken)), **changes)
+        self.state = replace(self.state, **changes)
 
     def _changed(self, how: str, **details: Any) -> None:
         self.revision += 1
@@ -301,92 +307,13 @@ class Belief(KnownThings):
 
     def snapshot(self) -> dict[str, Any]:
         """Convert the belief to JSON; poses that equal the map's are left out."""
-        moved = {name: dump(pose) for name, pose in self._poses.items() if pose != self._first[name]}
-        made = [
-            [one.name, one.iri, list(one.types), list(one.size or ()), dump(self._first[one.name])]
-            for one in self.made.values()
-        ]
-        held = {
-            name: [
-                [[hand.arm, hand.link, dump(hand.offset)] for hand in grip.hands],
-                dump(grip.before),
-                list(grip.riders),
-            ]
-            for name, grip in self.held.items()
-        }
-        return {
-            "revision": self.revision,
-            "made": made,
-            "gone": list(self._gone),
-            "time": self.time,
-            "poses": moved,
-            "held": held,
-            "dropped": dict(self.dropped),
-            "refused": {name: [dump(offset) for offset in offsets] for name, offsets in self.refused.items()},
-            "taken": sorted(self._taken),
-            "unknown": list(self.unknown),
-            "recognition": self.recognition.snapshot(),
-            "met": self.met,
-            "felt": [name for name in self._poses if name in NAMES and name not in self._absent],
-            "leaves": {leaf: value for leaf, value in self.state.joints.items() if value},
-            "led": dict(self.led),
-            **({"witnessed": sorted(self._witnessed)} if self._witnessed else {}),
-            "known": {name: [one.source.value, one.time, one.moves] for name, one in self._known.items()},
-            "moves": self._moves,
-            "bound": [[dump(what), name] for what, name in self._bound.items()],
-            "in_vain": {name: [list(base) for base in bases] for name, bases in self._in_vain.items()},
-        }
+        return {"revision": self.revision, **dump_belief(self.state, self.memory)}
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, left: Mapping[str, Any]) -> None:
         """Restore the belief of :meth:`snapshot`. Raises ValueError if it is malformed or belongs to another map."""
         try:
-            dropped = {str(arm): str(name) for arm, name in state["dropped"].items()}
-            unknown = {*state["poses"], *state["held"], *state["taken"], *(name for _, name in state["bound"])}
-            unknown |= {leaf for leaf in (*state["leaves"], *state["led"]) if leaf not in self.joints}
-            unknown |= {*dropped.values(), *state["felt"]}
-            for name in self.made:
-                del self._first[name], self._boxes[name]
-            self.made, self._gone = {}, {}
-            self._become(poses=dict(self._first))
-            for name, iri, types, size, pose in state["made"]:
-                x, y, z = map(float, size)
-                one = MapObject(str(iri), str(name), tuple(map(str, types)), None, (x, y, z))
-                self._make(one, _pose(pose))
-            unknown |= set(state["gone"])
-            if not unknown <= self._poses.keys():
-                raise ValueError(f"the map has no {', '.join(sorted(unknown - self._poses.keys()))}")
-            self.time = float(state["time"])
-            values = {leaf: float(state["leaves"].get(leaf, 0.0)) for leaf in self.joints}
-            joints = {leaf: self.joints[leaf].within(value) for leaf, value in values.items()}
-            led = {leaf: str(link) for leaf, link in state["led"].items()}
-            self._witnessed = set(map(str, state.get("witnessed", ())))
-            poses = {**self._first, **{name: _pose(pose) for name, pose in state["poses"].items()}}
-            felt = {str(name): poses.pop(name) for name in state["felt"]}
-            placed = {**poses, **felt}
-            self.unknown = {str(name): placed.pop(name) for name in state["unknown"]}
-            self.recognition.restore(state["recognition"])
-            self._absent = {name: None for name in NAMES if name in poses}
-            self.met = None if state["met"] is None else str(state["met"])
-            held = {name: _grip(*grip) for name, grip in state["held"].items()}
-            if unknown := {rider for grip in held.values() for rider in grip.riders} - placed.keys():
-                raise ValueError(f"the map has no {', '.join(sorted(unknown))}")
-            self.dropped = dropped
-            refused = state["refused"].items()
-            self.refused = {str(name): [_pose(offset) for offset in offsets] for name, offsets in refused}
-            self._taken, self._moves = set(state["taken"]), int(state["moves"])
-            self._become(poses=placed, joints=joints, led=led, held=held, touched={})
-            self._known = {
-                name: Knowledge(Source(source), float(time), int(moves))
-                for name, (source, time, moves) in state["known"].items()
-            }
-            self._bound = {load(what): name for what, name in state["bound"]}
-            self._in_vain = {
-                name: [(float(x), float(y), float(yaw)) for x, y, yaw in bases]
-                for name, bases in state["in_vain"].items()
-            }
-            self.revision = int(state["revision"])
-            for name in state["gone"]:
-                self._lose(name)
+            self.revision = int(left["revision"])
+            self.state, self.memory = load_belief(left, self.state, self.memory, self.joints)
         except (KeyError, TypeError, AttributeError) as problem:
             raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
 
@@ -398,32 +325,22 @@ class Belief(KnownThings):
         Bodies without a pose there are unknown. Designators that it binds are bound for it alone.
         """
         other = copy(self)
-        other.state, other.tell, other._bound = state, ignore, dict(self._bound)
-        other.unknown = self.unknown | {name: pose for name, pose in self._poses.items() if name not in state.poses}
+        other.state, other.tell = state, ignore
+        lost = {name: pose for name, pose in self._poses.items() if name not in state.poses}
+        if lost:
+            other.memory = replace(self.memory, unknown={**self.memory.unknown, **lost})
         return other
 
     def with_leaf(self, leaf: str, value: float) -> WorldState:
         """Make the state with a leaf's joint at a position [rad, m]; its parts and the objects inside move with it."""
         joint, value = self.joints[leaf], self.joints[leaf].within(value)
-        elsewhere = {*self.joints, *self.held, *self._taken}
-        loose = [name for name in self._boxes if name in self._poses and name not in elsewhere]
+        elsewhere, boxes = {*self.joints, *self.held, *self.state.away}, self.boxes()
+        loose = [name for name in boxes if name in self._poses and name not in elsewhere]
         before, places = self._poses[leaf], np.array([self._poses[name].position for name in loose]).reshape(-1, 3)
-        within = np.flatnonzero(inside(before, self._boxes[leaf], places)).tolist()
+        within = np.flatnonzero(inside(before, boxes[leaf], places)).tolist()
         offsets = {loose[index]: before.inverse() @ self._poses[loose[index]] for index in within}
         motion = joint.motion(value)
-        parts = {name: motion @ self._first[name] if value else self._first[name] for name in joint.bodies}
+        parts = {name: motion @ self.memory.first[name] if value else self.memory.first[name] for name in joint.bodies}
         contents = {name: parts[leaf] @ offset for name, offset in offsets.items()}
         poses, joints = {**self._poses, **parts, **contents}, {**self.state.joints, leaf: value}
         return replace(self.state, poses=poses, joints=joints)
-
-
-def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:
-    first, *others = (Hold(str(arm), str(link), _pose(offset)) for arm, link, offset in hands)
-    return Grip(*first, _pose(before), tuple(others), tuple(map(str, riders)))
-
-
-def _pose(state: object) -> Pose:
-    pose = load(state)
-    if not isinstance(pose, Pose):
-        raise ValueError(f"a pose is expected, not {pose!r}")
-    return pose

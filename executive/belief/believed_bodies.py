@@ -172,7 +172,7 @@ class BelievedBodies(ScenePart):
     def means_unknown(self, what: Object) -> bool:
         """Check whether a designator matches an object of the map whose place is unknown."""
         belief = self._belief
-        things = [thing for thing in belief.map.objects if thing.name in belief.unknown]
+        things = [thing for thing in belief.map.objects if thing.name in belief.memory.unknown]
         return any(one.iri == what.iri or (what.iri is None and belief.is_a(one, what.type)) for one in things)
 
     def designator(self, name: str) -> Object:

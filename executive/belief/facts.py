@@ -46,7 +46,7 @@ def _amount(belief: Belief, world: PlanningWorld, what: Object, substance: Objec
 
 
 def _was_created(belief: Belief, what: Object) -> bool:
-    return any(thing.iri == what.iri and thing.name in belief.names() for thing in belief.made.values())
+    return any(thing.iri == what.iri and thing.name in belief.names() for thing in belief.memory.made.values())
 
 
 def _named(belief: Belief, what: Object) -> Iterator[MapObject]:

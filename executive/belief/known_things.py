@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from executive.belief.knowledge import Knowledge, Source
+from executive.belief.memory import Base, Memory
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
 from executive.maps.class_names import is_kind
@@ -19,6 +20,7 @@ from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
+from planlang.ontology import expand
 from planlang.state import Grip, WorldState
 from sim import PlanningWorld
 from sim.joints import Articulation
@@ -43,54 +45,36 @@ class KnownThings:
         robot: str = "robot",
         trusts_map: bool = False,
         unknown: Iterable[str] = (),
+        recognised: Iterable[str] | None = None,
     ) -> None:
         """Begin with the poses of ``world``, a planning world of the map's scene; ``robot`` names the robot in it.
 
         With ``trusts_map`` they count as seen from every base pose. The places of objects in ``unknown`` are unknown
-        until the robot has seen them.
+        until the robot has seen them. ``recognised``: classes of which there are recognition models; None: of all.
         """
         self.map, self.robot = semantic_map, robot
         self.trusts_map = trusts_map
-        self.recognition = Recognition(semantic_map.ontology)
         self.revision = 0
-        self.refused: dict[str, list[Pose]] = {}
-        """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
-        self.dropped: dict[str, str] = {}
-        """Arm -> object that it lost and that has not been grasped since: it may stand between the fingers."""
+        """Number of changes so far, by which the records of a trace count them."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
         poses = {name: world.pose(name) for name in world.names()}
         closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
-        self._first = poses | {name: pose for name, pose in closed.items() if name in poses}
-        self.unknown = {name: poses.pop(name) for name in dict.fromkeys(unknown) if name in poses}
-        """Objects whose place is unknown -> pose that the map states."""
-        self._absent = {name: None for name in NAMES if name in poses}
-        """Unused obstacles of the pool, the next one first."""
-        self.met: str | None = None
-        """Name of the obstacle that was touched last; None while there is none."""
-        self._taken: set[str] = set()
-        """Objects that a person has taken."""
-        self._known: dict[str, Knowledge] = {}
-        self._moves = 0
-        self._bound: dict[Object, str] = {}
-        self._in_vain: dict[str, list[tuple[float, float, float]]] = {}
+        first = poses | {name: pose for name, pose in closed.items() if name in poses}
+        hidden = {name: poses.pop(name) for name in dict.fromkeys(unknown) if name in poses}
+        classes = None if recognised is None else tuple(map(expand, recognised))
+        self.memory = Memory(Recognition(semantic_map.ontology, classes), first, hidden)
+        """Where the facts of the state come from."""
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
         joints = {leaf: world.joint(leaf) for leaf in self.joints}
-        away, matter = frozenset(self._absent), world.changes.matter
+        away, matter = frozenset(NAMES).intersection(poses), world.changes.matter
         self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
-        self._witnessed: set[str] = set()
-        """Leaves and devices whose state the robot has seen or felt, or set itself, since it could have changed."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
-        self.made: dict[str, MapObject] = {}
-        """Objects created during the run, by name."""
-        self._gone: dict[str, None] = {}
-        self.time = 0.0
-        """Plan time up to which heating has been simulated in the believed world [s]."""
 
     # Queries
 
@@ -106,7 +90,7 @@ class KnownThings:
 
     def is_gone(self, name: str) -> bool:
         """Check whether an object is known to have been destroyed."""
-        return name in self._gone
+        return name in self.memory.gone
 
     @property
     def _poses(self) -> Mapping[str, Pose]:
@@ -115,7 +99,7 @@ class KnownThings:
     @property
     def things(self) -> Iterator[MapObject]:
         """Objects of the map, then created ones, including those without a pose."""
-        return chain(self.map.objects, self.made.values())
+        return chain(self.map.objects, self.memory.made.values())
 
     def joint(self, leaf: str) -> float:
         """Look up how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
@@ -130,22 +114,30 @@ class KnownThings:
 
         A state that only the map tells may be wrong: nothing that is left undone may depend on it.
         """
-        return name in self._witnessed
+        return name in self.memory.witnessed
 
     def names(self) -> tuple[str, ...]:
         """List all objects with a pose in the order of the map, then the touched obstacles."""
-        return tuple(name for name in self._poses if name not in self._absent)
+        reserve = self.state.away.intersection(NAMES)
+        return tuple(name for name in self._poses if name not in reserve)
 
     def pose(self, name: str) -> Pose:
         """Look up the believed pose of an object in the map; for a held one, where it last stood."""
         return self._poses[name]
+
+    def boxes(self) -> Mapping[str, tuple[float, float, float]]:
+        """Collect the extents of all objects that may move, leaves and created ones included [m]."""
+        made = {name: thing.size or (0.0, 0.0, 0.0) for name, thing in self.memory.made.items()}
+        return {**self._boxes, **made} if made else self._boxes
 
     def closed_pose(self, name: str) -> Pose:
         """Compute the believed pose of an object as if the door or drawer that it moves with were closed."""
         pose, leaf = self._poses[name], self._moving.get(name)
         if leaf is None and name not in self.held:
             opened = (one for one, value in self.state.joints.items() if value and not self.joints[one].is_knob)
-            within = (one for one in opened if inside(self._poses[one], self._boxes[one], np.array([pose.position]))[0])
+            within = (
+                one for one in opened if inside(self._poses[one], self.boxes()[one], np.array([pose.position]))[0]
+            )
             leaf = next(within, None)
         return pose if leaf is None else self.joints[leaf].motion(self.state.joints[leaf]).inverse() @ pose
 
@@ -159,56 +151,56 @@ class KnownThings:
 
     def seen_from_here(self, name: str) -> bool:
         """Check whether an object has been seen since the base last moved, or the map is trusted about it."""
-        return (self.trusts_map and name not in self._in_vain) or self.seen(name)
+        return (self.trusts_map and name not in self.memory.in_vain) or self.seen(name)
 
     def seen(self, name: str) -> bool:
         """Check whether the camera has shown an object since the base last moved."""
         known = self.knowledge(name)
-        return known.source is Source.SEEN and known.moves == self._moves
+        return known.source is Source.SEEN and known.moves == self.memory.moves
 
     def knowledge(self, name: str) -> Knowledge:
         """Look up the source and age of an object's pose."""
-        return self._known.get(name, Knowledge(Source.TOLD if self.trusts_map else Source.MAP))
+        return self.memory.known.get(name, Knowledge(Source.TOLD if self.trusts_map else Source.MAP))
 
     def remembers(self, name: str) -> bool:
         """Check whether an object has been seen, from anywhere, without being touched or moved since."""
-        return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self._in_vain
+        return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self.memory.in_vain
 
     def remembered(self) -> frozenset[str]:
         """Collect the objects for which :meth:`remembers` is true."""
-        return frozenset(name for name in self._known if self.remembers(name))
+        return frozenset(name for name in self.memory.known if self.remembers(name))
 
     def by_map_alone(self, name: str) -> bool:
         """Check whether an object is believed at its pose of the map, without ever having been seen."""
-        return self._poses[name] == self._first[name] and self.knowledge(name).source is not Source.SEEN
+        return self._poses[name] == self.memory.first[name] and self.knowledge(name).source is not Source.SEEN
 
-    def looked_in_vain(self, name: str) -> tuple[tuple[float, float, float], ...]:
+    def looked_in_vain(self, name: str) -> tuple[Base, ...]:
         """List the base poses from which an object was looked for and not seen."""
-        return tuple(self._in_vain.get(name, ()))
+        return self.memory.in_vain.get(name, ())
 
-    def bind(self, what: Object, near: tuple[float, float, float]) -> str:
+    def bind(self, what: Object, near: Base) -> str:
         """Resolve a designator to the object of its IRI, else of its name; otherwise to the nearest one of its class.
 
         A designator stays bound to an object as long as that exists. Without a match it resolves to the nearest object
         that contains a substance of the class, which is not bound. Raises ObjectUnresolvable, with a list of the known
         objects, and AmbiguousPerception if two objects seen from here are equally near.
         """
-        if what not in self._bound:
+        if what not in self.memory.bound:
             name = self._find(what, near)
             if name is None:
                 return self._container(what, near)
-            self._bound[what] = name
-        return self._bound[what]
+            self.memory = self.memory.bind(what, name)
+        return self.memory.bound[what]
 
     def bound_to(self, what: Object, name: str) -> None:
         """Bind a designator to an object."""
-        self._bound[what] = name
+        self.memory = self.memory.bind(what, name)
 
     def of_class(self, what: Object) -> tuple[str, ...]:
         """List the objects of a designator's class, in the order of the map."""
         return tuple(thing.name for thing in self.things if thing.name in self._poses and self.is_a(thing, what.type))
 
-    def _find(self, what: Object, near: tuple[float, float, float]) -> str | None:
+    def _find(self, what: Object, near: Base) -> str | None:
         placed = [thing for thing in self.things if thing.name in self._poses]
         named = namesakes(self.map.ontology, placed, what)
         if len(named) == 1:
@@ -226,7 +218,7 @@ class KnownThings:
             raise AmbiguousPerception(what=str(what), candidates=equal)
         return nearest
 
-    def _container(self, what: Object, near: tuple[float, float, float]) -> str:
+    def _container(self, what: Object, near: Base) -> str:
         """Find the nearest object that contains the substance of a designator."""
         individual = self._missing(what)
         containers = [
@@ -237,15 +229,15 @@ class KnownThings:
         ]
         if not containers:
             known = ", ".join(name for name in self._poses if name not in NAMES)
-            problem = "is not there any more" if individual in self._gone else "is not in the map"
-            problem = "has not been found yet" if individual in self.unknown else problem
+            problem = "is not there any more" if individual in self.memory.gone else "is not in the map"
+            problem = "has not been found yet" if individual in self.memory.unknown else problem
             raise ObjectUnresolvable(f"{what} ({what.type}) {problem}; there are {known}", designator=str(what))
         return min(containers, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
 
     def _missing(self, what: Object) -> str | None:
         """Find the individual of a designator's IRI, if it is the content of something, not found yet, or destroyed."""
         named = namesakes(self.map.ontology, self.things, what)
-        elsewhere = {*self._gone, *self.unknown}
+        elsewhere = {*self.memory.gone, *self.memory.unknown}
         return next((thing.name for thing in named if is_content(thing) or thing.name in elsewhere), None)
 
     def means(self, what: Object, name: str) -> bool:
@@ -268,7 +260,7 @@ class KnownThings:
         """
         thing = self.map.find(name)
         if name in self._moving or name in self.devices:
-            return self.recognition.runs(VISION)
+            return self.memory.recognition.runs(VISION)
         if thing is None:
-            return name not in self.made or self.recognition.runs(VISION)
-        return self.recognition.recognises(thing)
+            return name not in self.memory.made or self.memory.recognition.runs(VISION)
+        return self.memory.recognition.recognises(thing)

@@ -72,7 +72,7 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
             placed |= _moved(thing, belief, start, placed)
     placed = {iri: one for iri, one in placed.items() if iri not in gone}
     statements = main_statements(ontology, files)
-    statements += (fact for thing in belief.made.values() if thing.iri in placed for fact in _new(thing))
+    statements += (fact for thing in belief.memory.made.values() if thing.iri in placed for fact in _new(thing))
     for leaf in (leaf for leaf in opened if leaf in belief.joints):
         statements = _with_joint(statements, leaf, belief)
     return text_of(with_placements(statements, ontology.iri, placed, gone=gone), ontology.iri, found)
@@ -80,19 +80,24 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
 
 def _is_there(thing: MapObject, belief: Belief) -> bool:
     """Check whether an object still exists; unseen ones are where the map has them."""
-    return thing.pose is None or thing.name in belief.names() or thing.name in belief.unknown or _rides(thing, belief)
+    return (
+        thing.pose is None
+        or thing.name in belief.names()
+        or thing.name in belief.memory.unknown
+        or _rides(thing, belief)
+    )
 
 
 def _rides(thing: MapObject, belief: Belief) -> bool:
     """Check whether an object is no body of its own but part of one, such as a handle."""
     holder = belief.map.holder(thing)
-    return holder is not None and (holder.name in belief.names() or holder.name in belief.unknown)
+    return holder is not None and (holder.name in belief.names() or holder.name in belief.memory.unknown)
 
 
 def _differs_from_map(thing: MapObject, belief: Belief) -> bool:
     if thing.name not in belief.names() or any(thing.name in joint.bodies for joint in belief.joints.values()):
         return False
-    if thing.name not in belief.made and not _is_stated(thing, belief):
+    if thing.name not in belief.memory.made and not _is_stated(thing, belief):
         return False  # a part that follows from a class: it moves with the whole
     if belief.knowledge(thing.name).source not in (Source.MAP, Source.TOLD):
         return True

@@ -36,7 +36,7 @@ def map_text(belief: Belief) -> str:
 def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[MapObject, Pose]]:
     """Yield the handles of an object at a pose, with their poses; handles may be parts of the object's body."""
     for part in filter(None, map(belief.map.find, whole.parts)):
-        if whole.pose and part.pose and part.name not in belief.unknown and belief.is_a(part, "Handle"):
+        if whole.pose and part.pose and part.name not in belief.memory.unknown and belief.is_a(part, "Handle"):
             yield part, pose @ whole.pose.inverse() @ part.pose
 
 

@@ -242,6 +242,10 @@ class RobotArms(ScenePart):
         names = [arm.name for arm in self._robot.arms_of(device)]
         return [arm for arm in self.all if arm.name in names]
 
+    def able(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
+        """Leave out the arms whose hands were given up because they failed; keep all if no other is left."""
+        return [arm for arm in arms if arm.name not in self._belief.memory.given_up] or list(arms)
+
     def tip(self, arm: ArmModel) -> Array:
         """Compute the pose (4, 4) of an arm's tip in the map."""
         return self._world.link_pose(self._robot.arm(arm.name).tip).matrix()

@@ -222,7 +222,7 @@ def _not_refused(
     candidates: GraspCandidates, reach: Reach, arm: ArmModel, scene: PlanningScene, rejections: Rejections
 ) -> GraspCandidates:
     """Drop grasps of a thing that resemble those with which it could not be used."""
-    refused = scene.belief.refused.get(reach.body, ()) if reach.kind is ReachKind.GRASP else ()
+    refused = scene.belief.memory.refused.get(reach.body, ()) if reach.kind is ReachKind.GRASP else ()
     if not refused or not len(candidates):
         return candidates
     thing = scene.bodies.pose(reach.body).matrix()

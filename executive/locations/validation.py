@@ -87,14 +87,15 @@ class BaseValidator:
     def arms_for(self, reach: Reach, arms: Sequence[ArmModel]) -> Sequence[ArmModel]:
         """List the arms that may perform a reach: those it names, or else the suitable ones among ``arms``.
 
-        Grasping takes a free hand that can carry the thing. Everything else concerns held things: if any arms hold
-        something, these do it, unless others are named.
+        Grasping takes a free hand that can carry the thing, and was not given up. Everything else concerns held things:
+        if any arms hold something, these do it, unless others are named.
         """
         if reach.arms is not None:
             arms = [arm for arm in self.scene.arms.all if arm.name in reach.arms]
         if reach.kind is ReachKind.GRASP:
             mass = self.scene.bodies.mass(reach.body)
-            return [arm for arm in arms if self.scene.arms.held(arm.name) is None and mass <= arm.payload]
+            free = [arm for arm in arms if self.scene.arms.held(arm.name) is None and mass <= arm.payload]
+            return self.scene.arms.able(free)
         full = [arm for arm in self.scene.arms.all if self.scene.arms.held(arm.name) is not None]
         if reach.arms is not None or not full:
             return arms

@@ -67,7 +67,7 @@ class ActionEffects:
         except PlanStructureError:  # without a running plan, no time passes
             return
         belief, changes = self._platform.belief, self._believed
-        passed, belief.time = time - belief.time, time
+        passed = belief.heated_until(time)
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
             belief.happened(warm(belief.state, passed, self._platform.scene.mirror.queries))
 
@@ -157,7 +157,7 @@ class ActionEffects:
         self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel))
         self._update_belief(before, {output.name: described for output, described in outputs.items()})
         for output, described in outputs.items():
-            if described is not None and output.name in self._platform.belief.made:
+            if described is not None and output.name in self._platform.belief.memory.made:
                 self._platform.belief.bound_to(described, output.name)
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[tuple[Output, Object | None]]:

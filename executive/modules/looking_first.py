@@ -37,7 +37,7 @@ class LookingFirst(WrappedModule):
     def _unknown(self, action: Action) -> Iterator[Object]:
         """Yield the objects of an action whose place is unknown."""
         platform = self._platform
-        if not platform.belief.unknown or "base" not in self.resources(action):
+        if not platform.belief.memory.unknown or "base" not in self.resources(action):
             return
         if not self._finding.isdisjoint(platform.ancestors(action.type)):
             return

@@ -90,8 +90,9 @@ class Arms:
         ]
 
     def free(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
-        """List the empty arms, in the order of :meth:`in_order`."""
-        return [arm for arm in self.in_order(arms) if self._control.scene.arms.held(arm.name) is None]
+        """List the empty arms, in the order of :meth:`in_order`, without hands that were given up."""
+        held, able = self._control.scene.arms.held, self._control.scene.arms.able
+        return able([arm for arm in self.in_order(arms) if held(arm.name) is None])
 
     def thing_of(self, action: Action) -> str | None:
         """Find the thing in hand, or to be taken in hand, that a step is about; None without one.

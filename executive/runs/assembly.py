@@ -20,12 +20,12 @@ from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
-from executive.belief.recognition import Recognition
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
+from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import arm_models, gaze_of
@@ -124,10 +124,11 @@ def platform_of(
     ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
     ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
     """
-    belief = Belief(semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown)
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
-    belief.recognition = Recognition(semantic_map.ontology, classes)
+    belief = Belief(
+        semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown, recognised=classes
+    )
     planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
     ontology = semantic_map.ontology
 
@@ -165,8 +166,8 @@ class RobotExecutive:
         self.finding = _finding(platform.belief.map.ontology)
         """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(ModuleOnce(create(platform)), platform, self.finding), self._effects)
-            for create in modules
+            ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
+            for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -191,8 +192,8 @@ class RobotExecutive:
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; the search starts anew if the belief changes in between.
 
-        A thing that is unreachable by the map alone is looked at before the search fails. Raises ObjectNotFound for a
-        thing without a known pose.
+        Before the search fails, hands that were given up are tried again, and a thing that is unreachable by the map
+        alone is looked at. Raises ObjectNotFound for a thing without a known pose.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -209,6 +210,8 @@ class RobotExecutive:
                         if self.revision() != revision:
                             break
                 except LocationUnresolvable as problem:
+                    if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
+                        continue
                     about_place = type(problem) is LocationUnresolvable and not is_found
                     look = resolver.look_at_unseen(location) if about_place else None
                     if look is None:
@@ -270,7 +273,7 @@ class RobotExecutive:
     def before_retry(self) -> Iterable[Action]:
         """Yield motions that open emptied hands, make room for the arms by the base, and bring them to carrying."""
         platform = self.platform
-        for name in platform.belief.dropped:  # the lost thing may stand between the fingers
+        for name in platform.belief.memory.dropped:  # the lost thing may stand between the fingers
             yield action("OpeningAGripper", device_used=self._device(name))
         untucked = platform.arms.untucked()
         if not untucked:

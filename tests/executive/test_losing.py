@@ -103,7 +103,7 @@ def test_a_thing_that_slips_while_driving_stops_the_base_and_names_the_arm(
     assert isinstance(failure.__cause__, GraspSlipped)
     assert failure.__cause__.arm == "right"
     assert holding_stage.belief.held == {}
-    assert holding_stage.belief.dropped == {"right": "bottle"}
+    assert holding_stage.belief.memory.dropped == {"right": "bottle"}
     assert holding_stage.belief.pose("bottle").position[2] < 0.2, "it is believed to have come down"
     assert holding_stage.truth.configuration().base[:2] != pytest.approx((0.0, 3.0))
 

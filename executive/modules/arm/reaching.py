@@ -142,7 +142,7 @@ class HandReaching(PlatformModule):
         """Move an arm to a named posture; without a path, pull the hand out first, then back off with the base."""
         # A dropped object that has not been seen since may be believed around the fingers; it must not block the arm.
         belief = self.platform.belief
-        lost = belief.dropped.get(arm.name)
+        lost = belief.memory.dropped.get(arm.name)
         touches = None if lost is None or belief.seen_from_here(lost) else lost
         postures = self.platform.arms.postures(arm, name)
         if not postures:

@@ -107,7 +107,7 @@ class Navigation(PlatformModule):
             stuck = _blocking(problem)
             raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
         except MotionError as problem:
-            if (touched := self.platform.belief.met) is not None:
+            if (touched := self.platform.belief.memory.met) is not None:
                 raise NavigationGoalNotReached(target=goal, blocked_by=touched) from problem
             closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
             raise NavigationPoseUnreachable(target=goal, blocked_by=closing) from problem

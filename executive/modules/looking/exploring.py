@@ -35,7 +35,7 @@ class Exploring(PlatformModule):
         The name in ``outputs_created`` stands for this exploration: checking it finds whether exploration is finished.
         """
         await checkpoint()
-        if not self.platform.belief.recognition.runs(EXPLORATION):
+        if not self.platform.belief.memory.recognition.runs(EXPLORATION):
             raise PerceptionFailure("the exploration software is stopped; start it with StartSoftwareModules first")
         if self.platform.robot.camera is None:
             raise PerceptionFailure("exploration needs a robot with a camera")

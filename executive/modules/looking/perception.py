@@ -81,7 +81,7 @@ class Perception(PlatformModule):
         if not isinstance(what, Object):
             raise ActionUnresolvable("name the object to perceive as object_acted_on", designator=str(action))
         platform = self.platform
-        if not platform.belief.recognition.runs(VISION):
+        if not platform.belief.memory.recognition.runs(VISION):
             raise PerceptionFailure(f"cannot see {what}: the vision software is stopped; start it first")
         name = platform.scene.bodies.known(what)
         try:
@@ -112,7 +112,9 @@ class Perception(PlatformModule):
         """Raise RecognitionModelMissing if the camera could not recognise the object anywhere."""
         belief = self.platform.belief
         thing = None if name is None else belief.map.find(name)
-        recognised = belief.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
+        recognised = (
+            belief.memory.recognition.may_recognise([expand(what.type)]) if name is None else belief.recognises(name)
+        )
         if recognised:
             return
         types = (expand(what.type),) if thing is None else thing.types

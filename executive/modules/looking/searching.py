@@ -80,14 +80,16 @@ class Software(PlatformModule):
     async def execute(self, action: Action) -> None:
         """Start or stop the component that the action class names, or load models of a place's typical objects."""
         await checkpoint()
-        ancestors, recognition = self.platform.ancestors(action.type), self.platform.belief.recognition
+        ancestors, belief = self.platform.ancestors(action.type), self.platform.belief
+        recognition = belief.memory.recognition
         if "LoadTypicalObjectModels" in ancestors:
-            recognition.load(self.platform.searches.typical_things(_place(action)))
+            belief.recognises_by(recognition.with_models(self.platform.searches.typical_things(_place(action))))
             return
         running = "StartSoftwareModules" in ancestors
         components = {"VisionModules": VISION, "ExplorationModules": EXPLORATION}
         bundled = next((part for suffix, part in components.items() for one in ancestors if one.endswith(suffix)), None)
-        recognition.set_running(bundled or local_name(action.type), running=running)
+        component = bundled or local_name(action.type)
+        belief.recognises_by(recognition.running(component) if running else recognition.without(component))
 
 
 def _place(action: Action) -> str | None:
@@ -205,7 +207,9 @@ async def _search_next(platform: Platform, search: Search) -> str | None:
 
 def _lacks_places(platform: Platform, search: Search) -> bool:
     """Check whether exploring may find more places: furniture is unknown, or no known one was a likely place."""
-    return not search.visited or any(not platform.scene.bodies.is_graspable(name) for name in platform.belief.unknown)
+    return not search.visited or any(
+        not platform.scene.bodies.is_graspable(name) for name in platform.belief.memory.unknown
+    )
 
 
 async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyPlace | None) -> str | None:

@@ -14,6 +14,7 @@ from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.semantic_map import MapObject
 from executive.robots import Robot, bind_robot
 from planlang.designators import Object, an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -261,8 +262,47 @@ def test_what_is_bound_in_a_hypothesis_is_bound_for_it_alone(belief: Belief) -> 
     supposed = belief.supposing(belief.state.placed({"bottle1": None}))
     bottle = Object("DrinkingBottle")
     assert supposed.bind(bottle, HERE) == "bottle2"
-    assert ("bottle1" in supposed.unknown, "bottle1" in belief.unknown) == (True, False)
+    assert ("bottle1" in supposed.memory.unknown, "bottle1" in belief.memory.unknown) == (True, False)
     assert (belief.bind(bottle, HERE), supposed.bind(bottle, HERE)) == ("bottle1", "bottle2")
+
+
+def test_what_happens_in_a_hypothesis_leaves_the_belief_and_its_memory_as_they_were(belief: Belief) -> None:
+    belief.not_seen("bottle1", HERE)
+    state, memory = belief.state, belief.memory
+    supposed = belief.supposing(belief.state)
+    supposed.see([Detection("bottle1", Pose((2.0, 0.5, 0.8)), 1.0)])
+    supposed.not_there("cup1")
+    supposed.base_moved()
+    assert (belief.state, belief.memory) == (state, memory)
+    assert memory.in_vain == {"bottle1": (HERE,)}
+    assert supposed.memory.in_vain == {}
+
+
+def test_two_beliefs_to_which_the_same_happened_have_equal_memories(belief: Belief) -> None:
+    one, other = belief.supposing(belief.state), belief.supposing(belief.state)
+    for each in (one, other):
+        each.see([Detection("bottle1", Pose((2.0, 0.5, 0.8)), 1.0)])
+        each.bind(Object("DrinkingBottle"), HERE)
+        each.not_there("cup1")
+    assert one.memory is not other.memory
+    assert one.memory == other.memory != belief.memory
+
+
+def test_a_restored_belief_has_the_memory_that_was_left(belief: Belief, semantic_map: SemanticMap) -> None:
+    fresh = belief.supposing(belief.state)
+    belief.see([Detection("bottle1", Pose((2.0, 0.5, 0.8)), 1.0)])
+    belief.bind(Object("DrinkingBottle"), HERE)
+    belief.not_seen("cup1", HERE)
+    belief.not_there("bottle2")
+    belief.came_to_be(
+        MapObject("", "pancake", ("http://knowrob.org/kb/knowrob.owl#Pancake",), None, (0.1, 0.1, 0.01)),
+        Pose((1.0, 1.0, 1.0)),
+    )
+    belief.recognises_by(belief.memory.recognition.without("vision"))
+    belief.base_moved()
+    fresh.restore(json.loads(json.dumps(belief.snapshot())))
+    assert fresh.memory == belief.memory
+    assert fresh.state.poses == belief.state.poses
 
 
 def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(
@@ -294,9 +334,9 @@ def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_
     assert min(world.pose(name).position[1] for name in felt) == pytest.approx(0.1)
     other = Belief(semantic_map, world)
     other.restore(json.loads(json.dumps(belief.snapshot())))
-    assert (other.names(), other.met) == (belief.names(), "a fence")
+    assert (other.names(), other.memory.met) == (belief.names(), "a fence")
     belief.forget(felt)
-    assert belief.met is None
+    assert belief.memory.met is None
     mirror.at(belief.state)
     assert not set(world.names()) & set(NAMES)
     world.close()
@@ -304,7 +344,7 @@ def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_
 
 def test_source_and_time_of_a_pose_are_known(belief: Belief) -> None:
     assert belief.knowledge("bottle1").source is Source.MAP
-    belief.time = 3.0
+    belief.heated_until(3.0)
     belief.see([Detection("bottle1", belief.pose("bottle1"), 1.0)])
     assert belief.knowledge("bottle1") == (Source.SEEN, 3.0, 0)
     belief.base_moved()

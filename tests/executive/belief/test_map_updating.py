@@ -63,7 +63,7 @@ def test_what_was_seen_elsewhere_is_there_and_newer_and_the_rest_as_it_was(
     )
 
     def look(belief: Belief) -> None:
-        belief.time = 12.5
+        belief.heated_until(12.5)
         belief.see([Detection("cup1", Pose((5, 0, 0.05)), 1.0)])
 
     updated = left(semantic_map, look)

@@ -137,7 +137,7 @@ def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeSta
     stage.truth.step()
     assert held_by(stage.truth, "tray") is None
     assert not stage.belief.held
-    assert set(stage.belief.dropped) == {"left", "right"}
+    assert set(stage.belief.memory.dropped) == {"left", "right"}
 
 
 @pytest.mark.parametrize("number", [0, 1])

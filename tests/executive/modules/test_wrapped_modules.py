@@ -13,6 +13,7 @@ import pytest
 import executive.runs.assembly  # noqa: F401 - imports every wrapper
 from executive.modules.effects import ActionEffects, ModuleWithEffects
 from executive.modules.looking_first import LookingFirst
+from executive.modules.noting_hands import NotingHands
 from planlang import VirtualHost, action, run
 from planlang.designators import Action
 from planlang.failures import GraspMissed
@@ -66,7 +67,7 @@ def with_effects(module: Unusual) -> WrappedModule:
 
 def looking_first(module: Unusual) -> WrappedModule:
     platform = Mock()
-    platform.belief.unknown = ()
+    platform.belief.memory.unknown = ()
     return LookingFirst(module, platform, frozenset())
 
 
@@ -77,6 +78,7 @@ MADE: dict[type[WrappedModule], Callable[[Unusual], WrappedModule]] = {
     ModuleWithEffects: with_effects,
     _Demanded: on_demand,
     LookingFirst: looking_first,
+    NotingHands: lambda module: NotingHands(module, Mock()),
 }
 
 

@@ -1,0 +1,131 @@
+"""Believed state and memory as JSON, for resuming a run in the world as it was left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from executive.belief.knowledge import Knowledge, Source
+from executive.belief.memory import Memory
+from executive.belief.obstacles import NAMES
+from executive.maps.semantic_map import MapObject
+from planlang.geometry import Pose
+from planlang.runs.codec import dump, load
+from planlang.state import Grip, Hold, WorldState
+from sim.joints import Articulation
+
+
+def dump_belief(state: WorldState, memory: Memory) -> dict[str, Any]:
+    """Convert what is believed to JSON; poses that equal the first ones are left out.
+
+    Robots and matter are no part of it.
+    """
+    reserve = state.away.intersection(NAMES)
+    return {
+        "made": [
+            [one.name, one.iri, list(one.types), list(one.size or ()), dump(memory.first[one.name])]
+            for one in memory.made.values()
+        ],
+        "gone": list(memory.gone),
+        "time": memory.time,
+        "poses": {name: dump(pose) for name, pose in state.poses.items() if pose != memory.first[name]},
+        "held": {name: _held(grip) for name, grip in state.held.items()},
+        "dropped": dict(memory.dropped),
+        "refused": {name: [dump(offset) for offset in offsets] for name, offsets in memory.refused.items()},
+        "taken": sorted(state.away - reserve),
+        "unknown": list(memory.unknown),
+        "recognition": {
+            "stopped": list(memory.recognition.stopped),
+            "classes": None if memory.recognition.classes is None else list(memory.recognition.classes),
+        },
+        "met": memory.met,
+        "felt": [name for name in state.poses if name in NAMES and name not in reserve],
+        "leaves": {leaf: value for leaf, value in state.joints.items() if value},
+        "led": dict(state.led),
+        **({"failing": dict(memory.failing)} if memory.failing else {}),
+        **({"witnessed": sorted(memory.witnessed)} if memory.witnessed else {}),
+        "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
+        "moves": memory.moves,
+        "bound": [[dump(what), name] for what, name in memory.bound.items()],
+        "in_vain": {name: [list(base) for base in bases] for name, bases in memory.in_vain.items()},
+    }
+
+
+def load_belief(
+    left: Mapping[str, Any], state: WorldState, memory: Memory, joints: Mapping[str, Articulation]
+) -> tuple[WorldState, Memory]:
+    """Restore what was believed by :func:`dump_belief`, in a run that begins with a state and a memory.
+
+    Raises ValueError if it belongs to another map; KeyError, TypeError, ValueError or AttributeError if it is damaged.
+    """
+    classes = left["recognition"]["classes"]
+    memory = Memory(
+        replace(
+            memory.recognition,
+            classes=None if classes is None else tuple(map(str, classes)),
+            stopped=tuple(map(str, left["recognition"]["stopped"])),
+        ),
+        {name: pose for name, pose in memory.first.items() if name not in memory.made},
+        known={
+            name: Knowledge(Source(source), float(at), int(age)) for name, (source, at, age) in left["known"].items()
+        },
+        moves=int(left["moves"]),
+        time=float(left["time"]),
+        witnessed=frozenset(map(str, left.get("witnessed", ()))),
+        in_vain={
+            name: tuple((float(x), float(y), float(a)) for x, y, a in bases) for name, bases in left["in_vain"].items()
+        },
+        bound={load(what): name for what, name in left["bound"]},
+        met=None if left["met"] is None else str(left["met"]),
+        dropped={str(arm): str(name) for arm, name in left["dropped"].items()},
+        failing={str(arm): int(times) for arm, times in left.get("failing", {}).items()},
+        refused={str(name): tuple(map(_pose, offsets)) for name, offsets in left["refused"].items()},
+    )
+    for name, iri, types, size, pose in left["made"]:
+        x, y, z = map(float, size)
+        memory = memory.created(MapObject(str(iri), str(name), tuple(map(str, types)), None, (x, y, z)), _pose(pose))
+    held = {name: _grip(*grip) for name, grip in left["held"].items()}
+    named = {*left["poses"], *held, *left["taken"], *memory.bound.values(), *memory.dropped.values(), *left["felt"]}
+    named |= {leaf for leaf in (*left["leaves"], *left["led"]) if leaf not in joints}
+    _check_names({*named, *left["gone"]}, memory.first)
+    poses = {**memory.first, **{name: _pose(pose) for name, pose in left["poses"].items()}}
+    felt = {str(name): poses.pop(name) for name in left["felt"]}
+    reserve = [name for name in NAMES if name in poses]
+    poses |= felt  # at the end: the oldest obstacle comes first
+    memory = replace(memory, unknown={str(name): poses.pop(name) for name in left["unknown"]})
+    _check_names({rider for grip in held.values() for rider in grip.riders}, poses)
+    for name in left["gone"]:
+        memory = memory.destroyed(name)
+        poses.pop(name, None)
+        held.pop(name, None)
+    return replace(
+        state,
+        poses=poses,
+        joints={leaf: joint.within(float(left["leaves"].get(leaf, 0.0))) for leaf, joint in joints.items()},
+        led={leaf: str(link) for leaf, link in left["led"].items()},
+        held=held,
+        touched={},
+        away=frozenset((*reserve, *left["taken"])),
+    ), memory
+
+
+def _check_names(named: set[str], known: Mapping[str, object]) -> None:
+    if unknown := named - known.keys():
+        raise ValueError(f"the map has no {', '.join(sorted(unknown))}")
+
+
+def _held(grip: Grip) -> list[Any]:
+    return [[[hand.arm, hand.link, dump(hand.offset)] for hand in grip.hands], dump(grip.before), list(grip.riders)]
+
+
+def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:
+    first, *others = (Hold(str(arm), str(link), _pose(offset)) for arm, link, offset in hands)
+    return Grip(*first, _pose(before), tuple(others), tuple(map(str, riders)))
+
+
+def _pose(state: object) -> Pose:
+    pose = load(state)
+    if not isinstance(pose, Pose):
+        raise ValueError(f"a pose is expected, not {pose!r}")
+    return pose
