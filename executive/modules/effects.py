@@ -276,7 +276,7 @@ class ActionEffects:
         ``outputs``: name of a new object -> the action's designator of it.
         """
         world, belief = self._platform.scene.world, self._platform.belief
-        new = belief.state.made.keys() - belief.made.keys()
+        new = belief.state.made.keys() - belief.memory.made.keys()
         for name in (name for name in world.names() if name not in before and name in new):
             body, what = world.scene.body(name), outputs.get(name)
             iri = None if what is None else what.iri
