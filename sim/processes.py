@@ -49,6 +49,10 @@ class Processes:
         self.riding: dict[str, Riding] = {}
         self.heights: dict[str, float] = {}
         """Tool -> height of its blade one step earlier [m]."""
+        self.flowed: dict[str, float] = {}
+        """Vessel -> volume that has flowed out of it [ml]."""
+        self.carried: dict[str, int] = {}
+        """Thing -> number of times that a blade took it along."""
 
     def step(self, seconds: float) -> None:
         """Advance by some seconds: flow, blades, heat."""
@@ -65,7 +69,9 @@ class Processes:
             if name in changes.matter.contents and changes.is_vessel(name) and pose.rotation[2, 2] < 0:
                 mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
                 amount = changes.rules.flow_rate * seconds
-                self._become(flow(self._now(), name, amount, mouth.position, self._queries)[0])
+                state, flowed, _ = flow(self._now(), name, amount, mouth.position, self._queries)
+                self.flowed[name] = self.flowed.get(name, 0.0) + flowed
+                self._become(state)
 
     def carry(self) -> None:
         """Move thin things with the blades under them; drop those whose blade turns over."""
@@ -115,6 +121,7 @@ class Processes:
             if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
                 side = 1.0 if blade.rotation[2, 2] > 0 else -1.0
                 self.riding[thing] = Riding(tool, self._bodies.poses[tool].inverse() @ place, side)
+                self.carried[thing] = self.carried.get(thing, 0) + 1
                 self._changes.falling.stop(thing)
 
     def _blade(self, tool: str) -> Pose:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.changes import Change
+from planlang.changes import Change, Simulated
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from planlang.records import dataclass
@@ -189,6 +189,8 @@ class PyBulletWorld(KinematicScene):
         """Poses of the state to which things have been brought last."""
         self._processes = Processes(self.changes, self._queries, self.world_state, self._become)
         self._motions: dict[str, Playback] = {}
+        self._switched: dict[str, int] = {}
+        """Device -> number of times that a hand has switched it."""
         self._controls = Controls(
             scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
         )
@@ -350,14 +352,23 @@ class PyBulletWorld(KinematicScene):
 
     @property
     def changed(self) -> int:
-        """Number of changes of things, whoever made them."""
+        """Number of changes of things, whoever brought them about."""
         return self.changes.count
 
-    def do(self, change: Change) -> float:
-        """Apply a change caused by an action; return the volume that flowed [ml]."""
-        state, flowed = apply(change, self.world_state(), self._queries)
-        self._become(state)
-        return flowed
+    @property
+    def simulated(self) -> Simulated:
+        """What has happened by physics so far."""
+        return Simulated(dict(self._processes.flowed), dict(self._processes.carried), dict(self._switched))
+
+    def bring_about(self, change: Change, since: Simulated | None = None) -> bool:
+        """Let a declared effect come true, as far as it has not happened by physics ``since`` an earlier moment.
+
+        Return False if nothing was left to do.
+        """
+        left = change if since is None else self.simulated.left_of(change, since)
+        if left is not None:
+            self._become(apply(left, self.world_state(), self._queries)[0])
+        return left is not None
 
     def is_free(self, name: str) -> bool:
         """Check whether nothing has or had a name."""
@@ -389,6 +400,7 @@ class PyBulletWorld(KinematicScene):
 
     def _switch(self, device: str, state: str) -> None:
         """Switch a device by hand, which is no change by an action's effects."""
+        self._switched[device] = self._switched.get(device, 0) + 1
         self.changes.matter = self.changes.matter.switched(device, state)
 
     def falling(self, name: str) -> bool:

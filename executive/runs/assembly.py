@@ -33,10 +33,11 @@ from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
+from planlang.changes import Physics
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.language.process_module import ModuleOnce, ProcessModule
+from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
@@ -157,17 +158,27 @@ def _finding(ontology: Ontology) -> frozenset[str]:
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
-    def __init__(self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]]) -> None:
-        """``modules`` are classes of process modules; the first that performs an action is used."""
+    def __init__(
+        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]], physics: Physics | None
+    ) -> None:
+        """``modules`` are classes of process modules; the first that performs an action is used.
+
+        ``physics`` is the simulated world that the platform's interface commands, in which effects come true; None if
+        the interface is that of a real robot.
+        """
         self.platform = platform
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of carried things, measured by a watcher of the true world."""
-        self._effects = ActionEffects(platform)
+        self._effects = ActionEffects(platform, physics)
         self.finding = _finding(platform.belief.map.ontology)
         """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
-            for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
+            ModuleWithEffects(
+                LookingFirst(NotingHands(ModuleOnce(one), platform.belief), platform, self.finding),
+                self._effects,
+                stated_as_before(one),
+            )
+            for one in (create(platform) for create in modules)
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:

@@ -91,7 +91,8 @@ def apply(change: Change, state: WorldState, queries: Queries) -> tuple[WorldSta
         case TurnedOver(name):
             after = _turned_over(state, name, queries)
         case Switched(name, value):
-            after = replace(state, matter=state.matter.switched(name, value))
+            is_so = state.matter.states.get(name) == value
+            after = state if is_so else replace(state, matter=state.matter.switched(name, value))
     return (after if after is state else replace(after, changes=state.changes + 1)), flowed
 
 

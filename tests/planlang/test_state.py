@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from planlang.changes import Output, Poured, Switched, Transformed, TurnedOver
+from planlang.changes import Change, Output, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.state import Made, Matter, Portion, WorldState, apply, flow, restored, saved, type_of, warm
@@ -130,3 +130,24 @@ def test_what_came_to_be_and_what_things_hold_survive_a_trace() -> None:
 def test_a_damaged_state_is_refused(key: str, damage: object) -> None:
     with pytest.raises(ValueError, match=r"."):
         restored(START, {**saved(START), key: damage}, Flat.kinds)
+
+
+PHYSICS = Simulated({"jug": 70.0, "cup": 5.0}, {"cake": 2}, {"stove": 1})
+
+
+@pytest.mark.parametrize(
+    ("change", "left"),
+    [
+        (Poured("jug", "table", 50.0), Poured("jug", "table", 10.0)),
+        (Poured("jug", "table", 30.0), None),
+        (Poured("bottle", "table", 30.0), Poured("bottle", "table", 30.0)),
+        (TurnedOver("cake"), None),
+        (TurnedOver("egg"), TurnedOver("egg")),
+        (Switched("stove", ON), None),
+        (Switched("lamp", ON), Switched("lamp", ON)),
+        (CRACKED, CRACKED),
+    ],
+)
+def test_a_declared_effect_adds_what_physics_has_not_done_since(change: Change, left: Change | None) -> None:
+    assert PHYSICS.left_of(change, Simulated({"jug": 30.0, "cup": 5.0}, {"cake": 1})) == left
+    assert PHYSICS.left_of(change, PHYSICS) == change

@@ -67,9 +67,9 @@ def test_what_lies_on_a_device_that_is_on_is_heated_from_below_as_long_as_it_doe
     world = kitchen(CAKE)
     seconds(world, 1.0)
     assert world.changes.matter.heated == {}
-    world.do(Switched("maker", ON))
+    world.bring_about(Switched("maker", ON))
     seconds(world, 1.5)
-    world.do(Switched("maker", OFF))
+    world.bring_about(Switched("maker", OFF))
     seconds(world, 1.0)
     assert world.changes.matter.heated["cake"] == pytest.approx((1.5, 0.0))
     assert world.changes.type_of("cake") == "Dough"
@@ -77,12 +77,12 @@ def test_what_lies_on_a_device_that_is_on_is_heated_from_below_as_long_as_it_doe
 
 def test_dough_becomes_a_pancake_and_is_baked_when_both_sides_are(kitchen: MakeKitchen) -> None:
     world = kitchen(CAKE)
-    world.do(Switched("maker", ON))
+    world.bring_about(Switched("maker", ON))
     seconds(world, 2.0)
     assert world.changes.type_of("cake") == "Pancake"
     assert world.changes.was_ever("cake", "Dough")
     assert not is_baked(world.changes, "cake")
-    world.do(TurnedOver("cake"))
+    world.bring_about(TurnedOver("cake"))
     seconds(world, 2.0)
     assert is_baked(world.changes, "cake")
     assert is_baked(world.changes, "cake", 2.0)
@@ -93,7 +93,7 @@ def test_while_nothing_moves_no_ray_is_cast_to_find_what_heats(
     kitchen: MakeKitchen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world, cast = kitchen(CAKE), []
-    world.do(Switched("maker", ON))
+    world.bring_about(Switched("maker", ON))
     world.step()
     original = bullet.rayTestBatch
     monkeypatch.setattr(bullet, "rayTestBatch", lambda *a, **named: cast.append(a) or original(*a, **named))
@@ -109,7 +109,7 @@ def test_heat_goes_through_a_pan_but_not_through_the_air(kitchen: MakeKitchen) -
     pan = Body("pan", Pose((1.5, 0.0, 0.86)), (0.28, 0.28, 0.02), "cylinder", type="Skillet", movable=True)
     world = kitchen(pan, CAKE)
     world.set_pose("cake", Pose((1.5, 0.0, 0.874)))
-    world.do(Switched("maker", ON))
+    world.bring_about(Switched("maker", ON))
     seconds(world, 0.5)
     assert world.changes.matter.heated["cake"][0] == pytest.approx(0.5)
     world.set_pose("cake", Pose((1.5, 0.0, 0.9)))
@@ -154,7 +154,7 @@ def test_what_is_held_goes_into_a_puddle_until_heat_has_made_it_firm(kitchen: Ma
     in_hand(world, "bottle", Pose((1.5, 0.0, 0.952)))
     assert "Dough_on_maker" in world.names()
     assert "Dough_on_maker" not in {one.body for one in world.contacts()}
-    world.do(Switched("maker", ON))
+    world.bring_about(Switched("maker", ON))
     seconds(world, 3.0)
     assert "Dough_on_maker" in {one.body for one in world.contacts()}
 
@@ -211,11 +211,23 @@ def test_a_blade_that_rises_elsewhere_or_over_a_pancake_leaves_it(kitchen: MakeK
     assert world.pose("cake") == CAKE.pose
 
 
+def test_what_a_blade_carried_is_left_as_the_blade_left_it(kitchen: MakeKitchen) -> None:
+    world = kitchen(CAKE, SPATULA)
+    began = world.simulated
+    for height in range(5):
+        in_hand(world, "spatula", Pose((1.375, 0.0, 0.852 + 0.01 * height), (0.5, 0.5, 0.5, 0.5)))
+        world.step()
+    assert not world.bring_about(TurnedOver("cake"), began)
+    assert world.pose("cake").rotation[2, 2] == pytest.approx(1.0)
+    assert world.bring_about(TurnedOver("cake"), world.simulated), "an action that begins now"
+    assert world.pose("cake").rotation[2, 2] == pytest.approx(-1.0)
+
+
 # What is created and destroyed
 
 
 def cracked(world: PyBulletWorld) -> None:
-    world.do(Transformed((("bottle", 200.0),), (), (Output("Shell_1", "Shell", None),), None))
+    world.bring_about(Transformed((("bottle", 200.0),), (), (Output("Shell_1", "Shell", None),), None))
 
 
 def test_what_is_destroyed_is_gone_and_what_is_created_rests_on_what_is_below(kitchen: MakeKitchen) -> None:
@@ -246,7 +258,7 @@ def test_the_state_of_the_world_is_a_value_that_later_changes_leave_alone(kitche
 
 def test_a_thing_that_came_into_being_is_held_and_let_go_like_others(kitchen: MakeKitchen) -> None:
     world = kitchen()
-    world.do(Transformed((), (), (Output("Egg_1", "Egg", None),), "bowl"))
+    world.bring_about(Transformed((), (), (Output("Egg_1", "Egg", None),), "bowl"))
     in_hand(world, "Egg_1", Pose((1.5, 0.0, 1.2)))
     world.release("Egg_1")
     seconds(world, 1.0)
