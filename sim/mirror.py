@@ -6,6 +6,12 @@ from planlang.state import Grip, WorldState
 from sim.planning_world import PlanningWorld
 
 
+def state_of(world: PlanningWorld, robot: str) -> WorldState:
+    """Take over the state of a world as it is; ``robot`` names the robot in it. Nothing is in its hands yet."""
+    joints = {joint.leaf: world.joint(joint.leaf) for joint in world.scene.joints}
+    return WorldState({robot: world.configuration()}, dict(world.poses()), joints, matter=world.changes.matter)
+
+
 class WorldMirror:
     """Planning world that answers for any state of its scene."""
 

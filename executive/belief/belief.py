@@ -169,12 +169,7 @@ class Belief(KnownThings):
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""
         self.memory = self.memory.grasped(name, arm)
-        grip = self.held.get(name)
-        if grip is None or arm in grip.arms:
-            grip = Grip(arm, link, offset, self._poses[name])
-        else:
-            grip = replace(grip, others=(*grip.others, Hold(arm, link, offset)))
-        self._become(held={**self.held, name: grip}, away=self.state.away - {name})
+        self.state = self.state.gripped(name, Hold(arm, link, offset))
         self._changed("grasped", name=name, arm=arm)
 
     def loaded(self, name: str, riders: Iterable[str]) -> None:

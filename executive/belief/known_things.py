@@ -13,7 +13,7 @@ from executive.belief.knowledge import Knowledge, Source
 from executive.belief.memory import Base, Memory
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
-from executive.maps.class_names import is_kind
+from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
 from executive.maps.namesakes import namesakes
 from executive.maps.semantic_map import MapObject, SemanticMap
@@ -165,10 +165,6 @@ class KnownThings:
     def remembers(self, name: str) -> bool:
         """Check whether an object has been seen, from anywhere, without being touched or moved since."""
         return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self.memory.in_vain
-
-    def remembered(self) -> frozenset[str]:
-        """Collect the objects for which :meth:`remembers` is true."""
-        return frozenset(name for name in self.memory.known if self.remembers(name))
 
     def by_map_alone(self, name: str) -> bool:
         """Check whether an object is believed at its pose of the map, without ever having been seen."""

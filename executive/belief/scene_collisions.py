@@ -18,8 +18,7 @@ from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
-from executive.motion.clearance import Band, outlines
-from executive.motion.drivable import EVERY, LACKING, SPARE, Drivable, drivable, free_poses
+from executive.motion.clearance import EVERY, LACKING, SPARE, Band, Drivable, drivable, free_poses, outlines
 from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers

@@ -41,13 +41,6 @@ class Syntax(Enum):
     OWLXML = "owlxml"
 
 
-class Reading(Enum):
-    """Semantics of requirements: closed under dependencies, or KnowRob's."""
-
-    CLOSURE = "closure"
-    ORIGINAL = "original"
-
-
 class Listed(Enum):
     """What ``list`` lists."""
 
@@ -171,9 +164,6 @@ class MatchArguments(TaskArguments):
     urdf: Urdf = None
     modules: Modules = None
     trust: Trust = False
-    semantics: Annotated[Reading, typer.Option(help="How to read requirements; original: as KnowRob did.")] = (
-        Reading.CLOSURE
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

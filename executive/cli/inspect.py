@@ -19,9 +19,9 @@ from executive.pictures.drawn import drawn_in, missing
 from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import CARRYING, Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, called, with_carrying
-from executive.robots.bare_hands import REMEDY
 from executive.robots.draft import sunk_in_floor
 from executive.robots.mechanism import source_of
+from executive.robots.openings import REMEDY
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace

@@ -9,7 +9,7 @@ from executive.cli.arguments import MatchArguments
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
-from executive.robots import Semantics, bind_robot, possessions_of
+from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
 from executive.robots.tasks import match
@@ -32,25 +32,22 @@ def command(arguments: MatchArguments) -> Answer:
     robot = chosen(Bundled.ROBOT, arguments.robot, "amigo" if file.is_bundled else None, problems)
     refuse(problems)
     assert robot is not None
-    folders, semantics = arguments.folders, Semantics(arguments.semantics.value)
+    folders = arguments.folders
     ontology = load(file.path, folders=folders)
     diagnostics: list[Diagnostic] = []
-    task = _task(ontology, arguments.task, semantics, diagnostics)
+    task = _task(ontology, arguments.task, diagnostics)
     performed = performed_by(arguments.modules or (), diagnostics)
     possessions = possessions_in(robot, arguments.urdf, folders, diagnostics)
-    matched = match(ontology, task, possessions, semantics, performed)
+    matched = match(ontology, task, possessions, performed)
     code = ExitCode.BAD_INPUT if has_errors(diagnostics) else EXIT_CODES[matched.feasible]
     return Answer(
         code, tuple(diagnostics), "\n".join(matched.lines()), {"task": matched.tree.text, **matched.as_json()}
     )
 
 
-def _task(ontology: Ontology, name: str | None, semantics: Semantics, diagnostics: list[Diagnostic]) -> RecipeSet | str:
-    """Recipe of the task; for an action class without one, and with the original semantics, its IRI."""
+def _task(ontology: Ontology, name: str | None, diagnostics: list[Diagnostic]) -> RecipeSet | str:
+    """Recipe of the task; for an action class without one, its IRI."""
     actions, span = Actions(ontology), Span(str(ontology.documents[0].path))
-    if semantics is Semantics.ORIGINAL:
-        diagnostics += ontology.diagnostics
-        return choose_task(actions) if name is None else _action(actions, name, span)
     reading = read_recipe(actions, name)
     if reading.recipes is not None:
         diagnostics += reading.diagnostics

@@ -10,7 +10,7 @@ from pathlib import Path
 from executive.cli.console import printer_of, show
 from executive.cli.server_arguments import ServeArguments
 from executive.commands.answers import Answer, ExitCode
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.serving.access import Lines
 from executive.serving.app import application
 from executive.serving.rates import Rates

@@ -17,12 +17,11 @@ import numpy as np
 from executive.locations.holding import Holding, holdings, trial_things
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.motion import Boxes, Grid
-from executive.motion.clearance import Outline, outlines
-from executive.motion.drivable import drivable, free_poses
+from executive.motion.clearance import Outline, drivable, free_poses, outlines
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel, arm_models, called
-from executive.robots.bare_hands import REMEDY
 from executive.robots.mechanism import BASE, Mechanism, is_still
+from executive.robots.openings import REMEDY
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import SolidKind, outline_of
@@ -30,7 +29,8 @@ from planlang.geometry.urdf import Joint
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
-from sim import Body, BodyShape, PlanningWorld, Scene
+from planlang.state import Hold
+from sim import Body, BodyShape, PlanningWorld, Scene, WorldMirror, state_of
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
@@ -262,8 +262,9 @@ def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
     empty = _narrowest(world, outlines(world.outlines()))
     if arm is None:
         return Doorways(empty, None, None)
-    world.set_pose(_MUG.name, Pose(world.link_pose(arm.tip).position))
-    world.attach(arm.hand_link, _MUG.name)
+    offset = world.link_pose(arm.hand_link).inverse() @ Pose(world.link_pose(arm.tip).position)
+    with_mug = state_of(world, robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
+    world = WorldMirror(world, robot.name).at(with_mug)
     x, y, z = world.pose(_MUG.name).position
     turns = np.arange(8) * (np.pi / 4)
     around = np.array([x, y]) + _MUG.size[0] / 2 * np.column_stack([np.cos(turns), np.sin(turns)])

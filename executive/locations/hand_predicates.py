@@ -57,7 +57,7 @@ from executive.locations.rejections import Rejections
 from executive.locations.taking_out import NO_WAY_OUT, ONWARDS, way_out
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, Held, called
-from executive.robots.bare_hands import REMEDY
+from executive.robots.openings import REMEDY
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product, rigid, rotated

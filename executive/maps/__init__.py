@@ -1,7 +1,8 @@
 """Semantic maps: reading and merging them, and building the bodies of a world. No robot's belief is involved here.
 
 General layout: ``semantic_map`` reads the objects of a map and ``measures`` their sizes; ``frames``, ``merging`` and
-``statements`` merge and write maps; ``files`` reads sensor data (``occupancy_grid``, ``octree``, ``point_cloud``);
+``statements`` merge and write maps; ``occupied_space`` reads sensor data (``occupancy_grid``, ``octree``,
+``point_cloud``);
 ``scene`` builds the bodies, with the ``articulation`` of doors and drawers, the controls of devices, and the
 ``contents`` of vessels.
 """

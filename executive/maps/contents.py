@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 
-from executive.maps.class_names import is_kind
+from executive.maps.classes import is_kind
 from executive.maps.measures import read_size
 from executive.maps.semantic_map import MapObject, SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from executive.maps.class_names import is_kind
+from executive.maps.classes import is_kind
 from executive.maps.semantic_map import MapObject
 from planlang.designators import Object, is_called, local_name
 from planlang.ontology import Ontology

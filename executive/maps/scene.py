@@ -171,7 +171,7 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
     if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
         bodies = with_doorways(bodies, semantic_map, notes)
     if semantic_map.has_files:
-        from executive.maps.files import with_obstacles  # imported late: few maps refer to files
+        from executive.maps.occupied_space import with_obstacles  # imported late: few maps refer to files
 
         bodies = with_obstacles(bodies, semantic_map, notes)
     controls = controls_of(bodies, joints, semantic_map)

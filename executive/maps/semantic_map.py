@@ -10,12 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.maps.class_names import with_known_classes
-from executive.maps.class_parts import StatedObject, parts_of_classes
+from executive.maps.classes import StatedObject, parts_of_classes, with_known_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
-from executive.maps.misspellings import misspellings
 from executive.maps.soma import in_known_words
-from executive.maps.unread import settled
+from executive.maps.unread import misspellings, settled
 from planlang.designators import local_name, names_of, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, unread
 from planlang.geometry import Array, Pose
@@ -24,6 +22,7 @@ from planlang.knowledge.places import inverted
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass
+from planlang.words import Text, calling
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +185,7 @@ def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnost
             other = ontology.span(str(parent))
             if span is not None and other is not None and span.file != other.file:
                 message = f"the frame of {local_name(iri)} is relative to {local_name(str(parent))}: this is ignored"
-                yield unread("M027", message, span, "make one map of both: planlang merge")
+                yield unread("M027", message, span, Text("make one map of both: ", calling("merge")))
 
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:

@@ -14,9 +14,8 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.base_poses import BasePoses
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
-from executive.motion.base_path import poses_along
-from executive.motion.drivable import SPARE, free_poses
-from executive.motion.tight_path import plan_tight_path
+from executive.motion.base_path import plan_tight_path, poses_along
+from executive.motion.clearance import SPARE, free_poses
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, matrices
 from planlang.protocols import Trajectory

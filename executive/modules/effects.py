@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import Any
 
 from executive.maps import MapObject
-from executive.maps.class_names import known
+from executive.maps.classes import known
 from executive.modules.platform import Platform
 from executive.modules.tools.turning_over import check_turned
 from planlang.changes import Change, Output, Physics, Poured, Simulated, Switched, Transformed, TurnedOver

@@ -3,7 +3,7 @@
 ``symbolic`` is the mathematics behind ``kinematics``. ``bodies`` approximates convex shapes by spheres, ``arm_bodies``
 combines a robot's links with the bodies of a room, and ``collision`` checks configurations and base poses with both,
 and by the ``separation`` of hulls, here and for ``executive.locations``. ``arm_path`` plans in joint space;
-``base_path`` (on ``clearance``) plans for the base, and ``tight_path`` (on ``drivable``) where that finds no path.
+``base_path`` (on ``clearance``) plans for the base.
 ``trajectories`` moves the tip along straight lines and times waypoints. ``constrained_motion`` moves arms under motion
 constraints: ``constraint_functions`` over an ``arm_group``, the ends of phases (``constrained_ends``), and paths to
 them by ``constraint_optimisation``; it is imported only where it is used. Random generators are passed in; ``errors``

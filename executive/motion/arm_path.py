@@ -21,8 +21,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.effort import Effort
-from executive.motion.errors import GoalInCollision, NoPath, OutOfEffort, OutsideLimits, StartInCollision
+from executive.motion.errors import Effort, GoalInCollision, NoPath, OutOfEffort, OutsideLimits, StartInCollision
 from planlang.geometry import Array
 from planlang.records import dataclass
 

@@ -23,8 +23,7 @@ from executive.motion.arm_group import ArmGroup
 from executive.motion.arm_path import bisection
 from executive.motion.constraint_functions import Bound, ConstraintFunctions, Surroundings
 from executive.motion.constraint_optimisation import Index, Optimiser, Optimum, Rows
-from executive.motion.effort import Effort
-from executive.motion.errors import ConstraintsContradict, OutOfEffort
+from executive.motion.errors import ConstraintsContradict, Effort, OutOfEffort
 from planlang.geometry import Array
 from planlang.motion_constraints import MotionConstraint
 from planlang.records import dataclass

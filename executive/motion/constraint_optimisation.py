@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.constraint_functions import ConstraintFunctions
-from executive.motion.effort import Effort
+from executive.motion.errors import Effort
 from planlang.geometry import Array
 from planlang.records import dataclass
 

@@ -1,9 +1,15 @@
-"""Errors of motion planning, which callers turn into plan failures."""
+"""Errors of motion planning, which callers turn into plan failures, and the budgets of searches.
+
+Budgets are in units that are the same on every machine: results never depend on the clock.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
+
+from planlang.kernel import still_computing
+from planlang.records import dataclass
 
 if TYPE_CHECKING:
     from planlang.motion_constraints import MotionConstraint
@@ -97,3 +103,20 @@ def _named(pairs: Sequence[tuple[str, str]]) -> str:
 
 def _numbers(values: Sequence[float]) -> str:
     return "(" + ", ".join(f"{float(value):.3f}" for value in values) + ")"
+
+
+@dataclass(slots=True)
+class Effort:
+    """Budget of a search, counted in units of computing; interrupting the run ends the search as well."""
+
+    most: int
+    unit: str
+    """Name of the unit."""
+    spent: int = 0
+
+    def spend(self, units: int) -> None:
+        """Add to the count; raises :class:`OutOfEffort` beyond the budget, and Evaporated after an interrupt."""
+        still_computing()
+        self.spent += units
+        if self.spent > self.most:
+            raise OutOfEffort(self.most, self.unit)

@@ -1,20 +1,110 @@
-"""Make calls in worker processes, which are forked from a warm source process and have limits of time and memory."""
+"""Worker processes, forked warm from a source process, for calls within limits of time and memory.
+
+The source process has imported and read everything that calls need, so that a worker that exceeded its limits, and
+ended by that, is replaced at once. From above: a call, its limits and how it can end; the caller's side; the source
+process and the loop of a worker.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import os
 import pickle
+import resource
+import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
+from enum import Enum
+from io import BufferedRWPair
+from pkgutil import resolve_name
+from typing import Any
 
-from executive.processes.calls import LAYOUT, Ending, Limits, Reply
+from planlang.diagnostics import BadInput
+from planlang.records import dataclass
+from planlang.shell_limits import cpu_seconds, inherited, lower, stated
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of one call."""
+
+    seconds: int = 10
+    """CPU time [s]."""
+    memory: int = 1_000_000_000
+    """Memory in addition to that of a new worker [bytes]."""
+    wall: float = 0.0
+    """Wall-clock time [s], for calls that may block forever; 0 means no limit."""
+
+    def within_shell(self) -> Limits:
+        """Return the limits that apply where the shell limits CPU time to less."""
+        most = cpu_seconds()
+        return self if most is None or most > self.seconds else replace(self, seconds=max(1, most - 1))
+
+
+LAYOUT = struct.Struct("qqd")
+"""Binary layout of the limits that are sent with a worker's connection."""
+
+
+class Ending(Enum):
+    """How a call ended."""
+
+    DONE = "done"
+    REFUSED = "refused"
+    """The function raised BadInput; the answer has the diagnostics."""
+    FAILED = "failed"
+    """The function raised another exception; the answer is its class and message."""
+    MEMORY = "memory"
+    """The function exceeded its memory limit."""
+    LATE = "late"
+    """The worker was killed at its time limit."""
+    LOST = "lost"
+    """The worker died within its limits: it crashed, or was killed from outside."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Result of a call."""
+
+    ending: Ending
+    answer: Any = None
+    seconds: float = 0.0
+    """CPU time of the worker since its last reply [s]; 0 if it died."""
+    is_last: bool = False
+    """True if the worker has ended after it."""
+
+    def beyond(self, limits: Limits) -> str:
+        """Say which limit the call exceeded, its own or the shell's."""
+        of_shell = stated()
+        match self.ending:
+            case Ending.MEMORY if self.answer is not None and self.answer < limits.memory:
+                return f"it needed more than {self.answer / 1e6:.0f} MB of memory; the shell's limit: {of_shell}"
+            case Ending.MEMORY:
+                return f"it needed more than {limits.memory / 1e6:g} MB of memory"
+            case Ending.LATE:
+                seconds = limits.within_shell().seconds
+                wall = f", or {limits.wall:g} s in all" if limits.wall else ""
+                whose = f"; the shell's limit: {of_shell}" if seconds < limits.seconds else ""
+                return f"it took more than {seconds} s of CPU time{wall}{whose}"
+        whose = f"; the shell's limits: {of_shell}" if of_shell else ""
+        return f"several processes in a row died without a result{whose}"
+
+
+Performs = Callable[[Callable[..., Any], Sequence[Any]], Any]
+"""Calls a function with its arguments in a worker, and possibly with data shared by all workers."""
+
 
 ATTEMPTS = 2
 """Processes in which a call is tried if its worker dies within the limits."""
+START = "import sys; from executive.processes.workers import fork_workers; fork_workers(*sys.argv[1:])"
+"""The program of the source process; a call's reply has the same class there, as this is no main program."""
 _ENDED = (Ending.LOST, Ending.LATE, Ending.MEMORY)
 """Endings of a call that also end its worker."""
 
@@ -29,7 +119,7 @@ class Source:
     def __init__(self, prepare: str, *arguments: str) -> None:
         """Configure the source; ``prepare`` (``module:function``) is called in it with ``arguments``.
 
-        It returns the function by which workers make calls (:data:`~executive.processes.calls.Performs`).
+        It returns the function by which workers make calls (:data:`~executive.processes.workers.Performs`).
         """
         self._prepare = (prepare, *arguments)
         self._lock = threading.Lock()
@@ -58,7 +148,7 @@ class Source:
         self._control, theirs = socket.socketpair()
         with theirs:
             # -P: imports nothing from the current folder, which may contain untrusted files
-            command = [sys.executable, "-P", "-m", "executive.processes.forking", *self._prepare]
+            command = [sys.executable, "-P", "-c", START, *self._prepare]
             self._process = subprocess.Popen(
                 command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, start_new_session=True
             )
@@ -127,3 +217,106 @@ class Worker:
                 self._stream.close()
             self._connection.close()
         self._connection = None
+
+
+_SET_PARENT_DEATH_SIGNAL = 1
+"""``PR_SET_PDEATHSIG`` of Linux, prctl(2)."""
+
+
+def fork_workers(prepare: str, *arguments: str) -> None:
+    """Fork a worker for each connection received through the standard input, until that is closed.
+
+    ``prepare`` (``module:function``) is called with ``arguments`` and returns the function by which workers make calls.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported: threads do not survive a fork
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    control = socket.socket(fileno=os.dup(0))
+    performs: Performs = resolve_name(prepare)(*arguments)
+    gc.collect()
+    gc.freeze()  # keeps the collector off shared objects, whose pages would be copied in each worker
+    source = os.getpid()
+    while True:
+        message, handles, _, _ = socket.recv_fds(control, LAYOUT.size, 1)
+        if not message:
+            return
+        limits = Limits(*LAYOUT.unpack(message))
+        connection = socket.socket(fileno=handles[0])
+        try:
+            process = os.fork()
+        except OSError:  # no memory, or no more processes (ulimit -u): the caller finds the connection closed
+            process = -1
+        if process == 0:
+            _end_with(source)
+            control.close()
+            os.close(0)
+            with connection.makefile("rwb") as stream:
+                _work(stream, performs, limits)
+            os._exit(0)
+        connection.close()
+
+
+def _end_with(source: int) -> None:
+    """Let the kernel kill this worker when the source process ends, which itself ends with the user's process."""
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != source:  # the source ended before the call of prctl
+        os._exit(0)
+
+
+def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) -> None:
+    """Answer pickled calls (function, arguments) until the connection is closed."""
+    size, used, most = _address_space(), 0.0, inherited(resource.RLIMIT_CPU)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    memory = lower(resource.RLIMIT_AS, size + limits.memory) - size
+    while True:
+        try:
+            function, arguments = pickle.load(stream)
+        except EOFError:
+            return
+        _limit_time(limits, most)
+        ending, answer = _call(performs, function, arguments)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        before, used = used, _cpu_time()
+        # its state is unreliable, or the shell's limit near: the next call gets a new worker
+        is_last = ending is Ending.MEMORY or (most is not None and used + limits.seconds + 1 > most)
+        pickle.dump(Reply(ending, memory if ending is Ending.MEMORY else answer, used - before, is_last), stream)
+        stream.flush()
+        if is_last:
+            return
+
+
+def _call(performs: Performs, function: Any, arguments: Sequence[Any]) -> tuple[Ending, Any]:
+    try:
+        return Ending.DONE, performs(function, arguments)
+    except BadInput as problem:
+        return Ending.REFUSED, problem.diagnostics
+    except MemoryError:
+        return Ending.MEMORY, None
+    except Exception as problem:
+        return Ending.FAILED, f"{type(problem).__name__}: {problem}"
+
+
+def _limit_time(limits: Limits, most: int | None) -> None:
+    """Set the limits of CPU and wall-clock time for the next call; of CPU time at ``most`` what the shell allows [s].
+
+    The kernel enforces them by signals with their default action, which also end code in C.
+    """
+    end = int(_cpu_time()) + limits.seconds + 1
+    soft = end if most is None else min(end, most)
+    resource.setrlimit(resource.RLIMIT_CPU, (soft, resource.getrlimit(resource.RLIMIT_CPU)[1]))
+    signal.setitimer(signal.ITIMER_REAL, limits.wall)
+
+
+def _cpu_time() -> float:
+    """CPU time of this process [s]."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def _address_space() -> int:
+    """Address space in use [bytes]."""
+    try:
+        with open("/proc/self/statm", "rb") as statistics:
+            return int(statistics.read().split()[0]) * resource.getpagesize()
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -4,13 +4,13 @@ General layout: ``binding`` is the entry point; ``robot`` reads SRDL, ``robot_fi
 URDF, ``limbs`` combines them. ``requirements`` reads what classes of actions and capabilities require, ``matching``
 compares that with a robot, ``tasks`` does so for a whole recipe: import ``match`` from there, as the rest does not
 depend on recipes. ``arms`` is the robot as planning sees it. ``draft`` makes a robot file from a URDF and an SRDF:
-``anatomy`` finds arms, hands, torsos and legs in the kinematic tree (``part_words`` has the words of their names),
+``anatomy`` finds arms, hands, torsos and legs in the kinematic tree,
 ``hand_shape`` measures hands, ``srdf`` reads what an SRDF adds.
 """
 
 from executive.robots.binding import bind_draft, bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
-from executive.robots.requirements import Availability, FindingKind, Semantics, requirements
+from executive.robots.requirements import Availability, FindingKind, requirements
 from executive.robots.robot import CARRYING, Arm, Gripper, Robot, trusting_map
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "Gripper",
     "Missing",
     "Robot",
-    "Semantics",
     "bind_draft",
     "bind_robot",
     "missing_capabilities",

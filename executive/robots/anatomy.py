@@ -14,8 +14,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from executive.robots.mechanism import Mechanism
-from executive.robots.part_words import Part, is_tool, names
+from executive.robots.mechanism import Mechanism, Part, is_tool, names
 from executive.robots.robot import side_of
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from executive.motion import Chain, Gaze, InverseKinematics
-from executive.robots.bare_hands import bare_hand
 from executive.robots.mechanism import Mechanism
-from executive.robots.openings import Openings, openings_of
+from executive.robots.openings import Openings, bare_hand, openings_of
 from executive.robots.robot import CARRYING, Arm, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array, Pose
@@ -22,7 +21,8 @@ from planlang.geometry.urdf import Joint, displacement, joints_between, read_urd
 from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
-from sim import Body, PlanningWorld, Scene
+from planlang.state import Hold, WorldState
+from sim import Body, PlanningWorld, Scene, WorldMirror, state_of
 
 SAMPLES = 400
 """Number of random configurations from which the reach of an arm is estimated."""
@@ -305,20 +305,24 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
     world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
+    mirror, state = WorldMirror(world, robot.name), state_of(world, robot.name)
+    for link, body, offset in held:
+        state = state.gripped(body.name, Hold(link, link, offset))
     try:
-        for link, body, offset in held:
-            world.set_pose(body.name, world.link_pose(link) @ offset)
-            world.attach(link, body.name)
-        if CARRYING in robot.postures and not world.contacts():
+        if CARRYING in robot.postures and not mirror.at(state).contacts():
             return robot
         joints: dict[str, float] = {}
         if robot.torso is not None:
             low, high = world.robot.limits[robot.torso]
             torso = read_urdf(robot.urdf).joint(robot.torso)
             joints[robot.torso] = low + TORSO * (high - low) if torso.kind == "prismatic" else torso.nearest(0.0)
+        start = state.robots[robot.name]
         for arm in robot.arms:
-            joints |= _best(robot, arm, joints, world, partial(report, f"carrying posture: {arm.name} arm"))
+            joints |= _best(robot, arm, joints, mirror, state, partial(report, f"carrying posture: {arm.name} arm"))
             report("", 1.0)
+            if arm.gripper is not None:  # the other arms keep clear of this hand, opened, too
+                state = state.with_robot(robot.name, Configuration(ORIGIN, {**start.joints, **arm.gripper.opened}))
+                start = state.robots[robot.name]
     finally:
         world.close()
     assumption = note(
@@ -329,19 +333,22 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
     return replace(robot, postures={**robot.postures, CARRYING: joints}, diagnostics=(*robot.diagnostics, assumption))
 
 
-def _best(robot: Robot, arm: Arm, fixed: Mapping[str, float], world: PlanningWorld, share: Share) -> dict[str, float]:
+def _best(
+    robot: Robot, arm: Arm, fixed: Mapping[str, float], mirror: WorldMirror, state: WorldState, share: Share
+) -> dict[str, float]:
     """Find joint values of an arm, others fixed: the least penetration, then the narrowest, then the best height."""
+    world = mirror.at(state)
     chain = Chain.from_urdf(robot.urdf, robot.base_link, arm.tip, locked=fixed)
     rng = np.random.default_rng(0)
     candidates = _level(arm, chain, world, fixed, rng)
-    free = arm.gripper.opened if arm.gripper is not None else {}
+    free = {**state.robots[robot.name].joints, **(arm.gripper.opened if arm.gripper is not None else {})}
     shoulder = world.link_pose(arm.base_link, Configuration(ORIGIN, fixed)).position[2]
     best: tuple[tuple[float, float, float], dict[str, float]] | None = None
     for rows in (candidates, chain.sample(rng, RANDOM_POSTURES)):
         for number, row in enumerate(rows):
             share(number / len(rows))
             joints = dict(zip(chain.names, map(float, row), strict=True))
-            world.set_configuration(Configuration(ORIGIN, {**fixed, **joints, **free}))
+            world = mirror.at(state.with_robot(robot.name, Configuration(ORIGIN, {**free, **fixed, **joints})))
             depth = round(sum(contact.depth for contact in world.contacts(moving=arm.joints)), 3)
             if best is not None and depth > best[0][0]:
                 continue

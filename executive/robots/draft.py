@@ -18,9 +18,9 @@ import numpy as np
 
 from executive.robots import anatomy
 from executive.robots.anatomy import TURNS, Anatomy, Limb, is_arm
-from executive.robots.bare_hands import REMEDY, in_series, replaced_meshes
 from executive.robots.hand_shape import HandShape, shape_of
 from executive.robots.mechanism import Mechanism, base_joints, grounded
+from executive.robots.openings import REMEDY, in_series, replaced_meshes
 from executive.robots.robot import CARRYING
 from executive.robots.robot_file import DEFAULT_BASE, DEFAULT_LIMITS
 from executive.robots.srdf import Srdf, read_srdf
@@ -436,7 +436,7 @@ class _Maker:
         link, table = anatomy.camera(self.mechanism, arms), self.draft.table("camera")
         if link is None:
             on_arm = anatomy.camera(self.mechanism, ())
-            what = "no link of the body or head is named like a camera; without one the robot needs --trust-map"
+            what = "no link of the body or head is named like a camera; without one the robot has to trust the map"
             what += f"; {on_arm} does not look where a neck aims it, an arm moves it" if on_arm is not None else ""
             table.add("link", "camera_optical_frame", what, Status.MISSING)
             return

@@ -12,9 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from executive.robots.anatomy import Limb
-from executive.robots.bare_hands import without_shapes
-from executive.robots.mechanism import Mechanism
-from executive.robots.part_words import Part, is_tool, names
+from executive.robots.mechanism import Mechanism, Part, is_tool, names
+from executive.robots.openings import without_shapes
 from executive.robots.robot import Axis
 from executive.robots.thumbs import ROW, ThumbGrip, apart, thumb_gap, thumb_grip
 from planlang.geometry import Array
@@ -99,6 +98,8 @@ class _Hand:
 
     def __init__(self, limb: Limb, mechanism: Mechanism, world: PlanningWorld) -> None:
         self.limb, self.mechanism, self.world = limb, mechanism, world
+        self.posture: Configuration | None = None
+        """Posture of the hand that frames and points are of; None for that of the robot in ``world``."""
         self.links = {joint.name: _below(mechanism, joint, limb.fingers) for joint in limb.fingers}
         """Finger joint -> links that move with it, without those of a finger that hangs from it."""
         inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
@@ -170,8 +171,8 @@ class _Hand:
 
     def _frame(self, link: str) -> Array:
         """Pose (4, 4) of a link in the frame of the hand."""
-        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
-        return np.asarray(product(to_hand, self.world.link_pose(link).matrix()))
+        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
+        return np.asarray(product(to_hand, self.world.link_pose(link, self.posture).matrix()))
 
     def _place(self, link: str) -> Array:
         return np.asarray(self._frame(link)[:3, 3])
@@ -180,9 +181,9 @@ class _Hand:
         """Points (n, 3) of each finger at joint values; a hand with a single finger has the fixed jaw as well."""
         joints = self.world.robot.joints
         posture = {name: value for name, value in {**self.rest, **values}.items() if name in joints}
-        self.world.set_configuration(Configuration((0.0, 0.0, 0.0), posture))
+        self.posture = Configuration((0.0, 0.0, 0.0), posture)
         numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
-        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
         points = {}
         for finger, links in self.links.items():
             solid = [numbers[link] for link in links if link in numbers]
@@ -327,7 +328,7 @@ class _Hand:
         solid, turns = frozenset(self.world.robot.solid_names), list[dict[str, Array]]()
         ends = list[str]()
         for values in (wide, narrow):
-            self._points(values)  # puts the robot there
+            self._points(values)  # takes this posture
             if not ends:  # a motor that fingers follow has no shape, and turns by itself
                 fingers = [links for links in self.links.values() if not solid.isdisjoint(links)]
                 for links in fingers or self.links.values():
@@ -344,7 +345,7 @@ class _Hand:
     def _drawn(self, link: str) -> Array:
         """Points (n, 3) of the shape of a link."""
         number = self.world.robot.solid_names.index(link)
-        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
         return moved(to_hand, self.world.robot.points([number])[0])
 
     def _shut(self, widths: Mapping[int, float], last: int) -> int:
@@ -419,7 +420,7 @@ class _Hand:
         end = max(float((one @ approach).max()) for name, one in self._points({}).items() if name != FIXED)
         numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
         palm = [link for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
-        to_hand = inverse(self.world.link_pose(self.limb.hand).matrix())
+        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
         points = self.world.robot.points([numbers[link] for link in palm])
         along = (float((moved(to_hand, one) @ approach).max()) for one in points)
         return [link for link, front in zip(palm, along, strict=True) if front >= end - FRONT]

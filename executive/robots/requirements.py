@@ -121,18 +121,6 @@ WORDS = {
 """Kinds by local names of the properties, that of 2010 included: SRDL files use several namespaces."""
 
 
-class Semantics(Enum):
-    """Semantics of requirements and capabilities.
-
-    CLOSURE follows equivalent classes in both directions and dependencies of capabilities to any depth; a claim counts
-    if the components are available. ORIGINAL, for comparison, has the rules of KnowRob's SRDL: see
-    :mod:`executive.robots.original`.
-    """
-
-    CLOSURE = "closure"
-    ORIGINAL = "original"
-
-
 @dataclass(frozen=True, slots=True)
 class Requirement:
     """A requirement, stated by a restriction: ``kind`` is CAPABILITY or COMPONENT, ``quantifier`` as in Restriction.

@@ -7,15 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from executive.robots.matching import Matcher, Missing, Possessions, lacking_in, missing_in
-from executive.robots.original import OriginalMatcher
-from executive.robots.requirements import (
-    NEEDED,
-    Availability,
-    Finding,
-    FindingKind,
-    Semantics,
-    together,
-)
+from executive.robots.requirements import NEEDED, Availability, Finding, FindingKind, together
 from planlang.designators import local_name
 from planlang.ontology import Ontology, expand, shorten
 from planlang.recipe import Recipe, RecipeSet, Step
@@ -28,7 +20,6 @@ class Match:
     """Result of matching a task with a robot; ``tree`` has the reasons."""
 
     robot: str
-    semantics: Semantics
     tree: Finding
 
     @property
@@ -72,7 +63,7 @@ class Match:
 
     def as_json(self) -> dict[str, Any]:
         """Convert the match to JSON data with local names."""
-        data: dict[str, Any] = {"robot": self.robot, "semantics": self.semantics.value, "feasible": self.feasible}
+        data: dict[str, Any] = {"robot": self.robot, "feasible": self.feasible}
         for kind, plural in ((FindingKind.CAPABILITY, "capabilities"), (FindingKind.COMPONENT, "components")):
             required = self.required(kind)
             data[f"required_{plural}"] = sorted(one.text for one in required)
@@ -96,21 +87,17 @@ def match(
     ontology: Ontology,
     task: RecipeSet | str,
     robot: Possessions,
-    semantics: Semantics = Semantics.CLOSURE,
     performed: frozenset[str] = frozenset(),
 ) -> Match:
     """Compare a task with a robot: its recipe, or a class of actions (IRI) that has none.
 
     ``ontology`` is the one that the recipe was read from, ``performed`` the classes that registered process modules
-    perform. The original semantics read the ontology itself.
+    perform.
     """
-    if semantics is Semantics.ORIGINAL:
-        iri = task if isinstance(task, str) else task.main.iri
-        return Match(robot.robot, semantics, OriginalMatcher(ontology, robot).task(iri))
     matcher = Matcher(ontology, robot)
     if isinstance(task, str):
-        return Match(robot.robot, semantics, _Tree(matcher, {}, performed).action(task))
-    return Match(robot.robot, semantics, _Tree(matcher, task.recipes, performed).task(task.main, ()))
+        return Match(robot.robot, _Tree(matcher, {}, performed).action(task))
+    return Match(robot.robot, _Tree(matcher, task.recipes, performed).task(task.main, ()))
 
 
 class _Tree:

@@ -11,8 +11,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from executive.processes.calls import Ending, Limits
-from executive.processes.workers import Source, Worker
+from executive.processes.workers import Ending, Limits, Source, Worker
 from executive.robots.mechanism import source_of
 from planlang.cache import Cache
 from planlang.diagnostics import BadInput, Span, error

@@ -41,8 +41,9 @@ from planlang.language.process_module import ModuleOnce, ProcessModule, stated_a
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from planlang.state import restored, saved
-from sim import PlanningWorld, Scene, perturb
+from planlang.state import Hold, restored, saved
+from planlang.words import Blank, Option, Text
+from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -72,9 +73,11 @@ def world_at_start(
     if not world.robot.solid:
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
-    for one in held:
-        world.set_pose(one.body.name, world.link_pose(one.link) @ one.offset)
-        world.attach(one.link, one.body.name)
+    if held:
+        state = state_of(world, robot.name)
+        for one in held:
+            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
+        world = WorldMirror(world, robot.name).at(state)
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -90,8 +93,12 @@ def world_at_start(
     return world
 
 
+START = Option("start", Blank("X,Y,YAW"))
+"""The option that places the robot."""
+
+
 def _no_start() -> BadInput:
-    advice = "choose a pose with --start x,y,yaw"
+    advice = Text("choose a pose with ", START)
     return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
@@ -100,7 +107,7 @@ def _check_start(world: PlanningWorld) -> None:
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
     place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
-    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
+    advice = Text(START, f" with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}")
     if not (x_min < x < x_max and y_min < y < y_max):
         raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})

@@ -26,7 +26,7 @@ from planlang.runs.codec import load
 from planlang.runs.recorded_run import SPANS
 from planlang.runs.repeating import OUTSIDE
 from planlang.runs.trace import Listener
-from planlang.shell import quoted
+from planlang.words import Blank, Option, Text, calling
 
 
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
@@ -153,7 +153,8 @@ class TraceHeader:
     def plan(self, trace: str) -> str:
         """The bundled recipe. Raises BadInput for any other plan, whose file the user has to name."""
         if self.recipe is None:
-            advice = f"planlang run FILE --resume {quoted(Path(trace))}, or planlang replay {quoted(Path(trace))} FILE"
+            file, path = Blank("FILE"), Path(trace)
+            advice = Text(calling("run", file, resume=path), ", or ", calling("replay", path, file))
             message = f"the plan {self.name} of the trace is not bundled: name its file"
             raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe
@@ -170,11 +171,11 @@ def recorded_run(path: Path) -> RecordedRun:
 
 
 def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Read a trace of planlang run and its header. Raises BadInput as :func:`recorded_run` does."""
+    """Read the trace of a run and its header. Raises BadInput as :func:`recorded_run` does."""
     recorded = recorded_run(path)
     if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
-        advice = "planlang run PLAN --trace run.jsonl writes one"
-        message = "this trace was not written by planlang run: its header names no plan"
+        advice = Text(calling("run", Blank("PLAN"), trace="run.jsonl"), " writes one")
+        message = "this is not the trace of a run in a world: its header names no plan"
         raise BadInput([error("X020", message, Span(str(path)), advice)])
     return recorded, TraceHeader.of(recorded)
 
@@ -232,15 +233,16 @@ def _repeatable(repetition: Repetition, span: Span, *, looks_on: bool) -> Repeti
     recorded = repetition.recorded
     if recorded.outcome == "failed" and not looks_on:
         message = "this run has failed, and would fail again: there is nothing to resume"
-        raise BadInput([error("X021", message, span, "planlang run PLAN --seed 1 runs it in another world")])
+        advice = Text(calling("run", Blank("PLAN"), seed=1), " runs it in another world")
+        raise BadInput([error("X021", message, span, advice)])
     if (line := repetition.skipped) is not None:
         message = "the run was continued here without its earlier steps, and cannot be repeated from its start"
-        advice = "add --world-as-left if world and robot are still as the trace left them"
+        advice = Text("add ", Option("world_as_left", True), " if world and robot are still as the trace left them")
         raise BadInput([error("X023", message, Span(recorded.name, line.number), advice)])
     if (line := repetition.lost) is not None:
         message = f"a result from outside was not stored, and its call must not be repeated: {line.record['lost']}"
-        advice = "let calls in threads and modules that work once return JSON values (docs/guides/resuming.md)"
-        raise BadInput([error("X024", message, Span(recorded.name, line.number), advice)])
+        help = "let calls in threads and modules that work once return JSON values (docs/guides/resuming.md)"
+        raise BadInput([error("X024", message, Span(recorded.name, line.number), help)])
     return repetition
 
 
@@ -253,12 +255,13 @@ def different(recorded: RecordedRun, difference: Different, header: Mapping[str,
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput with the differences if a trace is of another run; return warnings about versions."""
-    settings = {one.key: one.called for one in in_header().values()}
+    settings = {one.key: Option(name) for name, one in in_header().items()}
     now = {key: header[key] for key in AGREE if key in header} | {key: header.get(key) for key in settings}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
-        name = (AGREE | settings)[key]
-        problems.append(error("X022", f"{name} differs: {_short(before)} in the trace, {_short(after)} now", span))
+        name = AGREE.get(key) or settings[key]
+        message = Text(name, f" differs: {_short(before)} in the trace, {_short(after)} now")
+        problems.append(error("X022", message, span))
     if problems:
         raise BadInput(problems)
     other = _other_versions(recorded, header)

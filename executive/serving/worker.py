@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from executive.processes.calls import Performs
+from executive.processes.workers import Performs
 from executive.serving.uploads import as_here, warm_up
 from executive.serving.vocabulary import read_vocabulary
 from planlang.diagnostics import BadInput

@@ -13,8 +13,7 @@ from pkgutil import resolve_name
 from queue import SimpleQueue
 from typing import Any
 
-from executive.processes.calls import Ending, Limits, Performs, Reply
-from executive.processes.workers import Source, Worker
+from executive.processes.workers import Ending, Limits, Performs, Reply, Source, Worker
 from executive.sweeps.records import CRASHED, Done, Task, World
 from planlang.diagnostics import BadInput
 from planlang.temporary import temporary_folder

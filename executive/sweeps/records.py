@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from planlang.records import dataclass
 
 World = Mapping[str, Any]

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.sweeps import local
 from executive.sweeps.files import SweepFile, header_of
 from executive.sweeps.records import LIMITS, Backend, Done, Row, Task, World

@@ -18,6 +18,7 @@ from planlang.experience.traces import LATEST, LONGEST, roles_of
 from planlang.files import encoding_of, read_file
 from planlang.outputs import MARK
 from planlang.records import dataclass
+from planlang.words import Blank, Text, calling
 
 MAP = "map"
 """Frame of the environment, in which the poses of the base and of bodies are expressed."""
@@ -169,7 +170,7 @@ def read_log(path: Path, header: Mapping[str, Any]) -> list[Transform]:
         raise BadInput([error("K081", "a pose has an impossible time", Span(str(path)))])
     differing = [key for key in IDENTITY if head.get(key) != header.get(key)]
     if differing:
-        advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
+        advice = Text(calling("run", Blank("PLAN"), trace="run.jsonl", poses="poses.jsonl"), " writes both")
         message = f"the poses belong to another run: {', '.join(differing)} differ"
         raise BadInput([error("K081", message, Span(str(path)), advice)])
     return transforms

@@ -3,8 +3,8 @@
 General layout, each file importing only those above it: ``errors``, ``hosts`` (what lets time pass, and timers),
 ``signals`` (what can be waited for), ``tree`` (nodes and their names) and ``observer`` (the two interfaces through
 which a run is recorded). ``core`` is what the rest shares: tasks, the state of a run, how a task waits. On it stand
-``listing`` (where tasks are), ``tracebacks``, ``cancel`` (evaporation and suspension), ``schedule``, ``primitives``,
-``fluent``, ``asyncio_calls``, ``threads`` and ``scope``, which constructs are made of. ``event_loop`` drives all that;
+``tracebacks`` (where tasks are), ``cancel`` (evaporation and suspension), ``schedule``, ``primitives``,
+``fluent``, ``threads`` and ``scope``, which constructs are made of. ``event_loop`` drives all that;
 ``runner`` begins and ends a run, and sees to the process around it.
 """
 

@@ -16,8 +16,8 @@ from typing import Any
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import CleanupOverrun, CutShort, Evaporated, PlanStructureError
 from planlang.kernel.hosts import Timer
-from planlang.kernel.listing import place_of, user_frame
 from planlang.kernel.signals import Wait
+from planlang.kernel.tracebacks import place_of, user_frame
 from planlang.kernel.tree import EVAPORATED, Status
 from planlang.misuse import Usage
 

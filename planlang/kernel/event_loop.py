@@ -13,7 +13,6 @@ from types import CoroutineType, FunctionType
 from typing import Any
 
 from planlang.failures import PlanFailure
-from planlang.kernel.asyncio_calls import ADVICE, missing_loop_error
 from planlang.kernel.cancel import MAX_DELIVERIES, STUCK, heed_interrupts
 from planlang.kernel.core import PARKED, BaseScope, Scheduler, Task
 from planlang.kernel.errors import (
@@ -26,9 +25,9 @@ from planlang.kernel.errors import (
     StuckTask,
 )
 from planlang.kernel.fluent import FluentWait
-from planlang.kernel.listing import blocked, explain_recursion, listing, locate, place_of
 from planlang.kernel.primitives import refuse_arguments, refuse_result
-from planlang.kernel.threads import Calls
+from planlang.kernel.threads import ADVICE, Calls, missing_loop_error
+from planlang.kernel.tracebacks import blocked, explain_recursion, listing, locate, place_of
 from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Status
 from planlang.misuse import WrongType, contrast
 

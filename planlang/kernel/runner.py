@@ -33,7 +33,7 @@ from planlang.kernel.core import Scheduler, Task, running
 from planlang.kernel.errors import NoProgress, Overdue, PlanStructureError
 from planlang.kernel.event_loop import ORIGINS, adopt, keep, loop, rest
 from planlang.kernel.hosts import WATCHDOG
-from planlang.kernel.listing import is_own
+from planlang.kernel.tracebacks import is_own
 from planlang.kernel.tree import name_of
 from planlang.misuse import contrast
 

@@ -10,8 +10,8 @@ from planlang.failures import BranchEvaporated
 from planlang.kernel.cancel import checkpoint, deliver, evaporate, pending_error
 from planlang.kernel.core import BaseScope, Task, here, park
 from planlang.kernel.errors import Evaporated, PlanStructureError
-from planlang.kernel.listing import place_of
 from planlang.kernel.primitives import in_node
+from planlang.kernel.tracebacks import place_of
 from planlang.kernel.tree import SUCCEEDED, Node, name_of
 from planlang.plan_failure import PlanFailure, attach_cleanup
 

@@ -1,12 +1,134 @@
-"""Tracebacks of plans: lines of the plan and of the program that runs it, without planlang's frames between them."""
+"""Source lines of plans: where tasks wait, where failures arose, and tracebacks without planlang's own frames."""
 
 from __future__ import annotations
 
+import functools
 import os
-from types import TracebackType
+import sys
+from collections.abc import Callable, Iterable
+from types import CodeType, FrameType, TracebackType
 
+from planlang.kernel.core import Task
 from planlang.kernel.errors import CleanupOverrun, PlanStructureError, RunError
-from planlang.plan_failure import PlanFailure
+from planlang.kernel.tree import Node
+from planlang.plan_failure import PlanFailure, Where
+
+_PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))
+SHOWN = 20
+"""Maximum number of tasks or functions listed in an error: about a screen."""
+
+
+def is_own(filename: str) -> bool:
+    """Check whether a source file is part of the plan language itself."""
+    return filename.startswith(_OWN)
+
+
+def place_in(frame: FrameType) -> str:
+    """Format the file and line of a frame."""
+    return f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+
+
+def user_frame() -> FrameType:
+    """Find the innermost running frame outside the plan language; the caller of ``run`` always has one."""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and is_own(frame.f_code.co_filename):
+        frame = frame.f_back
+    assert frame is not None
+    return frame
+
+
+def innermost_frame(coroutine: object) -> FrameType | None:
+    """Find the innermost frame of a waiting coroutine that is outside the plan language."""
+    innermost: FrameType | None = None
+    link = coroutine
+    while link is not None:
+        frame = getattr(link, "cr_frame", None) or getattr(link, "gi_frame", None) or getattr(link, "ag_frame", None)
+        if isinstance(frame, FrameType) and not is_own(frame.f_code.co_filename):
+            innermost = frame
+        link = getattr(link, "cr_await", None) or getattr(link, "gi_yieldfrom", None) or getattr(link, "ag_await", None)
+    return innermost
+
+
+def place_of(task: Task) -> str:
+    """Format the source line of a task, to be appended to a message.
+
+    `` at file.py:12`` is where the task waits or where its branch is defined; ``, started at file.py:12`` is the line
+    of the surrounding plan, if the task runs only planlang's own code; empty if neither is known.
+    """
+    frame = innermost_frame(task.coroutine)
+    if frame is not None:
+        return f" at {place_in(frame)}"
+    function: object = task.branch
+    while isinstance(function, functools.partial):
+        function = function.func
+    code = getattr(function, "__code__", None)
+    if isinstance(code, CodeType) and not is_own(code.co_filename):
+        return f" at {os.path.basename(code.co_filename)}:{code.co_firstlineno}"
+    scope = task.group
+    while scope is not None:
+        frame = innermost_frame(scope.owner.coroutine)
+        if frame is not None:
+            return f", started at {place_in(frame)}"
+        scope = scope.owner.group
+    return ""
+
+
+def blocked(root: Task) -> Iterable[Task]:
+    """List the live tasks, without those that only wait for their branches."""
+    stack = [root]
+    while stack:
+        task = stack.pop()
+        if task.scope is not None and task.scope.live:
+            stack.extend(reversed(task.scope.live))
+        else:
+            yield task
+
+
+def listing(title: str, tasks: Iterable[Task]) -> str:
+    """Format a title and one line per task: its path, what it waits for, and where."""
+    lines = [f"{title}:"]
+    more = 0
+    for task in tasks:
+        if len(lines) > SHOWN:
+            more += 1
+            continue
+        what = " is suspended" if task.holds else ""
+        if task.wait is not None:
+            what = f"{what}, waiting for {task.wait}" if what else f" waits for {task.wait}"
+        lines.append(f"  {task.path}{what}{place_of(task)}")
+    if more:
+        lines.append(f"  and {more} more")
+    return "\n".join(lines)
+
+
+def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None) -> None:
+    """Store in a failure where it arose: the node, and the innermost line outside the plan language."""
+    file, line = "", 0
+    traceback = failure.__traceback__
+    while traceback is not None:
+        filename = traceback.tb_frame.f_code.co_filename
+        if not is_own(filename):
+            file, line = os.path.basename(filename), traceback.tb_lineno
+        traceback = traceback.tb_next
+    failure.where = Where(node.path, file, line, revision() if revision is not None else None)
+
+
+def explain_recursion(error: RecursionError, path: str) -> None:
+    """Add a note that names the plan's functions in an endless recursion, unless the error has one already."""
+    if any("recursion without end" in note for note in getattr(error, "__notes__", ())):
+        return
+    counts: dict[str, int] = {}
+    traceback = error.__traceback__
+    while traceback is not None:
+        code = traceback.tb_frame.f_code
+        if not is_own(code.co_filename):
+            where = f"{code.co_qualname} at {os.path.basename(code.co_filename)}:{traceback.tb_lineno}"
+            counts[where] = counts.get(where, 0) + 1
+        traceback = traceback.tb_next
+    recursive = [where for where, count in counts.items() if count > 10]
+    error.add_note(f"in {path}: recursion without end: {', then '.join(recursive[:SHOWN]) or 'unknown functions'}")
+
 
 VARIABLE = "PLANLANG_TRACEBACK"
 """Environment variable: if it is set, tracebacks keep all frames."""

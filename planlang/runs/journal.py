@@ -19,11 +19,11 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.fluent import Fluent, find
-from planlang.kernel.listing import locate
 from planlang.kernel.observer import Body
 from planlang.kernel.primitives import pause
 from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.signals import BaseFluent
+from planlang.kernel.tracebacks import locate
 from planlang.kernel.tree import EVAPORATED, Node, Status
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.recorded_run import Done, Past, outcome_of, value_in

@@ -18,9 +18,9 @@ from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import Node
 from planlang.runs.codec import Exact, encode
-from planlang.runs.comparing import agree
 from planlang.runs.journal import FluentKeys
 from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
+from planlang.runs.repeating import agree
 from planlang.runs.trace import Different, Trace, shown
 
 

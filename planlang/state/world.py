@@ -112,6 +112,15 @@ class WorldState:
         """Check whether a body is in the room."""
         return name in self.poses and name not in self.away
 
+    def gripped(self, name: str, hand: Hold) -> WorldState:
+        """Make the state in which a hand holds an object, in addition to others that hold it already."""
+        grip = self.held.get(name)
+        if grip is None or hand.arm in grip.arms:
+            grip = Grip(*hand, self.poses[name])
+        else:
+            grip = replace(grip, others=(*grip.others, hand))
+        return replace(self, held={**self.held, name: grip}, away=self.away - {name})
+
     def carried(self) -> frozenset[str]:
         """Collect the held objects and those that stand on them."""
         return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))

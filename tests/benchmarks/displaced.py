@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from tests.benchmarks.homes import closed_tasks, goals, open_tasks

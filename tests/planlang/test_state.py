@@ -8,7 +8,7 @@ import pytest
 from planlang.changes import Change, Output, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from planlang.state import Made, Matter, Portion, WorldState, apply, flow, restored, saved, type_of, warm
+from planlang.state import Hold, Made, Matter, Portion, WorldState, apply, flow, restored, saved, type_of, warm
 from planlang.state.matter import ON
 from planlang.state.rules import Heating, Rules
 
@@ -23,6 +23,15 @@ def test_a_state_with_a_change_shares_the_rest_with_the_one_before() -> None:
     assert (changed.robots, state.robots) == ({"amigo": HERE, "pr2": THERE}, {"amigo": HERE, "pr2": HERE})
     assert changed.matter is state.matter
     assert changed.joints is state.joints
+
+
+def test_several_hands_hold_a_thing_that_was_where_the_first_took_it() -> None:
+    state = WorldState({"amigo": HERE}, {"cup": CUP}, away=frozenset({"cup"}))
+    right, left = Hold("right", "palm_r", CUP), Hold("left", "palm_l", PLATE)
+    both = state.gripped("cup", right).placed({"cup": PLATE}).gripped("cup", left)
+    assert (both.held["cup"].hands, both.held["cup"].before, both.away) == ((right, left), CUP, frozenset())
+    assert both.gripped("cup", left).held["cup"].hands == (left,)
+    assert not state.held
 
 
 def test_what_things_hold_is_a_value() -> None:

@@ -8,8 +8,8 @@ import pytest
 from planlang.changes import Output, Transformed
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from planlang.state import Grip, Matter, Portion, WorldState, apply
-from sim import PlanningWorld, WorldMirror
+from planlang.state import Hold, Matter, Portion, WorldState, apply
+from sim import PlanningWorld, WorldMirror, state_of
 from tests.sim.conftest import AMIGO, GRASPING, ROOM
 
 HAND = "grippoint_right"
@@ -26,10 +26,9 @@ def world() -> Iterator[PlanningWorld]:
 @pytest.fixture
 def held(world: PlanningWorld) -> WorldState:
     """The bottle was grasped where it stands."""
-    poses = {name: world.pose(name) for name in world.names()}
-    offset = world.link_pose(HAND, GRASPING).inverse() @ poses["bottle"]
-    grip = Grip("right", HAND, offset, poses["bottle"])
-    return WorldState({"amigo": GRASPING}, poses, held={"bottle": grip})
+    state = state_of(world, "amigo").with_robot("amigo", GRASPING)
+    offset = world.link_pose(HAND, GRASPING).inverse() @ state.poses["bottle"]
+    return state.gripped("bottle", Hold("right", HAND, offset))
 
 
 def test_a_hypothesis_in_which_the_robot_is_elsewhere_does_not_make_a_held_thing_forget_what_it_touched(

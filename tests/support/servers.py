@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from executive.processes.calls import Limits
+    from executive.processes.workers import Limits
     from executive.serving.running import Guarded
 
 NOW = "2026-01-01T00:00:00Z"
@@ -25,7 +25,7 @@ class RunningServer:
     def __init__(self, file: Path, limits: Limits | None = None, folders: Sequence[Path] = ()) -> None:
         for package in ("fastapi", "uvicorn"):
             pytest.importorskip(package, reason="the server is in the extra serve")
-        from executive.processes.calls import Limits
+        from executive.processes.workers import Limits
         from executive.serving.app import application
         from executive.serving.workers import Staff
         from planlang.knowledge.sqlite_store import SqliteStore

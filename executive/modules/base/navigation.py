@@ -97,7 +97,7 @@ class Navigation(PlatformModule):
 
     def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
-            what = "the base is fixed: start it where all is within its reach (--start X,Y,YAW)"
+            what = "the base is fixed: start it where all is within its reach"
             raise NavigationPoseUnreachable(what, target=goal)
         try:
             return self.platform.drive.path(goal)

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from executive.maps import read_map, scene_of
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from executive.sweeps.files import read_sweep

@@ -22,7 +22,7 @@ from typing import Any
 
 from PIL import Image, ImageDraw
 
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.sweeps import run as sweep
 from executive.sweeps.records import Done
 from tests.benchmarks.homes.table import documented

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from executive.maps import SemanticMap, scene_of
 from executive.maps.doorways import HEIGHT, WIDTH
-from executive.maps.files import OBSTACLE
+from executive.maps.occupied_space import OBSTACLE
 from planlang.diagnostics import Diagnostic
 from planlang.geometry import Pose
 from sim import Scene

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import read_map, scene_of
-from executive.maps.files import OBSTACLE
 from executive.maps.occupancy_grid import read_grid
+from executive.maps.occupied_space import OBSTACLE
 from executive.maps.point_cloud import read_points
 from planlang.diagnostics import BadInput
 from planlang.ontology import load

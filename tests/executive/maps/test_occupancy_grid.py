@@ -13,9 +13,8 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import read_map, scene_of
-from executive.maps.files import OBSTACLE
 from executive.maps.occupancy_grid import HEIGHT, read_grid
-from executive.maps.occupied_space import MOST_BOXES
+from executive.maps.occupied_space import MOST_BOXES, OBSTACLE
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.files import bundled
 from planlang.geometry.matrices import moved

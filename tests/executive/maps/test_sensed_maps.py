@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import read_map, scene_of
-from executive.maps.files import CELL, OBSTACLE
-from executive.maps.occupied_space import FLOOR, HIGHEST, MOST_BOXES, OccupiedSpace
+from executive.maps.occupied_space import CELL, FLOOR, HIGHEST, MOST_BOXES, OBSTACLE, OccupiedSpace
 from executive.maps.octree import DEPTH, read_octree
 from executive.maps.point_cloud import read_points
 from planlang.diagnostics import BadInput, Diagnostic

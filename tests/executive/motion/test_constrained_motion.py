@@ -15,8 +15,7 @@ from constraint_problems import Arms, arms_of, at, random_problem
 from executive.motion.constrained_ends import MotionProblem
 from executive.motion.constrained_motion import solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
-from executive.motion.effort import Effort
-from executive.motion.errors import ConstraintsContradict, MotionError, OutOfEffort
+from executive.motion.errors import ConstraintsContradict, Effort, MotionError, OutOfEffort
 from planlang import VirtualHost, run
 from planlang.designators import an_object
 from planlang.diagnostics import BadInput

@@ -18,7 +18,7 @@ def answers(tmp_path: Path, program: str, **limits: int) -> Any:
     """Run a program with a worker in a process with limits of its own; return what it prints as JSON."""
     head = """
     import json, resource, sys
-    from executive.processes.calls import Ending, Limits, Reply
+    from executive.processes.workers import Ending, Limits, Reply
     from executive.processes.workers import Source, Worker
     source = Source("executive.sweeps.local:prepared", "math:sqrt", sys.argv[1], *sys.path)
     """

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.robots import FindingKind, Semantics
+from executive.robots import FindingKind
 from executive.robots.closed_world import ClosedWorld, cardinality
 from executive.robots.matching import Possessions
 from executive.robots.robot import Part, claims_of, parts_of, read_self_model
@@ -48,12 +48,10 @@ Ontology: <http://example.org/kitchen.owl>
 KITCHEN = "http://example.org/kitchen.owl#"
 
 
-def matched(
-    recipe: Path, robot: Possessions, semantics: Semantics = Semantics.CLOSURE, task: str | None = None
-) -> Match:
+def matched(recipe: Path, robot: Possessions, task: str | None = None) -> Match:
     ontology = load(recipe)
     recipes = read_recipe(Actions(ontology), task).recipes
-    return match(ontology, recipes or KITCHEN + str(task), robot, semantics)
+    return match(ontology, recipes or KITCHEN + str(task), robot)
 
 
 def modelled(path: Path) -> Possessions:
@@ -70,15 +68,14 @@ def written(folder: Path, text: str) -> Path:
 # -- real files
 
 
-@pytest.mark.parametrize("semantics", list(Semantics))
 @pytest.mark.parametrize(("robot", "recipe"), some(ROWS, every=4))
-def test_real_robots_and_recipes_match_as_known(corpus: Path, robot: str, recipe: str, semantics: Semantics) -> None:
+def test_real_robots_and_recipes_match_as_known(corpus: Path, robot: str, recipe: str) -> None:
     rows = json.loads((corpus / "truth" / "srdl_expected_serve_drink.json").read_text(encoding="utf-8"))
     (row,) = [row for row in rows if (row["robot_file"], row["recipe_set"]) == (robot.removesuffix(".in"), recipe)]
-    found = matched(corpus / "recipes" / RECIPES[recipe], modelled(corpus / "robots" / robot), semantics, row["task"])
+    found = matched(corpus / "recipes" / RECIPES[recipe], modelled(corpus / "robots" / robot), row["task"])
     told = found.as_json()
-    assert {key: told[key] if key == "feasible" else sorted(told[key]) for key in row[semantics.value]} == {
-        key: value if key == "feasible" else sorted(value) for key, value in row[semantics.value].items()
+    assert {key: told[key] if key == "feasible" else sorted(told[key]) for key in row["closure"]} == {
+        key: value if key == "feasible" else sorted(value) for key, value in row["closure"].items()
     }
 
 
@@ -177,13 +174,12 @@ def test_requirements_are_evaluated_against_the_parts_of_a_robot(
     assert found.feasible is feasible, "\n".join(found.lines())
 
 
-def test_a_recipe_of_equivalent_classes_is_empty_for_the_original_only(tmp_path: Path) -> None:
+def test_the_sub_actions_of_an_equivalent_class_are_required(tmp_path: Path) -> None:
     task = TASK.replace(
         "SubClassOf: knowrob:Action, knowrob:subAction", "EquivalentTo: knowrob:Action and knowrob:subAction"
     )
     path = written(tmp_path, task.replace("{requires}", "") + ROBOT.replace("{claims}", CLAIM))
-    assert matched(path, modelled(path), Semantics.CLOSURE, "MakingTea").required(FindingKind.CAPABILITY)
-    assert not matched(path, modelled(path), Semantics.ORIGINAL, "MakingTea").required(FindingKind.CAPABILITY)
+    assert matched(path, modelled(path), "MakingTea").required(FindingKind.CAPABILITY)
 
 
 def test_the_tree_says_which_step_needs_what_and_where_it_was_found(tmp_path: Path) -> None:
@@ -384,8 +380,7 @@ def test_every_step_of_the_exploration_recipe_is_known_and_the_pioneer_has_what_
     assert [step.kind for step in found.tree.below] == [FindingKind.ACTION] * 8
 
 
-@pytest.mark.parametrize("semantics", ["closure", "original"])
-def test_match_accepts_an_action_class_of_the_vocabulary(semantics: str) -> None:
+def test_match_accepts_an_action_class_of_the_vocabulary() -> None:
     for task, code in (
         ("PickingUpAnObject", 0),
         ("Reaching", 0),
@@ -393,8 +388,7 @@ def test_match_accepts_an_action_class_of_the_vocabulary(semantics: str) -> None
         ("Bottle", 2),
         ("NoSuchClass", 2),
     ):
-        asked = ["match", "serve_a_drink", "--task", task, "--semantics", semantics]
-        assert CliRunner().invoke(app, asked).exit_code == code, task
+        assert CliRunner().invoke(app, ["match", "serve_a_drink", "--task", task]).exit_code == code, task
     result = CliRunner().invoke(app, ["match", "serve_a_drink", "--task", "CuttingSomething", "--json"])
     assert (result.exit_code, json.loads(result.stdout)["unknown_steps"]) == (1, ["CuttingSomething"])
 

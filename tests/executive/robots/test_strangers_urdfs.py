@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from executive.cli.app import app
-from executive.processes.calls import Ending, Limits, Reply
-from executive.processes.workers import Worker
+from executive.processes.workers import Ending, Limits, Reply, Worker
 from executive.robots import bind_draft, bind_robot, vetting
 from executive.robots.draft import draft_of
 from planlang.diagnostics import BadInput

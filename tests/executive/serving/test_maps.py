@@ -11,7 +11,7 @@ from executive.belief import Belief
 from executive.belief.map_updating import updated_map
 from executive.enabling.shelf import LocalShelf
 from executive.maps import read_map, scene_of
-from executive.maps.files import OBSTACLE
+from executive.maps.occupied_space import OBSTACLE
 from planlang.diagnostics import BadInput
 from planlang.files import Bundled
 from planlang.geometry import Pose

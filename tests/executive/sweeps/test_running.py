@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.sweeps import run
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from executive.sweeps.records import Done

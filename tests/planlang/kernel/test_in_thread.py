@@ -15,7 +15,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import GraspMissed, Timeout
-from planlang.kernel.asyncio_calls import AsyncioCall
+from planlang.kernel.threads import AsyncioCall
 from planlang.testing import replay, run_plan
 
 
