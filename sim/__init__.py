@@ -10,7 +10,7 @@ state. Only ``engine.py`` imports PyBullet.
 """
 
 from sim.displacing import perturb
-from sim.mirror import WorldMirror, state_of
+from sim.mirror import WorldMirror
 from sim.people import ComfortZone
 from sim.planning_world import PlanningWorld, Solid
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
@@ -28,5 +28,4 @@ __all__ = [
     "Solid",
     "WorldMirror",
     "perturb",
-    "state_of",
 ]

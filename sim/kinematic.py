@@ -83,12 +83,12 @@ class KinematicScene:
         """Make the answers about states of this world, which ``at`` shows in it. Nothing may have been created yet."""
         return EngineQueries(at, self.scene.rules, self._bodies.bodies.values())
 
-    def world_state(self) -> WorldState:
-        """The present state as a value; held bodies are where they are now."""
+    def world_state(self, robot: str = ROBOT) -> WorldState:
+        """The present state as a value, in which the robot has a name; held bodies are where they are now."""
         self._here()
         held = {name: self._grip(name, one) for name, one in self._held.items() if one.on is None}
         return WorldState(
-            {ROBOT: self.configuration()},
+            {robot: self.configuration()} if self.has_robot else {},
             {name: self._bodies.poses[name] for name in self.names()},
             dict(self._leaves.values),
             held,
@@ -98,6 +98,12 @@ class KinematicScene:
             made=dict(self._made),
             changes=self.changes.count,
         )
+
+    def recall_touched(self, touched: Mapping[str, frozenset[str]]) -> None:
+        """Set what held bodies have touched since they were grasped; others keep what was computed then."""
+        for name, bodies in touched.items():
+            if name in self._held:
+                self._held[name].touched = set(bodies)
 
     def _grip(self, name: str, held: HeldObject) -> Grip:
         others = tuple(Hold(link, link, offset) for link, offset in held.others.items())
@@ -149,8 +155,6 @@ class KinematicScene:
         target = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
         self._show(target)
         self._now = target
-        if self._robot is not None:
-            self._contacts.part()
 
     def link_pose(self, link: str) -> Pose:
         """Pose of a link frame in the map; ``KeyError`` for an unknown link."""

@@ -1,15 +1,10 @@
-"""A planning world that mirrors states: it is brought to the one that is asked about, when it is asked."""
+"""Worlds that are brought to states: a planning world mirrors the one that is asked about, when it is asked."""
 
 from __future__ import annotations
 
 from planlang.state import Grip, WorldState
+from sim.kinematic import KinematicScene
 from sim.planning_world import PlanningWorld
-
-
-def state_of(world: PlanningWorld, robot: str) -> WorldState:
-    """Take over the state of a world as it is; ``robot`` names the robot in it. Nothing is in its hands yet."""
-    joints = {joint.leaf: world.joint(joint.leaf) for joint in world.scene.joints}
-    return WorldState({robot: world.configuration()}, dict(world.poses()), joints, matter=world.changes.matter)
 
 
 class WorldMirror:
@@ -26,37 +21,41 @@ class WorldMirror:
         """Return the world as it is in a state. What it answers holds until another state is asked for."""
         if state is not self._shown:
             before, self._shown = self._shown, None  # if this is interrupted, the world is in no state
-            self._become(state, before)
+            become(self._world, self._robot, state, before)
             self._shown = state
         return self._world
 
-    def _become(self, state: WorldState, before: WorldState | None) -> None:
-        """Bring the world to a state: what hands hold, the robot, joints, then all other poses."""
-        world, carried = self._world, state.carried()
-        riders = carried - state.held.keys()
-        for name in [name for name in world.attached() if name not in riders]:
-            hands = state.held[name].hands if name in state.held else ()
-            if name in world.attached() and world.holders(name) != tuple(hand.link for hand in hands):
-                world.release(name)
-        for leaf, link in world.led().items():
-            if state.led.get(leaf) != link:
-                world.let_go(leaf)
-        there = state.robots[self._robot]
-        if before is None or before.robots[self._robot] != there:
-            world.set_configuration(there)
-        for leaf, value in state.joints.items():
-            if world.joint(leaf) != value:
-                world.set_joint(leaf, value)
-            if leaf in state.led and leaf not in world.led():
-                world.lead(state.led[leaf], leaf)
-        world.arrange(state)
-        for name, grip in state.held.items():
-            if name not in world.attached():
-                _put_into_hands(world, name, grip, state)
-        world.recall_touched(state.touched)
+
+def become(world: KinematicScene, robot: str, state: WorldState, before: WorldState | None = None) -> None:
+    """Bring a world to a state: what hands hold, the robot, joints, then all other poses.
+
+    ``robot`` names the robot of the world in the state; ``before`` is the state that the world is in, if it is known.
+    """
+    carried = state.carried()
+    riders = carried - state.held.keys()
+    for name in [name for name in world.attached() if name not in riders]:
+        hands = state.held[name].hands if name in state.held else ()
+        if name in world.attached() and world.holders(name) != tuple(hand.link for hand in hands):
+            world.release(name)
+    for leaf, link in world.led().items():
+        if state.led.get(leaf) != link:
+            world.let_go(leaf)
+    there = state.robots[robot]
+    if before is None or before.robots[robot] != there:
+        world.set_configuration(there)
+    for leaf, value in state.joints.items():
+        if world.joint(leaf) != value:
+            world.set_joint(leaf, value)
+        if leaf in state.led and leaf not in world.led():
+            world.lead(state.led[leaf], leaf)
+    world.arrange(state)
+    for name, grip in state.held.items():
+        if name not in world.attached():
+            _put_into_hands(world, name, grip, state)
+    world.recall_touched(state.touched)
 
 
-def _put_into_hands(world: PlanningWorld, name: str, grip: Grip, state: WorldState) -> None:
+def _put_into_hands(world: KinematicScene, name: str, grip: Grip, state: WorldState) -> None:
     """Move an object, with all that stands on it, into the hands, and attach it."""
     motion = world.link_pose(grip.link) @ grip.offset @ state.poses[name].inverse()
     for one in (name, *grip.riders):

@@ -211,12 +211,6 @@ class PlanningWorld(KinematicScene):
         self._show(configuration)
         return {name: frozenset(self._contacts.still_touched(name)) for name in self._held}
 
-    def recall_touched(self, touched: Mapping[str, frozenset[str]]) -> None:
-        """Set what held bodies have touched since they were grasped; others keep what was computed then."""
-        for name, bodies in touched.items():
-            if name in self._held:
-                self._held[name].touched = set(bodies)
-
     def clear_lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Check which lines from starts (n, 3) to ends (n, 3) hit no body, ignoring the robot, (n,)."""
         self._here()

@@ -17,11 +17,13 @@ from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
+from sim.mirror import become
 from sim.outlook import Outlook
 from sim.processes import Processes
 from sim.pushing import Pushing
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
+from sim.truth import ROBOT
 
 DEEPER = 0.003
 """Growth of a contact that existed before a motion beyond which it blocks the motion [m]."""
@@ -304,6 +306,8 @@ class PyBulletWorld(KinematicScene):
     def set_configuration(self, configuration: Configuration) -> None:
         """Place the robot, with what it holds; joints not named keep their values. Motions in progress are halted."""
         super().set_configuration(configuration)
+        if self._robot is not None:
+            self._contacts.part()
         for group in self._motions:
             self.halt(group)
 
@@ -374,11 +378,18 @@ class PyBulletWorld(KinematicScene):
         """Check whether nothing has or had a name."""
         return is_free(self.world_state(), name, self._queries)
 
-    def world_state(self) -> WorldState:
-        """The present state as a value; held bodies are where they are now."""
-        state = super().world_state()
+    def world_state(self, robot: str = ROBOT) -> WorldState:
+        """The present state as a value, in which the robot has a name; held bodies are where they are now."""
+        state = super().world_state(robot)
         self._placed = state.poses
         return state
+
+    def begin(self, state: WorldState) -> None:
+        """Bring the world to a state as it may be before the first step: the robot with what it holds, and all things.
+
+        Nothing moves in it yet; a body in the air falls once a hand releases it.
+        """
+        become(self, ROBOT, state)
 
     def _become(self, state: WorldState) -> PyBulletWorld:
         """Bring things to a state to which changes, flow or heat have led from the present one."""

@@ -43,7 +43,7 @@ from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
 from planlang.state import Hold, restored, saved
 from planlang.words import Blank, Option, Text
-from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
+from sim import PlanningWorld, Scene, WorldMirror, perturb
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -74,7 +74,7 @@ def world_at_start(
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
-        state = state_of(world, robot.name)
+        state = world.world_state(robot.name)
         for one in held:
             state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
         world = WorldMirror(world, robot.name).at(state)

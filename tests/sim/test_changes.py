@@ -264,3 +264,19 @@ def test_a_thing_that_came_into_being_is_held_and_let_go_like_others(kitchen: Ma
     seconds(world, 1.0)
     assert world.support("Egg_1") == "maker"
     assert world.pose("Egg_1").position[2] == pytest.approx(0.865)
+
+
+def test_a_world_that_begins_in_the_state_of_another_goes_on_as_that_one(kitchen: MakeKitchen) -> None:
+    first, second = kitchen(BOTTLE, CAKE), kitchen(BOTTLE, CAKE)
+    in_hand(first, "bottle", Pose((1.5, 0.3, 1.2), UPSIDE_DOWN))
+    first.bring_about(Switched("maker", ON))
+    seconds(first, 1.0)
+    second.begin(first.world_state())
+    for world in (first, second):
+        seconds(world, 1.5)
+    one, other = first.world_state(), second.world_state()
+    assert (one.matter, one.made, one.touched, one.changes) == (other.matter, other.made, other.touched, other.changes)
+    assert one.held.keys() == other.held.keys() == {"bottle"}
+    assert all(one.poses[name].distance(other.poses[name]) < 1e-9 for name in one.poses)
+    assert "Dough_on_table" in one.made
+    assert one.matter.heated["cake"] == pytest.approx((2.5, 0.0))

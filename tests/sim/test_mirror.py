@@ -9,7 +9,7 @@ from planlang.changes import Output, Transformed
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.state import Hold, Matter, Portion, WorldState, apply
-from sim import PlanningWorld, WorldMirror, state_of
+from sim import PlanningWorld, WorldMirror
 from tests.sim.conftest import AMIGO, GRASPING, ROOM
 
 HAND = "grippoint_right"
@@ -26,7 +26,7 @@ def world() -> Iterator[PlanningWorld]:
 @pytest.fixture
 def held(world: PlanningWorld) -> WorldState:
     """The bottle was grasped where it stands."""
-    state = state_of(world, "amigo").with_robot("amigo", GRASPING)
+    state = world.world_state("amigo").with_robot("amigo", GRASPING)
     offset = world.link_pose(HAND, GRASPING).inverse() @ state.poses["bottle"]
     return state.gripped("bottle", Hold("right", HAND, offset))
 
