@@ -161,7 +161,7 @@ class ModuleRegistry:
             if stated := stated_as_before(one.factory):
                 message = f"{one.origin} sets {' and '.join(stated)}, which is no longer needed"
                 advice = "leave it out: the simulated world knows what motions have done (docs/guides/modules.md)"
-                found.append(note("X033", message, help=advice))
+                found.append(note("X034", message, help=advice))
         problems = []
         for action in dict.fromkeys(name for one in whole for name in one.actions):
             first, *others = (one for one in whole if action in one.actions)

@@ -21,6 +21,7 @@ from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
@@ -187,6 +188,7 @@ class RobotExecutive:
             )
             for one in (create(platform) for create in modules)
         )
+        self._start = self._believed()
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
         """Check whether actions of some classes, or heat, may create what a designator means."""
@@ -296,7 +298,7 @@ class RobotExecutive:
         untucked = platform.arms.untucked()
         if not untucked:
             return
-        room = platform.drive.room_for(untucked)
+        room = platform.standing().with_room_for(untucked)
         if room is not None and room != platform.base():
             x, y, yaw = map(float, room)
             yield action("Translation-LocationChange", x=x, y=y, yaw=yaw)
@@ -316,19 +318,25 @@ class RobotExecutive:
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:
-        """The belief as JSON, for resuming a run in the world as it was left."""
+        """What is believed as JSON, to resume a run in the world as it was left: what differs from the start.
+
+        The base's pose is told, too: a resumed run starts elsewhere.
+        """
+        return {"base": list(self.platform.base()), **changed_since(self._start, self._believed())}
+
+    def _believed(self) -> dict[str, Any]:
         platform = self.platform
         return {
             "belief": platform.belief.snapshot(),
             "things": saved(platform.belief.state),
-            "base": list(platform.base()),
             "leaning": sorted(platform.leaning),
         }
 
-    def restore(self, left: Mapping[str, Any]) -> None:
+    def restore(self, changed: Mapping[str, Any]) -> None:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
+            left = with_changes(self._start, changed)
             known = {body.name for body in platform.scene.world.scene.bodies}
             platform.belief.happened(restored(platform.belief.state, left["things"], known))
             platform.belief.restore(left["belief"])

@@ -61,13 +61,14 @@ def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
                 yield from _pose(step, thing_of[node], value, "perception")
             case {"event": "belief", "name": str(name), "pose": dict(pose)}:
                 yield from _pose(step, name, pose, "belief")
-            case {"event": "completed", "left": {"belief": dict(belief), **left}}:
+            case {"event": "completed", "left": dict(left)}:
                 yield from _base(step, left.get("base"))
-                yield from _believed(step, belief)
+                yield from _believed(step, left.get("belief"))
 
 
-def _believed(step: int, belief: Mapping[str, Any]) -> Iterator[Transform]:
+def _believed(step: int, left: object) -> Iterator[Transform]:
     """Yield the believed poses of moved things in the map, and of held things in the frame of the hand."""
+    belief = left if isinstance(left, dict) else {}
     poses, held = belief.get("poses"), belief.get("held")
     in_hands = held if isinstance(held, dict) else {}
     for name, pose in poses.items() if isinstance(poses, dict) else ():

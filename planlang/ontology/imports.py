@@ -42,6 +42,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "primitives": "primitives.omn",
     "recovery": "recovery.omn",
     "searching": "searching.omn",
+    "moving": "moving.omn",
     "computable": None,
     "comp_spatial": None,
     "comp_temporal": None,

@@ -155,7 +155,7 @@ def test_attributes_of_earlier_versions_are_noted_once_for_each_module(kitchen: 
     registry.add_file(kitchen / "before.py")
     registry.resolve(found)
     assert [(one.code, one.message) for one in found] == [
-        ("X033", "Stirring of before.py sets physical and by_hand, which is no longer needed")
+        ("X034", "Stirring of before.py sets physical and by_hand, which is no longer needed")
     ]
 
 
