@@ -21,6 +21,7 @@ from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
@@ -176,6 +177,7 @@ class RobotExecutive:
             ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
             for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
         )
+        self._start = self._believed()
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
         """Check whether actions of some classes, or heat, may create what a designator means."""
@@ -305,19 +307,25 @@ class RobotExecutive:
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:
-        """The belief as JSON, for resuming a run in the world as it was left."""
+        """What is believed as JSON, to resume a run in the world as it was left: what differs from the start.
+
+        The base's pose is told, too: a resumed run starts elsewhere.
+        """
+        return {"base": list(self.platform.base()), **changed_since(self._start, self._believed())}
+
+    def _believed(self) -> dict[str, Any]:
         platform = self.platform
         return {
             "belief": platform.belief.snapshot(),
             "things": platform.scene.world.snapshot(),
-            "base": list(platform.base()),
             "leaning": sorted(platform.leaning),
         }
 
-    def restore(self, left: Mapping[str, Any]) -> None:
+    def restore(self, changed: Mapping[str, Any]) -> None:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
+            left = with_changes(self._start, changed)
             restored = partial(PlanningWorld.restore_state, state=left["things"])
             platform.belief.happened(platform.scene.mirror.after(platform.belief.state, restored)[0])
             platform.belief.restore(left["belief"])

@@ -105,7 +105,7 @@ def test_a_restriction_with_a_unit_becomes_a_class_of_which_nothing_is_known(tmp
     text = 'Class: Thick\n    EquivalentTo: Wet and (thickness value "2"^^unit:Centimeter)\n'
     given = reasoner_input(load(written(tmp_path, text), builtin=False))
     assert "UnreadRestriction1" in given.names
-    assert "Centimeter" not in given.text(facts=True)
+    assert "Centimeter" not in given.text()
 
 
 def test_things_of_one_local_name_have_two_names(tmp_path: Path) -> None:
