@@ -231,7 +231,7 @@ def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     for owner in checked.owners:
         for parameter in owner.parameters:
             if isinstance(parameter.filler, Place):
-                for place in places_of(parameter.filler):
+                for place in parameter.filler.places():
                     yield from statements_without_use(checked.ontology, place)
 
 
@@ -437,14 +437,6 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
 
 
 _LANGUAGES = {iri.partition("#")[0] for iri in (RDF.type, RDFS.label, RDFS.comment, OWL)}
-
-
-def places_of(place: Place) -> Iterator[Place]:
-    """Yield a place and the places that it refers to."""
-    yield place
-    for _, reference in place.relations:
-        if isinstance(reference, Place):
-            yield from places_of(reference)
 
 
 @cache
