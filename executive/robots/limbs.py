@@ -14,9 +14,11 @@ from executive.robots.robot import Arm, Axis, Composition, Gripper, SelfModel, s
 from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, error, note, warning
-from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
+from planlang.words import Blank, Option, Text
 
+URDF = Option("urdf", Blank("FILE"))
+"""The option that names a URDF."""
 FINGER = 0.05
 """Least length of a finger, used if its frame is not behind the tip frame [m]."""
 UPWARDS = 0.5
@@ -131,7 +133,7 @@ class Limbs:
 
     def _report_missing(self, composition: Composition, iri: str) -> None:
         message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which is not in"
-        help = "give --urdf FILE with the URDF of the self-model"
+        help = Text("give ", URDF, " with the URDF of the self-model")
         self.diagnostics.append(error("B004", f"{message} {self.mechanism.file_name}", composition.span, help))
 
     def _check_known(self, arm: Arm, model: SelfModel, composition: Composition) -> None:
@@ -141,7 +143,7 @@ class Limbs:
             message = (
                 f"{local_name(composition.iri)} has joints in {self.mechanism.file_name} that the self-model lacks"
             )
-            help = "add the joints to the self-model, or give --urdf FILE with its URDF"
+            help = Text("add the joints to the self-model, or give ", URDF, " with its URDF")
             self.diagnostics.append(error("B005", f"{message}: {', '.join(unknown)}", composition.span, help))
 
     # From either
@@ -217,7 +219,7 @@ class Limbs:
             link = joint.child
             finger = self.mechanism.frame(link)
             length = max(float(line[:3, 0] @ (line[:3, 3] - finger[:3, 3])), FINGER)
-            reach = length * _ahead(finger, line)
+            reach = length * rotated(finger[:3, :3].T, line[:3, 0])
             sides = []
             for value in (joint.lower, joint.upper):
                 point = moved(product(inverse(line), self.mechanism.frame(link, value, of=name)), reach)
@@ -232,11 +234,6 @@ class Limbs:
         message = f"{', '.join(joints)}: opened and closed positions are assumed from the URDF's limits"
         self.diagnostics.append(note("B010", message, help=help))
         return GripperNumbers(opened, closed, tuple(links), max(0.9 * room, 0.01))
-
-
-def _ahead(finger: Array, tip: Array) -> Array:
-    """Approach direction (x of the tip) in a finger's frame, (3,)."""
-    return rotated(finger[:3, :3].T, tip[:3, 0])
 
 
 def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:

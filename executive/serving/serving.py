@@ -53,7 +53,7 @@ def _serving(request: Request) -> Serving:
     return cast(Serving, request.app.state.serving)
 
 
-_bearer = HTTPBearer(auto_error=False, description="A key that the operator made by planlang serve --new-key AUTHOR")
+_bearer = HTTPBearer(auto_error=False, description="A key that the operator of the server made")
 
 
 def _optional_author(
@@ -97,4 +97,4 @@ Author = Annotated[str, Depends(_author)]
 Bounds = Annotated[Patience, Depends(_patience)]
 """Limits of a search."""
 Body = Annotated[bytes, Depends(_body)]
-"""Body of the request (:mod:`executive.serving.bodies` limits its size)."""
+"""Body of the request (:mod:`executive.serving.forms` limits its size)."""

@@ -415,8 +415,9 @@ def _filler(filler: _F) -> _F:
     """Filler with the relations of a place, and of places nested in it, sorted by name."""
     if not isinstance(filler, Place):
         return filler
-    relations = [(relation, _filler(reference)) for relation, reference in filler.relations]
-    return replace(filler, relations=tuple(sorted(relations, key=lambda one: (one[0], _filler_key(one[1])))))
+    relations = [(name, tuple(sorted(map(_filler, each), key=_filler_key))) for name, each in filler.relations]
+    ordered = sorted(relations, key=lambda one: (one[0], [*map(_filler_key, one[1])]))
+    return replace(filler, relations=tuple(ordered))
 
 
 def _filler_key(filler: Filler) -> tuple[int, tuple[Key, str], str]:

@@ -22,7 +22,7 @@ from planlang.recipe.statements import (
     fillings_of,
     is_word,
 )
-from planlang.relations import of_owl_property
+from planlang.relations import RELATIONS, of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
 
 OBJECT_PROPERTY = OWL.ObjectProperty
@@ -205,19 +205,27 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
     An individual is read from its facts, a class from its restrictions. A reference that would close a circle, or that
     is :data:`MOST_PLACES` references away, is dropped. A related thing of unknown kind is read as an object.
     """
-    relations: list[tuple[str, Thing | Place]] = []
+    stated: dict[object, tuple[str, dict[Thing | Place, None]]] = {}
     for relation, term in references(ontology, iri):
-        if not isinstance(term, str) or term in seen | {iri}:
+        if not isinstance(term, str) or (reference := _reference(ontology, term, seen | {iri})) is None:
             continue
-        if is_place(ontology, term):
-            if len(seen) + 1 >= MOST_PLACES:
-                continue
-            relations.append((relation, read_place(ontology, term, seen | {iri})))
-        elif (thing := read_thing(ontology, term)) is not None:
-            relations.append((relation, thing))
-        elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
-            relations.append((relation, _unknown(ontology, term)))
-    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri), _pose(ontology, iri))
+        # what one relation to several things relates to is stated by a fact for each
+        conjunct = relation if RELATIONS[relation].arity > 1 else (relation, reference)
+        stated.setdefault(conjunct, (relation, {}))[1][reference] = None
+    relations = tuple((relation, tuple(those)) for relation, those in stated.values())
+    return Place(iri, relations, ontology.label(iri), _pose(ontology, iri))
+
+
+def _reference(ontology: Ontology, term: str, seen: frozenset[str]) -> Thing | Place | None:
+    """Read what a place relates to; None if it is undefined, or beyond the limits of :func:`read_place`."""
+    if term in seen or (is_place(ontology, term) and len(seen) >= MOST_PLACES):
+        return None
+    if is_place(ontology, term):
+        return read_place(ontology, term, seen)
+    thing = read_thing(ontology, term)
+    if thing is None and ontology.defined(term) and is_of_unknown_kind(ontology, term):
+        return _unknown(ontology, term)
+    return thing
 
 
 def is_relation(property_name: str) -> bool:

@@ -270,8 +270,9 @@ def _filler(filler: Filler) -> str:
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
             stated = " and ".join(
-                f"{RELATIONS[relation].owl} {_filler(reference) if isinstance(reference, Place) else reference.name}"
-                for relation, reference in filler.relations
+                f"{RELATIONS[relation].owl} "
+                + " and ".join(_filler(one) if isinstance(one, Place) else one.name for one in references)
+                for relation, references in filler.relations
             )
             return f"{filler.name} ({stated or 'posture'})"
         case Name():
