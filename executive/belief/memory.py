@@ -69,7 +69,7 @@ class Memory:
         Nor what designators are bound to, as a question binds those that it names.
         """
         sources = {name: (known.source, known.moves == self.moves) for name, known in self.known.items()}
-        return sources, self.in_vain, self.unknown
+        return sources, self.in_vain, self.unknown, self.given_up
 
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""

@@ -13,7 +13,6 @@ from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.base_poses import AROUND, floor_near
 from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
@@ -29,6 +28,7 @@ from executive.locations.rejections import (
     OUT_OF_REACH,
     Rejections,
 )
+from executive.locations.standing import AROUND, floor_near
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, called
 from executive.robots.openings import REMEDY

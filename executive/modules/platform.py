@@ -17,10 +17,10 @@ import numpy as np
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
-from executive.locations.base_poses import BasePoses
 from executive.locations.demands import asks_for
 from executive.locations.grasp_candidates import HandPoses
 from executive.locations.likely_places import Searches
+from executive.locations.standing import Standing
 from executive.modules.arm_choices import ArmChoices
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.commanding import Control, Hands, Sensing
@@ -136,7 +136,7 @@ class Arms:
     def _may_let_go(self, arm: ArmModel) -> bool:
         """Check whether what an arm holds would not fall if the hand opened."""
         control, held = self._control, self._control.scene.arms.held(arm.name)
-        if held is None or control.world.pulled(control.robot.arm(arm.name).tip):
+        if held is None or control.world.pulled(arm.tip):
             return held is not None
         return control.scene.world.height_above_support(held.name) <= STANDS
 
@@ -366,9 +366,9 @@ class Platform(Control):
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
 
-    def base_poses(self) -> BasePoses:
-        """Build a checker of base poses in the current planning scene."""
-        return BasePoses(self.scene)
+    def standing(self) -> Standing:
+        """Build the sources of base poses in the current planning scene."""
+        return Standing(self.scene)
 
     @property
     def exploration(self) -> Exploration:

@@ -20,11 +20,11 @@ from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
 from planlang.outputs import named
 from planlang.records import dataclass
-from planlang.report.tree import decision_text
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
-from planlang.runs.codec import load
-from planlang.runs.recorded_run import SPANS
+from planlang.runs.codec import SCHEMA, load
+from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
+from planlang.runs.run_tree import decision_text
 from planlang.runs.trace import Listener
 from planlang.words import Blank, Option, Text, calling
 
@@ -171,8 +171,15 @@ def recorded_run(path: Path) -> RecordedRun:
 
 
 def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Read the trace of a run and its header. Raises BadInput as :func:`recorded_run` does."""
+    """Read the trace of a run and its header, to repeat the run. Raises BadInput as :func:`recorded_run` does.
+
+    Also for a trace of an older schema, with the versions of planlang that wrote and that read it.
+    """
     recorded = recorded_run(path)
+    try:
+        recorded.check_repeatable()
+    except OlderTrace as older:
+        raise BadInput([_written_before(recorded, older)]) from None
     if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
         advice = Text(calling("run", Blank("PLAN"), trace="run.jsonl"), " writes one")
         message = "this is not the trace of a run in a world: its header names no plan"
@@ -283,6 +290,19 @@ def sha256(path: Path) -> str:
 def damaged(name: str, damage: DamagedTrace) -> Diagnostic:
     """Error for a file that is not a trace, or damaged."""
     return error("X020", f"not a trace, or damaged: {damage}", Span(name, damage.line))
+
+
+def _written_before(recorded: RecordedRun, older: OlderTrace) -> Diagnostic:
+    """Error for a trace that an older planlang wrote, in which the run cannot be resumed or replayed."""
+    stated, now = recorded.header.get("versions"), versions()["planlang"]
+    before = str(stated["planlang"]) if isinstance(stated, dict) and "planlang" in stated else "an older version"
+    message = (
+        f"planlang {before} wrote this trace with schema {older.schema}; planlang {now} repeats only schema {SCHEMA}"
+    )
+    advice = (
+        "it can be shown, reported and exported; to repeat it, use the planlang that wrote it, or run the plan again"
+    )
+    return error("X033", message, Span(recorded.name, 1), advice)
 
 
 def _short(value: object) -> str:
