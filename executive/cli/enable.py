@@ -14,10 +14,9 @@ from executive.cli.arguments import EnableArguments, RunArguments
 from executive.cli.console import say, show
 from executive.cli.match import possessions_in
 from executive.enabling.explanation import Explanation
-from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
-from executive.enabling.stock import Stock
+from executive.enabling.stock import Folder, Stock
 from executive.modules.bundled import performed_by
 from executive.options.values import Name, names
 from executive.runs.files import check_files, check_trusted, chosen, environments, refuse

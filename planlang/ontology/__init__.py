@@ -16,4 +16,15 @@ from planlang.ontology.classes import Restriction
 from planlang.ontology.ontology import Ontology, load, load_apart
 from planlang.ontology.terms import BNode, Literal, Term, Triple, expand, shorten
 
-__all__ = ["BNode", "Literal", "Ontology", "Restriction", "Term", "Triple", "expand", "load", "load_apart", "shorten"]
+__all__ = [
+    "BNode",
+    "Literal",
+    "Ontology",
+    "Restriction",
+    "Term",
+    "Triple",
+    "expand",
+    "load",
+    "load_apart",
+    "shorten",
+]

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
+from planlang.kept import kept
 from planlang.motion_constraints import ConstraintKind, Speed
 from planlang.ontology.documents import Syntax
 from planlang.records import dataclass
@@ -140,12 +141,12 @@ class Thing:
 class Place(_Named):
     """A location designator: poses that stand in ``relations`` to things and other places.
 
-    ``relations`` holds pairs (key of :data:`planlang.relations.RELATIONS`, reference) in the order of the file. Without
-    relations it is a named posture of the robot, or one ``pose`` in the map: x, y, z [m] and heading [rad].
+    ``relations`` holds pairs (key of :data:`planlang.relations.RELATIONS`, references) in the order of the file.
+    Without relations it is a named posture of the robot, or one ``pose`` in the map: x, y, z [m] and heading [rad].
     """
 
     iri: str
-    relations: tuple[tuple[str, Thing | Place], ...] = ()
+    relations: tuple[tuple[str, tuple[Thing | Place, ...]], ...] = ()
     label: str | None = None
     pose: tuple[float, float, float, float] | None = None
 
@@ -154,9 +155,21 @@ class Place(_Named):
         """True for a named posture of the robot or a fixed pose, which refer to nothing."""
         return not self.relations
 
+    def references(self) -> Iterator[Thing | Place]:
+        """Yield what the relations refer to, in their order."""
+        for _, references in self.relations:
+            yield from references
+
+    def places(self) -> Iterator[Place]:
+        """Yield the place itself and all places that it refers to, also through other places."""
+        yield self
+        for reference in self.references():
+            if isinstance(reference, Place):
+                yield from reference.places()
+
     def things(self) -> Iterator[Thing]:
         """Yield all things that the place refers to, also through other places; may repeat a thing."""
-        for _, reference in self.relations:
+        for reference in self.references():
             if isinstance(reference, Thing):
                 yield reference
             else:
@@ -426,15 +439,17 @@ class Recipe(_Action):
     """
     syntax: Syntax | None = field(default=None, repr=False, compare=False)
     """Syntax of its file, in which advice is written."""
-    derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Cache of results derived from the other fields; see :mod:`planlang.recipe.order`."""
+    kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Results of functions (:func:`planlang.kept.kept`)."""
 
     def step(self, iri: str) -> Step:
         """Step with this IRI. Raises KeyError if there is none."""
-        if "steps" not in self.derived:
-            self.derived["steps"] = {step.iri: step for step in reversed(self.steps)}
-        step: Step = self.derived["steps"][iri]
-        return step
+        return _steps_of(self)[iri]
+
+
+@kept
+def _steps_of(recipe: Recipe) -> dict[str, Step]:
+    return {step.iri: step for step in reversed(recipe.steps)}
 
 
 @dataclass(frozen=True, slots=True)
