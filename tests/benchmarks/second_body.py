@@ -19,6 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from executive.processes.workers import Limits
+from executive.runs.options import RunOptions
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from tests.support.scenarios import Scenario, judged_run, parsed

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from executive.runs.options import RunOptions
 from planlang.geometry import Pose
 from planlang.protocols import Detection, RobotInterface
 from tests.support.extras import skip_without_pr2
-from tests.support.scenarios import at_home, judged_run, options_of, parsed, scenarios
+from tests.support.scenarios import at_home, judged_run, parsed, scenarios
 
 NOISE = 0.001
 """Standard deviation of the places that the camera tells [m]."""
