@@ -16,8 +16,7 @@ from planlang.geometry import Pose
 from planlang.records import dataclass
 from planlang.state.matter import Portion
 from planlang.state.rules import Rules
-from sim.controls import Control
-from sim.joints import Articulation
+from sim.joints import Articulation, Control
 from sim.movers import Mover
 
 

@@ -15,7 +15,7 @@ from planlang.protocols import Configuration, Contact, Detection, Motion, Motion
 from planlang.records import dataclass
 from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
-from sim.controls import Controls
+from sim.joints import Controls
 from sim.kinematic import KinematicScene
 from sim.mirror import become
 from sim.movers import Movers

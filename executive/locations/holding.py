@@ -20,13 +20,13 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import OPPOSED
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandHits, HandSolution, Trial, unblocked
 from executive.locations.rejections import Rejections
 from executive.maps import SemanticMap
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel
+from executive.robots.handle import RobotModel
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
@@ -37,6 +37,7 @@ from planlang.ontology.triples import Triples
 from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration, Touch
 from planlang.records import dataclass
+from planlang.relations.demands import Reach, ReachKind
 from sim import Body, BodyShape, PlanningWorld
 
 WIDTHS = tuple(centimetres / 100 for centimetres in range(2, 13))
@@ -138,7 +139,7 @@ def holdings(
 ) -> tuple[Holding, ...]:
     """Close the hands of a robot on the test things, which ``world`` contains. ``report`` gets the progress."""
     belief = Belief(SemanticMap(None, _nothing(), (), ()), world, robot=robot.name, trusts_map=True)
-    scene = PlanningScene(world, robot, belief, models, None)
+    scene = PlanningScene(world, RobotModel(robot, tuple(models), None), belief)
     found: list[Holding] = []
     for arm, model in zip(robot.arms, models, strict=True):
         if arm.gripper is not None:

@@ -29,7 +29,7 @@ from executive.modules.looking_first import LookingFirst
 from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.arms import arm_models, gaze_of
+from executive.robots.handle import RobotHandle, RobotModel
 from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
@@ -138,7 +138,8 @@ def platform_of(
     belief = Belief(
         semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown, recognised=classes
     )
-    planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    handle = RobotHandle(robot.name, interface, RobotModel.of(robot, believed))
+    planning_scene = PlanningScene(believed, handle.model, belief)
     ontology = semantic_map.ontology
 
     @cache
@@ -146,8 +147,7 @@ def platform_of(
         return tuple(map(shorten, ontology.ancestors(expand(cls))))
 
     return Platform(
-        interface,
-        robot,
+        handle,
         belief,
         planning_scene,
         Resolver(planning_scene, report),

@@ -231,7 +231,7 @@ class Pouring:
     def _flowed(self, flow: Flow, seconds: float) -> None:
         """Update belief and record: the vessel has flowed for some time [s] into, or onto, what is below."""
         platform, pour = self._platform, self._phase.pours.get(flow.name)
-        belief, tip = platform.belief, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
+        belief, tip = platform.belief, platform.world.link_pose(flow.arm.tip)
         mouth = tip @ flow.offset @ Pose((0.0, 0.0, platform.scene.world.size(flow.name)[2] / 2))
         before = belief.state.matter
         amount, queries = self._flow_rate * seconds, platform.scene.mirror.queries
