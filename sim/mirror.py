@@ -57,10 +57,8 @@ def become(world: KinematicScene, robot: str, state: WorldState, before: WorldSt
 
 def _put_into_hands(world: KinematicScene, name: str, grip: Grip, state: WorldState) -> None:
     """Move an object, with all that stands on it, into the hands, and attach it."""
-    pose = world.link_pose(grip.link) @ grip.offset
-    world.set_pose(name, pose)
-    motion = pose @ state.poses[name].inverse()
-    for rider in grip.riders:
-        world.set_pose(rider, motion @ state.poses[rider])
+    motion = world.link_pose(grip.link) @ grip.offset @ state.poses[name].inverse()
+    for one in (name, *grip.riders):
+        world.set_pose(one, motion @ state.poses[one])
     for hand in grip.hands:
         world.attach(hand.link, name)
