@@ -20,6 +20,7 @@ from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
 from planlang.closure import reached
+from planlang.kept import kept
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
@@ -172,26 +173,22 @@ def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) ->
     return goal in reached((start,), lambda step: follows.get(step, ()))
 
 
+@kept
 def recipe_order(recipe: Recipe) -> Precedence[str]:
     """Partial order of a recipe, computed once. Raises ValueError if it has a cycle."""
-    if "order" not in recipe.derived:
-        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-        recipe.derived["order"] = Precedence((step.iri for step in recipe.steps), pairs)
-    order: Precedence[str] = recipe.derived["order"]
-    return order
+    pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+    return Precedence((step.iri for step in recipe.steps), pairs)
 
 
+@kept
 def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
     """A shortest cycle among the orderings of a recipe, computed once; None if there is none."""
-    if "cycle" not in recipe.derived:
-        try:
-            recipe_order(recipe)
-            recipe.derived["cycle"] = None
-        except ValueError:
-            pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-            recipe.derived["cycle"] = shortest_cycle(order_graph((step.iri for step in recipe.steps), pairs))
-    cycle: tuple[str, ...] | None = recipe.derived["cycle"]
-    return cycle
+    try:
+        recipe_order(recipe)
+    except ValueError:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        return shortest_cycle(order_graph((step.iri for step in recipe.steps), pairs))
+    return None
 
 
 def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:
