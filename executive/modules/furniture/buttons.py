@@ -19,7 +19,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Motion
-from sim.controls import Control
+from sim.joints import Control
 
 BEFORE, BEYOND = 0.1, -0.02
 """Heights of the tip over a button at the start and end of a push [m]; the button stops it before the end."""
@@ -70,7 +70,7 @@ class ButtonStrokes(StrokeWork):
     def _constraints(self) -> tuple[MotionConstraint, ...]:
         """Build the constraints: the tip is over the button, and the hand leans little from its normal."""
         x, y, z = map(float, self._arm.frame.approach)
-        hand = self.platform.robot.arm(self._arm.name).hand
+        hand = self._arm.part.hand
         tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
         of = self.platform.scene.bodies.designator(self._button.body)
         button = a_feature("PLANE", of=of, position=self._button.point, direction=self._button.normal)

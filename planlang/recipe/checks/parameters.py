@@ -43,7 +43,7 @@ from planlang.recipe.fillers import (
 )
 from planlang.recipe.guesses import SURE, classes_of_vocabulary, guess, names_of_file
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.readers import OUTPUTS, created_individuals
+from planlang.recipe.readers import OUTPUTS
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
@@ -190,7 +190,7 @@ def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
     yield from unread_expressions(checked)
-    undefined: set[Term] = set(created_individuals(ontology, checked.statements))
+    undefined: set[Term] = set(checked.created)
     reported = set(undefined)
     for owner, more in _owners(checked):
         for filling in _stated(ontology, owner, more):
@@ -202,7 +202,7 @@ def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                     reported.add(filling.term)
                 yield from _references(ontology, filling, reported)
     for one in checked.owners:
-        yield from _out_of_range(ontology, one, created_individuals(ontology, checked.statements))
+        yield from _out_of_range(ontology, one, checked.created)
 
 
 @check("R031")
@@ -393,7 +393,7 @@ _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
 @check("R036")
 def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report places without relations that are not a posture of the robot."""
-    created = created_individuals(checked.ontology, checked.statements)
+    created = checked.created
     for owner in checked.owners:
         for parameter in owner.parameters:
             if isinstance(parameter.filler, Place) and parameter.filler.iri not in created:
