@@ -5,14 +5,14 @@ floor, things to see and reaches. ``grasp_candidates`` and ``deliveries`` genera
 ``hand_predicates`` selects them, and checks hands and things against locations. ``reachability`` maps the workspace of
 arms, ``reachability_maps`` builds these maps, ``base_candidates`` inverts them to base poses, ``search`` goes through
 these within its budgets, ``floor_search`` through those that need no reach. ``hand_solutions`` solves for joint values,
-and ``validation`` checks each pose exactly. ``base_poses`` knows which base poses, also those of process modules, have
-room and a path. ``rejections`` counts why there are none. The believed world is queried through
-``executive.belief.planning_scene``.
+and ``validation`` checks each pose exactly. ``base_poses`` knows which base poses have room and a path; from
+``standing`` come those at which the process modules stand elsewhere. ``rejections`` counts why there are none. The
+believed world is queried through ``executive.belief.planning_scene``.
 """
 
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.hand_solutions import HandSolution
 from executive.locations.rejections import Rejections
 from executive.locations.resolver import Resolver
+from planlang.relations.demands import Reach, ReachKind
 
 __all__ = ["HandSolution", "Reach", "ReachKind", "Rejections", "Resolver"]

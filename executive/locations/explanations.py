@@ -13,9 +13,7 @@ from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.base_poses import AROUND, floor_near
 from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
 from executive.locations.questions import Question
@@ -30,10 +28,12 @@ from executive.locations.rejections import (
     OUT_OF_REACH,
     Rejections,
 )
+from executive.locations.standing import AROUND, floor_near
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, called
 from executive.robots.openings import REMEDY
 from planlang.records import dataclass
+from planlang.relations.demands import Reach, ReachKind
 
 LEAST = 0.01
 """Smallest distance that is reported [m]."""
@@ -44,7 +44,7 @@ BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 BETWEEN_FINGERS = 0.003
 """Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
-NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it (--start X,Y,YAW)"
+NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it"
 """What helps a robot that does not drive."""
 BESIDE = 1.0
 """Distance from a thing beyond which a body cannot be what leaves a hand no room [m]."""

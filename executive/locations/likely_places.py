@@ -14,16 +14,16 @@ from functools import cached_property
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_poses import BasePoses
+from executive.locations.standing import Standing
 from executive.locations.views import NO_SCREENS, Size, Views
 from executive.maps.hollow import room_behind
 from executive.maps.semantic_map import MapObject
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 from planlang.ontology import Literal, Ontology, expand
 from planlang.records import dataclass
 from planlang.units import stated_number
@@ -155,7 +155,7 @@ class Searches:
     def __init__(self, scene: PlanningScene, seconds: Callable[[BasePose], float | None]) -> None:
         """Prepare; ``seconds`` estimates the time to drive to a base pose, None without a path."""
         self.scene, self._seconds = scene, seconds
-        self.views, self._poses = Views(scene), BasePoses(scene)
+        self.views, self._standing = Views(scene), Standing(scene)
         self._usual = UsualPlaces(scene.belief.map.ontology)
         self.begun: dict[str, Search] = {}
 
@@ -184,7 +184,9 @@ class Searches:
 
         ``screens`` (k, 3) hide what is behind them. None if hardly any of the points are visible from anywhere.
         """
-        place = self._place(search, name, 0.0, self._poses.all_over(SPACING), unseen, screens) if len(unseen) else None
+        place = (
+            self._place(search, name, 0.0, self._standing.all_over(SPACING), unseen, screens) if len(unseen) else None
+        )
         seen = len(self.points_of(name)) - len(unseen)
         return place if place is not None and len(place.points) >= LEAST * seen else None
 
@@ -239,7 +241,7 @@ class Searches:
             shortest = max(0.0, float(distance) - AROUND) / limits.speed + (OPENING if self._is_shut(name) else 0.0)
             bounds.append((likelihood / (shortest + LOOKING), name, likelihood, shortest))
         best: LikelyPlace | None = None
-        floor = self._poses.all_over(SPACING) if bounds else np.zeros((0, 2))
+        floor = self._standing.all_over(SPACING) if bounds else np.zeros((0, 2))
         for bound, name, likelihood, shortest in sorted(bounds, key=lambda one: -one[0]):
             if best is not None and bound <= best.worth:
                 break
@@ -338,7 +340,7 @@ class Searches:
             for row in np.flatnonzero(counts >= ENOUGH * counts.max()).tolist():
                 x, y, yaw = bases[row].tolist()
                 counts[row] = 0
-                if row and not self._poses.has_room((x, y, yaw)):
+                if row and not self._standing.poses.has_room((x, y, yaw)):
                     continue
                 seconds = self._seconds((x, y, yaw)) if row else 0.0
                 if seconds is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import count, islice
@@ -17,13 +18,12 @@ from typing import Generic, TypeVar
 from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.belief.scene_part import Kept
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED, MOST_CHECKS, MOST_SOLVED
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
-    Reach,
-    ReachKind,
     base_demand,
     bodies_meant,
     goals_of,
@@ -39,16 +39,21 @@ from executive.locations.placement import Placement
 from executive.locations.questions import Allowance, Findings, Question
 from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
-from executive.locations.validation import BaseValidator
+from executive.locations.validation import BaseValidator, unmet
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
+from planlang.relations.demands import Reach, ReachKind
+from planlang.state import WorldState
 
+MOST_SUPPOSED = 16
+"""Number of hypotheses whose answers are remembered."""
 MOST_VIEWERS = 256
 """Number of locations whose viewpoint is remembered."""
 
@@ -62,10 +67,27 @@ class Resolver:
         self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
+        self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
         self.watchers: list[Callable[[Location, Rejections], object]] = []
         """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
+
+    def supposing(self, scene: PlanningScene) -> Resolver:
+        """Return the resolver of a scene that is supposed; equal ones share it, with all answers found so far."""
+        viewers = {location: place for location, place in self._viewers.items() if _names_a_side(location)}
+
+        def make() -> Resolver:
+            other = copy(self)
+            other.scene, other._validator, other._answers = scene, BaseValidator(scene, self.maps), Answers()
+            other._viewers, other._here, other.watchers = dict(viewers), {}, []
+            return other
+
+        return self._supposed.of((scene.content(), scene.belief.memory.bound, viewers), make)
+
+    def when(self, state: WorldState) -> Resolver:
+        """Return the resolver that answers what locations would resolve to in another state."""
+        return self.supposing(self.scene.supposing(state))
 
     # Base poses
 
@@ -78,9 +100,8 @@ class Resolver:
         self._look(location)
         if log is not None:
             return self._bases(location, Question(log))
-        state = (self.scene.revision(), self.scene.posture())
         question = location, tuple(actions_around())  # enclosing actions restrict the grips
-        return self._answers.of(question, state, lambda: self._bases(location, self._question(location)))
+        return self._answers.of(question, self.scene.content(), lambda: self._bases(location, self._question(location)))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Find a look at an unreachable thing known only from the map, since it may stand elsewhere; None without.
@@ -96,7 +117,7 @@ class Resolver:
             is_seen = scene.visibility.sighted() and scene.visibility.hidden(scene.base(), name) is None
             view = scene.base() if is_seen else self._view(name) if scene.visibility.sighted() else None
             if view is not None:
-                look = self._after({name: view}, Solution(view, scene.revision(), {}))
+                look = self._after({name: view}, Solution(view, scene.belief.revision, {}))
                 return replace(look, provisional=True)
         return None
 
@@ -122,6 +143,11 @@ class Resolver:
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
         findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
+        if not found and (excluding := self._excluding(demand, findings, question.log)) is not None:
+            # what is said of the thing to reach would lead astray: it can be reached
+            words = excluding.words.replace("not not ", "")
+            question.log.figures = {unmet(excluding): f"without {words!r} there would be a place"}
+            raise question.log.failure(location)
         is_feasible = None if found else partial(self._is_feasible, location, findings)
         meant = bodies_meant(location, actions_around(), scene)
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
@@ -142,13 +168,17 @@ class Resolver:
         if common.allowance.is_spent:
             log.add(NOT_LOOKED_AT)
             return False
-        validator = BaseValidator(scene, self.maps)
         demand = base_demand(location, scene, self._viewer(location))
-        tried = Question(known=Findings(common.allowance, walled=common.walled))
-        with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-            is_found = next(found, None) is not None
-        log.include(tried.log)
-        return is_found
+        return _has_base(self.supposing(scene)._validator, demand, common, log)
+
+    def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
+        """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
+        areas = [area for area in demand.areas if log.counts[unmet(area)]]
+        for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
+            others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
+            if not common.allowance.is_spent and _has_base(self._validator, others, common, Rejections()):
+                return area
+        return None
 
     def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
         """Add later uses of the thing to a grasp; with ``look``, fix their viewpoint at the present base pose."""
@@ -190,7 +220,7 @@ class Resolver:
         """List the bodies to put things on or beside that are known only from the map and may stand elsewhere."""
         belief, bodies = self.scene.belief, self.scene.bodies
         places = [reach for reach in wanted if reach.kind is ReachKind.PLACE]
-        around = [name for reach in places for name in (reach.body, *(term.body for term in reach.also))]
+        around = [name for reach in places for name in reach.bodies()]
         return [
             name
             for name in dict.fromkeys(around if self.scene.visibility.sighted() else ())
@@ -319,7 +349,7 @@ class Resolver:
         """Check whether the base, the hand of a device, or an object is at a location, validated as in a search."""
         scene = self.scene
         if what is None:
-            state = (scene.revision(), scene.posture(), self._viewer(location), scene.belief.remembered())
+            state = scene.content(), self._viewer(location)
             if self._here.get(location, (None, False))[0] != state:
                 while len(self._here) >= MOST_VIEWERS:
                     del self._here[next(iter(self._here))]
@@ -335,7 +365,7 @@ class Resolver:
     def _look(self, location: Location) -> None:
         """Fix the viewpoint of a location's left and right at the present base pose."""
         x, y, _ = self.scene.base()
-        for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
+        for inner in (location, *(one for one in location.references() if isinstance(one, Location))):
             self._viewers.pop(inner, None)
             self._viewers[inner] = x, y
         while len(self._viewers) > MOST_VIEWERS:
@@ -347,9 +377,18 @@ class Resolver:
         return self._viewers.get(location, (x, y))
 
 
+def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings, log: Rejections) -> bool:
+    """Check quickly whether demands have a base pose, and count why others are rejected."""
+    tried = Question(known=Findings(common.allowance, walled=common.walled))
+    with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
+        is_found = next(found, None) is not None
+    log.include(tried.log)
+    return is_found
+
+
 def _names_a_side(location: Location) -> bool:
     """Check whether a location may depend on the viewpoint."""
-    inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
+    inner = (one for one in location.references() if isinstance(one, Location))
     return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
 

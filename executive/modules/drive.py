@@ -1,23 +1,19 @@
-"""Motions of the base: paths through the planning scene, and nearby poses with room for the arms."""
+"""Motions of the base through the planning scene."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from itertools import chain
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_poses import BasePoses
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
-from executive.motion.base_path import plan_tight_path, poses_along
+from executive.motion.base_path import plan_tight_path
 from executive.motion.clearance import SPARE, free_poses
-from executive.robots.arms import ArmModel
-from planlang.geometry import Array, matrices
+from planlang.geometry import Array
 from planlang.protocols import Trajectory
 
 CHECKS = 0.08
@@ -26,12 +22,6 @@ FINER = (1.0, 0.5, 0.25)
 """Factors of CHECKS: a timed path that collides between checks is planned again with closer checks."""
 ROOMY = 0.01
 """Clearance around the robot's circular outline above which a pose needs no exact check [m]."""
-BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
-"""Distances at which to search for room for the carrying posture [m]; short, so that the base stays near its work."""
-LEVEL = 0.5
-"""Least horizontal component of a hand's unit approach direction that defines a heading."""
-STRIDE, HAIR = 0.025, 1e-6
-"""Spacing of checks on a straight motion of the base, and tolerance for rounding [m]."""
 
 
 class Drive:
@@ -103,31 +93,6 @@ class Drive:
             return (len(self.path(goal).positions) - 1) / self._control.world.rate
         except MotionError:
             return None
-
-    def room_for(self, postures: Sequence[tuple[ArmModel, Array]], least: float = 0.0) -> BasePose | None:
-        """Find the nearest base pose at which arms are free in the given postures (d,); None if there is none.
-
-        The pose is at least ``least`` [m] away. Straight motions with the arms as they are come first, and of these the
-        ones opposite to the first hand's approach: a hand leaves a cabinet or a handle the way it came.
-        """
-        here, contacts, indirect = self._control.base(), self._control.scene.collisions.contacts, None
-        poses = BasePoses(self._control.scene)
-        heading = self._heading(postures[0][0]) if postures else here[2]
-        nearby = () if self._control.robot.base.fixed else poses.beside(heading, BACK_OFF)
-        for pose in chain((here,), nearby):
-            if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not poses.has_room(pose)):
-                continue
-            if any(contacts(pose, arm, posture) for arm, posture in postures):
-                continue
-            if all(map(poses.has_room, poses_along(np.array([here, pose]), STRIDE + HAIR))):
-                return pose
-            indirect = indirect or pose
-        return indirect
-
-    def _heading(self, arm: ArmModel) -> float:
-        """Compute the heading of a hand's approach in the map [rad]; the base's heading for a vertical approach."""
-        x, y, _ = matrices.rotated(self._control.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
-        return math.atan2(y, x) if math.hypot(x, y) > LEVEL else self._control.base()[2]
 
     def moved(self) -> None:
         """Record that the base has moved, so that objects must be looked at again before they are handled."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from executive.locations.base_poses import BasePoses
+from executive.locations.standing import Standing
 from executive.modules.platform import Platform
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
@@ -58,7 +58,7 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
 
 def way_out_of_base(platform: Platform) -> Trajectory | None:
     """Find a short motion of the base that takes the robot out of collision; None as for an arm."""
-    start, poses = np.array(platform.base()), BasePoses(platform.scene)
+    start, poses = np.array(platform.base()), Standing(platform.scene)
     if platform.robot.base.fixed:
         return None
 

@@ -22,6 +22,7 @@ from executive.processes.workers import Ending, Limits, Performs, Source, Worker
 from executive.serving.uploads import as_here, warm_up
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.words import Option, Text
 
 T = TypeVar("T")
 
@@ -133,9 +134,9 @@ def nothing(_: object) -> None:
 
 def _beyond(limits: Limits, ending: Ending) -> Diagnostic:
     limit = f"{limits.seconds} s" if ending is Ending.LATE else f"{limits.memory / 1e6:g} MB of memory"
-    advice = "split the upload into smaller parts"
+    advice: str = "split the upload into smaller parts"
     if ending is Ending.LATE:
-        advice += ", or ask the operator for a higher limit: planlang serve --check-seconds"
+        advice = Text(advice, ", or ask the operator for a higher limit: ", Option("check_seconds"))
     return error("K015", f"the check takes more than {limit}", help=advice)
 
 

@@ -21,7 +21,7 @@ import re
 import shutil
 import subprocess
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from enum import Enum
 from importlib.util import find_spec
@@ -36,6 +36,7 @@ from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
+from planlang.words import Option, Text
 
 MEMORY = 2000
 """Memory limit of a reasoner [MB]."""
@@ -92,6 +93,10 @@ def reason(ontology: Ontology, reasoner: Reasoner = Reasoner.HERMIT, seconds: fl
 class _Stopped(Exception):
     """A reasoner exceeded its time limit, or failed; the message says which."""
 
+    def __init__(self, message: str, advice: Text | None = None) -> None:
+        super().__init__(message)
+        self.advice = advice
+
 
 @dataclass(frozen=True, slots=True)
 class _Reasoning:
@@ -108,15 +113,17 @@ class _Reasoning:
         """Report each unsatisfiable class, and the contradiction among the individuals, if any."""
         found: list[Diagnostic] = []
         try:
-            found += self._unsatisfiable(self._written("classes", facts=False))
-            found += self._inconsistent(self._written("all", facts=True))
+            found += self._unsatisfiable(self._written("classes", without=self.given.facts))
+            found += self._inconsistent(self._written("all"))
         except _Stopped as stopped:
-            raise BadInput([*self.given.notes, *found, error("O063", str(stopped), self._document())]) from None
+            raise BadInput(
+                [*self.given.notes, *found, error("O063", str(stopped), self._document(), stopped.advice)]
+            ) from None
         return found
 
-    def _written(self, name: str, *, facts: bool) -> Path:
+    def _written(self, name: str, without: Container[int] = ()) -> Path:
         path = self.folder / f"{name}.owl"
-        path.write_text(self.given.text(facts=facts), encoding="utf-8")
+        path.write_text(self.given.text(without), encoding="utf-8")
         return path
 
     # Queries
@@ -200,14 +207,15 @@ class _Reasoning:
 
     def _run(self, classpath: Sequence[str], main: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
         command = ["java", f"-Xmx{MEMORY}M", "-cp", os.pathsep.join(classpath), main, *arguments]
-        late = f"{self.reasoner.title} took more than {self.seconds:g} s; allow more with --reason-seconds"
+        late = f"{self.reasoner.title} took more than {self.seconds:g} s"
+        more = Text("allow more with ", Option("reason_seconds"))
         left = self.end - time.monotonic()
         if left <= 0:
-            raise _Stopped(late)
+            raise _Stopped(late, more)
         try:
             return subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=left, check=False)
         except subprocess.TimeoutExpired:
-            raise _Stopped(late) from None
+            raise _Stopped(late, more) from None
         except OSError as problem:
             raise _Stopped(f"java cannot be started: {problem}") from None
 
@@ -287,10 +295,10 @@ class ReasonerInput:
     """Name -> IRI."""
     notes: list[Diagnostic] = field(default_factory=list)
 
-    def text(self, *, facts: bool) -> str:
-        """Write the axioms in RDF/XML, with or without the facts about individuals."""
+    def text(self, without: Container[int] = ()) -> str:
+        """Write the axioms in RDF/XML, without those at these indices."""
         header = Triple("http://planlang/", RDF.type, OWL.Ontology, Span(""))
-        kept = (triple for row, triple in enumerate(self.triples) if facts or row not in self.facts)
+        kept = (triple for row, triple in enumerate(self.triples) if row not in without)
         return rdfxml([header, *kept], {"e": NAMESPACE})[0]
 
 

@@ -14,6 +14,7 @@ from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Absence, Filler, Parameter, Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.order import callees_first
 from planlang.recipe.slots import fitting_parameters, in_words, parameter_for, requires_filler
+from planlang.words import Blank, Option, Text
 
 
 @check("R061", "R062", unless=("R022", "R023"))
@@ -117,12 +118,14 @@ class _Supply:
     def _report(self, recipe: Recipe, owner: Step | Recipe, thing: Thing, several: Iterable[Filler] = ()) -> None:
         """Report a required filler that is missing, or ambiguous among ``several``."""
         assert thing.slot is not None
-        iris = [one.iri or one.stated if isinstance(one, Thing) else one.iri for one in _named(several)]
+        named = (one for one in several if isinstance(one, (Thing, Place)))
+        iris = [one.iri or one.stated if isinstance(one, Thing) else one.iri for one in named]
         missing = f"does not state which {thing.slot.property} it needs: {listing(iris)}"
         if not iris:
             missing = f"states no {thing.slot.property}"
         who = f"`{owner.name}`" if owner is recipe else f"`{owner.name}` of `{recipe.name}`"
-        advice = f"{_advice(owner, thing.slot)}, or pass it when the plan runs: --set {thing.name}=X"
+        passed = Option("set", {thing.name: Blank("X")})
+        advice = Text(_advice(owner, thing.slot), ", or pass it when the plan runs: ", passed)
         message = f"{who} {missing}; it becomes a parameter of the plan"
         self.diagnostics[warning("R062", message, self._where(owner), advice)] = None
 
@@ -133,7 +136,3 @@ class _Supply:
 
 def _advice(owner: Step | Recipe, slot: Slot) -> str:
     return f"add `{slot.property} value X` to `{owner.name}`, where X is {in_words(slot)}"
-
-
-def _named(fillers: Iterable[Filler]) -> list[Thing | Place]:
-    return [filler for filler in fillers if isinstance(filler, (Thing, Place))]

@@ -10,7 +10,7 @@ from typing import TypeVar
 from planlang.designators import is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
-from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, expand, once_per_ontology, shorten
 from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import UPPER
 from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
@@ -24,6 +24,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    places,
     resources,
     slots,
     steps,
@@ -39,6 +40,7 @@ from planlang.recipe.readers import created_individuals, loose_parts, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.records import dataclass
 from planlang.spelling import guess
+from planlang.words import Option, Text
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -81,7 +83,7 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         what, advice = _no_recipe(ontology)
         raise BadInput([error("R001", f"no class or individual of this file states sub-actions{what}", span, advice)])
     names = ", ".join(local_name(task) for task in tops or stated)
-    advice = f"choose one with --task: {names}"
+    advice = Text("choose one with ", Option("task"), f": {names}")
     if tops:
         raise BadInput([error("R002", f"this file has {len(tops)} tasks", span, advice)])
     message = "every task of this file is a sub-action of another one, so there is no top task"
@@ -299,15 +301,11 @@ def _label(ontology: Ontology, iri: str) -> str | None:
 
 def _condition(ontology: Ontology, cls: str) -> Description | None:
     """Condition that a class of actions checks: the nearest filler of ``conditionEvaluated``."""
-    cache: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
-    for ancestor in ontology.ancestors(cls):
-        if ancestor not in cache:
-            cache[ancestor] = _stated_condition(ontology, ancestor)
-        if cache[ancestor] is not None:
-            return cache[ancestor]
-    return None
+    stated = (_stated_condition(ontology, ancestor) for ancestor in ontology.ancestors(cls))
+    return next((condition for condition in stated if condition is not None), None)
 
 
+@once_per_ontology
 def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
     for restriction in ontology.restrictions(cls):
         if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
@@ -352,6 +350,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
+    places.numbers_of_references,
     constraints.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""

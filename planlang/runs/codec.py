@@ -40,8 +40,10 @@ from planlang.plan_failure import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
 """Maximum nesting of lossless values, well below Python's recursion limit."""
-SCHEMA = 4
-"""Version of the trace format. From 3 on, a random stream is stored by the number of its ``draws``."""
+SCHEMA = 5
+"""Version of the trace format. From 5 on, a state that was left is stored as what differs from that at the start."""
+OLDEST = 4
+"""Oldest version that is read; only a run of :data:`SCHEMA` can be repeated."""
 PLAIN = frozenset({str, int, bool, type(None)})
 """Classes of values that are written to JSON as they are."""
 LONGEST = 256
@@ -210,6 +212,9 @@ def _make(name: str, inside: Mapping[str, Any]) -> Any:
     kind = next((kind for kind in (*_checks(), *fillers) if kind.__name__ == name), None)
     if kind is None:
         raise ValueError(f"unknown value type {name}")
+    if kind is Relation and "reference" in inside:  # of traces that were written when there was one
+        inside = {**inside, "references": {"$tuple": [inside["reference"]]}}
+        del inside["reference"]
     if set(inside) != {field.name for field in fields(kind)}:
         raise ValueError(f"wrong field names for {name}")
     try:

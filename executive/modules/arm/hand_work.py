@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Iterable, Sequence
 from contextlib import suppress
 
+from executive.belief.scene_collisions import BasePose
 from executive.modules.platform import PlatformModule
+from executive.modules.runner import Skill
 from executive.motion import MotionError
-from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.failures import (
+    DesignatorFailure,
     HandleNotReachable,
     HandsFull,
+    LookingFailure,
     LookingGoalUnreachable,
     ManipulationGoalInCollision,
     ManipulationGoalNotReached,
@@ -24,6 +27,8 @@ from planlang.protocols import Trajectory
 
 FEW = 200
 """Iterations of an arm's path search; few, because there are other grips, and base poses with more room, to try."""
+VIEWS = 4
+"""Most base poses from which to look at a thing."""
 SHARES = (1.0, 0.5, 0.25)
 """Shares of the approach to try for the retreat: the full length may be beyond the arm's reach."""
 BACK = 0.2
@@ -64,11 +69,35 @@ class HandWork(PlatformModule):
             await self.platform.sensing.look_at(self.platform.scene.bodies.block(what).centre, what)
             self.platform.sensing.see()
 
-    async def tuck(self, untucked: Sequence[tuple[ArmModel, Array]]) -> None:
-        """Move arms to their carrying postures (d,), where a path is found."""
-        for arm, posture in untucked if CARRYING in self.platform.robot.postures else ():
+    async def seen_from(
+        self,
+        bases: Callable[[], Iterable[BasePose]],
+        drive: Callable[[BasePose], Awaitable[object]],
+        look: Callable[[], Awaitable[bool]],
+    ) -> bool:
+        """Drive to base poses until a look succeeds; return whether one did."""
+
+        async def contact(_: BasePose) -> None:
+            if not await look():
+                raise LookingFailure
+
+        failures = (NavigationFailure, LookingFailure)
+        with suppress(DesignatorFailure, ManipulationPoseUnreachable, *failures):
+            await Skill(bases, contact, drive, failures=failures, most=VIEWS).run()
+            return True
+        return False
+
+    async def tuck(self) -> None:
+        """Move the arms to their carrying postures, where a path is found."""
+        for arm, posture in self.platform.arms.untucked():
             with suppress(MotionError):
                 await self.platform.follow(arm.name, self.platform.arms.path(arm, posture, iterations=FEW))
+
+    async def close_hand(self, arm: ArmModel) -> None:
+        """Tuck the arms, and close a hand to push with it."""
+        await self.tuck()
+        await self.platform.hands.move(arm, closed=True)
+        self.platform.arms.choices.choose(arm.name)
 
     def planned(self, arm: ArmModel, goal: Array, what: str | None) -> Trajectory:
         """Plan a path of an arm to joint positions (d,). Raises ManipulationPoseUnreachable."""
@@ -77,10 +106,14 @@ class HandWork(PlatformModule):
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
 
-    async def straight(self, arm: ArmModel, pose: Array, what: str | None) -> None:
-        """Move the tip along a straight line to a map pose (4, 4). Raises a ManipulationFailure."""
+    async def straight(self, arm: ArmModel, pose: Array, touches: str | None, label: str | None = None) -> None:
+        """Move the tip along a straight line to a map pose (4, 4). Raises a ManipulationFailure.
+
+        ``label`` says in the failure where the hand goes; by default it goes to the body that it ``touches``.
+        """
+        what = label or touches
         try:
-            trajectory = self.platform.arms.straight_path(arm, pose, what)
+            trajectory = self.platform.arms.straight_path(arm, pose, touches)
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arm.name, what=what) from problem
         await self.follow_to_end(arm.name, trajectory, what)
@@ -95,8 +128,13 @@ class HandWork(PlatformModule):
         with suppress(ManipulationGoalInCollision):
             if path is not None:
                 await self.follow_to_end(arm.name, path, what)
-        room = platform.drive.room_for(platform.arms.untucked(), least=BACK)
+        with suppress(NavigationFailure):
+            await self.back_off(platform.arms.untucked(), BACK)
+        await self.tuck()
+
+    async def back_off(self, postures: Sequence[tuple[ArmModel, Array]], least: float) -> bool:
+        """Back off with the base by at least ``least`` [m], to room for arms in postures (d,); False without room."""
+        room = self.platform.standing().with_room_for(postures, least)
         if room is not None:
-            with suppress(NavigationFailure):
-                await self.drive(room)
-        await self.tuck(platform.arms.untucked())
+            await self.drive(room)
+        return room is not None

@@ -57,11 +57,10 @@ class Lowering(HandReaching):
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
         """Move above the place, into a compartment straight through its open side, then straight down."""
         outside = self._outside(solution) if solution.reach.inside else None
-        first = solution.joints[0] if outside is None else outside
-        await self._joint_path(solution.arm, first, None, solution.plan.label, iterations=min(FEW, iterations))
-        if outside is not None:
-            await self._straight(solution, solution.plan.poses[:1])
-        await self._straight(solution, solution.plan.poses[1:2])
+        arm, plan, first = solution.arm, solution.plan, solution.joints[0] if outside is None else outside
+        await self._joint_path(arm, first, None, plan.label, iterations=min(FEW, iterations))
+        for pose in plan.poses[1 if outside is None else 0 : 2]:
+            await self.straight(arm, pose, plan.touches, plan.label)
 
     def _outside(self, solution: HandSolution) -> Array | None:
         """Find joint positions (d,) in front of a compartment from which the object can be moved straight in.

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from itertools import islice, product
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from functools import partial
+from itertools import chain, islice, product, repeat
 
 import numpy as np
 
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
-from executive.modules.platform import ITERATIONS, PlatformModule
-from executive.modules.tries import Tries
+from executive.modules.arm.hand_work import HandWork
+from executive.modules.platform import ITERATIONS
+from executive.modules.runner import Skill, first_failure, nothing
 from executive.modules.ways_out import way_out_of_arm
-from executive.motion import GoalInCollision, MotionError, NoPath, StartInCollision
+from executive.motion import MotionError, NoPath, StartInCollision
 from executive.robots.arms import ArmModel
 from planlang.designators import (
     Action,
@@ -21,7 +22,6 @@ from planlang.designators import (
     Location,
     Object,
     Person,
-    Relation,
     a_location,
     action,
 )
@@ -33,18 +33,15 @@ from planlang.failures import (
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
-    NavigationFailure,
     PerceptionFailure,
+    PlanFailure,
 )
 from planlang.geometry import Array
 from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.protocols import Trajectory
-from planlang.relations import Sense
-
-REPLANS = 3
-"""Attempts to plan around unexpected obstacles before the failure is left to the plan."""
+from planlang.relations.reaching import InCenterOf
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, tried in turn, when an arm has no path [m]."""
@@ -58,7 +55,7 @@ FURTHER = ITERATIONS // (MOST_SOLUTIONS - 1)
 """Iterations for each hand pose after one without a path: together no more than for that one."""
 
 
-class HandReaching(PlatformModule):
+class HandReaching(HandWork):
     """Moves a hand to a location, after a look at objects not seen since the base last moved."""
 
     failures = (ManipulationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
@@ -87,15 +84,15 @@ class HandReaching(PlatformModule):
             return
         if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
             await self._look_first(location)
-        tries = Tries(ManipulationPoseUnreachable, LocationUnresolvable)
-        for arm in arms:
-            with tries:
-                return await self._reach_where_felt(arm, location)
-        if isinstance(problem := tries.problem, LocationUnresolvable):
-            blocking = next(iter(problem.blocking), None)
-            kind = ManipulationGoalInCollision if blocking else ManipulationPoseUnreachable
-            raise kind(arm=arms[0].name, what=str(location), blocked_by=blocking) from problem
-        raise problem or ManipulationPoseUnreachable(arm=arms[0].name, what=str(location))
+        bodies = self.platform.scene.bodies
+        names = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        await Skill(
+            lambda: arms,
+            partial(self._reach, location=location),
+            believed=lambda: [bodies.pose(name) for name in names],  # a touch may show that a thing stands elsewhere
+            failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, LocationUnresolvable),
+            otherwise=partial(_out_of_reach, arms[0], location),
+        ).run()
 
     def _target(self, action: Action) -> Location | None:
         """Convert ``to_location`` to a hand location: for an object its grasp, for a person a pose in their reach."""
@@ -128,15 +125,12 @@ class HandReaching(PlatformModule):
         """Check whether the target is a pose relative to a person."""
         location, scene = self._target(action), self.platform.scene
         return location is not None and any(
-            isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
-            for relation in location.relations
+            scene.bodies.is_person(scene.bodies.bind(one)) for one in location.objects()
         )
 
     async def _look_first(self, location: Location) -> None:
-        for relation in location.relations:
-            match relation:
-                case Relation(_, Object() as what) if self.platform.sensing.must_look(what):
-                    await perform(action("LookingForSomething", object_acted_on=what))
+        for what in filter(self.platform.sensing.must_look, location.objects()):
+            await perform(action("LookingForSomething", object_acted_on=what))
 
     async def _to_posture(self, arm: ArmModel, name: str) -> None:
         """Move an arm to a named posture; without a path, pull the hand out first, then back off with the base."""
@@ -147,65 +141,53 @@ class HandReaching(PlatformModule):
         postures = self.platform.arms.postures(arm, name)
         if not postures:
             raise ManipulationPoseUnreachable("the held object cannot be kept upright there", arm=arm.name, what=name)
-        for least in (0.0, *BACKING):
-            try:
-                await self._joint_path(arm, postures[0], touches, name, postures[1:], FEW)
-                return
-            except (ManipulationPoseUnreachable, ManipulationGoalInCollision) as failure:
-                goal_free = isinstance(failure, ManipulationGoalInCollision) or isinstance(failure.__cause__, NoPath)
-                if not goal_free and not isinstance(failure.__cause__, GoalInCollision):
-                    raise
-                if not least and goal_free and await self._draw_out(arm, name):
-                    continue
-                if not await self._back_off(arm, postures, least or BACKING[0]):
-                    raise
-        await self._joint_path(arm, postures[0], touches, name, postures[1:])
+        path = partial(self._joint_path, arm, postures[0], touches, name, postures[1:])
+        back_off = [partial(self._back_off, arm, name, postures, least) for least in BACKING]
 
-    async def _draw_out(self, arm: ArmModel, label: str) -> bool:
-        """Pull the hand straight back or up out of its surroundings; return False if neither is possible."""
+        def ways() -> Iterator[Callable[[], Awaitable[None]]]:
+            yield nothing
+            contacts, base = self.platform.scene.collisions.contacts, self.platform.base()
+            if not all(contacts(base, arm, posture, touches) for posture in postures):
+                yield partial(self._draw_out, arm, name)  # it is the hand that is stuck, and not the goal
+            yield from back_off
+
+        await Skill(
+            ways,
+            lambda way: path(ITERATIONS if way is back_off[-1] else FEW),
+            approach=lambda way: way(),
+        ).run()
+
+    async def _draw_out(self, arm: ArmModel, label: str) -> None:
+        """Pull the hand straight back or up out of its surroundings. Raises a ManipulationFailure if it cannot."""
         offsets = (
             far * direction for direction, far in product((self.back_of(arm), np.array([0.0, 0.0, 1.0])), DRAWN_OUT)
         )
         path = self.platform.arms.drawn(arm, offsets, None)
-        if path is not None:
-            await self.follow_to_end(arm.name, path, label)
-        return path is not None
+        if path is None:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=label)
+        await self.follow_to_end(arm.name, path, label)
 
-    async def _back_off(self, arm: ArmModel, postures: Sequence[Array], least: float) -> bool:
-        """Back off with the base by at least ``least`` [m], to room for the arm; return False if there is none."""
-        rooms = (self.platform.drive.room_for([(arm, q)], least) for q in postures)
-        room = next((room for room in rooms if room is not None), None)
-        if room is None:
-            return False
-        with suppress(NavigationFailure):
-            await self.drive(room)
-            return True
-        return False
-
-    async def _reach_where_felt(self, arm: ArmModel, location: Location) -> None:
-        """Reach; plan again if a touch has changed the believed pose of an object that the location refers to."""
-        bodies = self.platform.scene.bodies
-        names = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
-        for number in range(1, REPLANS + 1):
-            believed = [bodies.pose(name) for name in names]
-            try:
-                return await self._reach(arm, location)
-            except ManipulationGoalInCollision:
-                if number == REPLANS or believed == [bodies.pose(name) for name in names]:
-                    raise
+    async def _back_off(self, arm: ArmModel, label: str, postures: Sequence[Array], least: float) -> None:
+        """Back off by at least ``least`` [m], to room for one of the postures. Raises a failure if there is none."""
+        for posture in postures:
+            if await self.back_off([(arm, posture)], least):
+                return
+        raise ManipulationPoseUnreachable(arm=arm.name, what=label)
 
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
-        tries, iterations = Tries(ManipulationPoseUnreachable), ITERATIONS
-        for solution in islice(self._solutions(arm, location), MOST_SOLUTIONS):
-            with tries:
-                await self._go(solution, location, iterations)
-                self.platform.arms.use(arm, solution)
-                return
-            if isinstance(getattr(tries.last, "__cause__", None), NoPath):
-                iterations = FURTHER
-            await checkpoint()
-        raise tries.problem or ManipulationPoseUnreachable(arm=arm.name, what=str(location))
+
+        async def reach(one: tuple[HandSolution, int]) -> None:
+            await self._go(one[0], location, one[1])
+            self.platform.arms.use(arm, one[0])
+
+        iterations = chain((ITERATIONS,), repeat(FURTHER))
+        await Skill(
+            lambda: zip(islice(self._solutions(arm, location), MOST_SOLUTIONS), iterations, strict=False),
+            reach,
+            between=checkpoint,
+            failures=(ManipulationPoseUnreachable,),
+        ).run()
 
     def _solutions(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
         """Yield the solution that the arm has begun, to continue it, then all others."""
@@ -215,16 +197,17 @@ class HandReaching(PlatformModule):
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
-        grasps = asks_for(location, "hand", Sense.GRASP_POINT)
+        grasps = asks_for(location, InCenterOf)
         arm, first, label = solution.arm, solution.joints[0], solution.plan.label
         await self.platform.hands.shape(arm, solution.plan.fingers)
         match solution.reach.kind:
             case ReachKind.RETREAT:
-                await self._straight(solution, solution.plan.poses[-len(solution.joints) :])
+                for pose in solution.plan.poses[-len(solution.joints) :]:
+                    await self.straight(arm, pose, solution.plan.touches, label)
             case ReachKind.GRASP if grasps:
                 if not self.platform.arms.is_at(arm, first):
                     await self._joint_path(arm, first, None, label, iterations=iterations)
-                await self._straight(solution, solution.plan.poses[1:2])
+                await self.straight(arm, solution.plan.poses[1], solution.plan.touches, label)
             case _:
                 await self._joint_path(arm, first, None, label, iterations=iterations)
 
@@ -263,15 +246,14 @@ class HandReaching(PlatformModule):
                 await checkpoint()
         raise AssertionError("there is at least one round")
 
-    async def _straight(self, solution: HandSolution, poses: Array) -> None:
-        """Move the tip along straight lines through map poses (n, 4, 4)."""
-        arm, plan = solution.arm, solution.plan
-        for pose in poses:
-            try:
-                trajectory = self.platform.arms.straight_path(arm, pose, plan.touches)
-            except MotionError as problem:
-                raise ManipulationPoseUnreachable(arm=arm.name, what=plan.label) from problem
-            await self.follow_to_end(arm.name, trajectory, plan.label)
+
+async def _out_of_reach(arm: ArmModel, location: Location, problem: PlanFailure | None, tried: int) -> PlanFailure:
+    """Make the failure of a hand that none of the arms got to a location: what is in the way, if that is known."""
+    if not isinstance(problem, LocationUnresolvable):
+        return await first_failure(problem, tried)
+    blocking = next(iter(problem.blocking), None)
+    kind = ManipulationPoseUnreachable if blocking is None else ManipulationGoalInCollision
+    return kind(arm=arm.name, what=str(location), blocked_by=blocking)
 
 
 @process_module

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import islice
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.tries import Tries
+from executive.modules.runner import Skill
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object, a_location, a_posture, action, resting_on
@@ -24,6 +25,7 @@ from planlang.failures import (
     ManipulationGoalNotReached,
     NavigationFailure,
     PerceptionFailure,
+    PlanFailure,
 )
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
@@ -33,6 +35,8 @@ SUPPORTS = 4
 """Pieces of furniture to try, nearest first."""
 PLACES = 2
 """Base poses to try at each."""
+TRIED = SUPPORTS * PLACES
+"""Base poses to try in all."""
 AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), retries=3)
 """Retry of motions that may succeed if repeated."""
 
@@ -62,18 +66,18 @@ class SettingAside(HandWork):
         holding = [arm for arm in self.platform.scene.arms.all if self._holds(arm, name)]
         if not isinstance(what, Object) or len(holding) != 1:
             raise ActionUnresolvable("name an object held in one hand as object_acted_on", designator=str(action))
-        tries = Tries()
-        for support, base in self._places():
-            with tries:
-                await self._lower(what, support, base)
-            if tries.last is not None:
-                continue
-            grip = self.platform.belief.held[str(name)]
-            await self._leave(what)
-            if action.get("by_another_grip"):
-                self.platform.belief.refuse(str(name), grip)
-            return support.name
-        raise tries.problem or LocationUnresolvable("no furniture nearby has room for it", designator=str(action))
+
+        async def no_place(problem: PlanFailure | None, tried: int) -> PlanFailure:
+            return problem or LocationUnresolvable("no furniture nearby has room for it", designator=str(action))
+
+        support = await Skill(
+            self._places, partial(self._lower, what), lambda place: self.drive(place[1]), most=TRIED, otherwise=no_place
+        ).run()
+        grip = self.platform.belief.held[str(name)]
+        await self._leave(what)
+        if action.get("by_another_grip"):
+            self.platform.belief.refuse(str(name), grip)
+        return support.name
 
     def _holds(self, arm: ArmModel, name: str | None) -> bool:
         held = self.platform.scene.arms.held(arm.name)
@@ -97,10 +101,10 @@ class SettingAside(HandWork):
         is_other = bodies.is_graspable(name) or bodies.is_person(name) or bodies.is_room(name)
         return not is_other and bodies.rests_at(name) is not None
 
-    async def _lower(self, what: Object, support: Object, base: BasePose) -> None:
-        await self.drive(base)
-        lowering = action("LoweringAnObject", object_acted_on=what, to_location=support)
-        await perform(lowering, recoveries=[AGAIN])
+    async def _lower(self, what: Object, place: tuple[Object, BasePose]) -> Object:
+        """Put an object down on furniture, and return that."""
+        await perform(action("LoweringAnObject", object_acted_on=what, to_location=place[0]), recoveries=[AGAIN])
+        return place[0]
 
     async def _leave(self, what: Object) -> None:
         """Release the object and move the hand away as far as there is room."""

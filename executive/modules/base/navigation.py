@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.modules.base.giving_way import Lookout
 from executive.modules.platform import PlatformModule
+from executive.modules.runner import Skill
 from executive.modules.ways_out import way_out_of_base
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, FixedPose, Location, Object, Posture, a_location
@@ -25,8 +28,12 @@ from planlang.language.process_module import process_module
 from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
-"""Attempts to plan around unexpected obstacles before the failure is left to the plan."""
+"""Paths around unexpected obstacles to try before the failure is left to the plan."""
 
+MOST_WAITS = 10
+"""Times that another robot in the way is waited for on one path."""
+FAR, ASKEW = 0.5, 0.5
+"""Where other robots drive, the base turns to a goal farther away [m] that is in another direction [rad] first."""
 AT_GOAL = 0.15
 """Radius around the goal in which floor counts for finding the body that closes the way [m]."""
 
@@ -40,8 +47,8 @@ class Navigation(PlatformModule):
     failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base."""
-        return ("base",)
+        """Return the base, and the head where other robots drive."""
+        return ("base", "head") if Lookout(self.platform).others else ("base",)
 
     async def execute(self, action: Action) -> None:
         """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
@@ -56,22 +63,62 @@ class Navigation(PlatformModule):
                     raise
 
     async def _drive(self, goal: BasePose) -> None:
-        blocked_by: str | None = None
-        for _ in range(REPLANS):
-            if _close(goal, self.platform.base()):
-                return
-            path, arrives = self._path_or_escape(goal)
+        """Drive to a pose: after a touch, which changes what is believed, by another path."""
+        await Skill(
+            lambda: (goal,),
+            self._go,
+            believed=lambda: self.platform.belief.revision,
+            failures=(NavigationGoalNotReached,),
+            most=REPLANS,
+        ).run()
+
+    async def _go(self, goal: BasePose) -> None:
+        """Drive to a pose; where other robots drive, wait for those that are in the way."""
+        if _close(goal, self.platform.base()):
+            return
+        lookout = Lookout(self.platform)
+        if not lookout.others:
+            return await self._once(goal)
+        await lookout.look()
+        await self._face(goal, lookout)
+        for _ in range(MOST_WAITS):
             try:
-                motion = await self.platform.follow("base", path)
-            finally:
-                self.platform.drive.moved()
-            if motion.state is MotionState.DONE and arrives:
-                return
-            if motion.state is MotionState.DONE:
-                continue
-            blocked_by = motion.blocked_by
+                return await self._once(goal, lookout)
+            except NavigationFailure as failure:
+                if failure.blocked_by not in lookout.others:
+                    raise
+            await lookout.wait()
+        await self._once(goal, lookout)
+
+    async def _once(self, goal: BasePose, lookout: Lookout | None = None) -> None:
+        """Follow a path to a pose, out of a collision first if the robot is in one."""
+        try:
+            path = self._path(goal)
+        except NavigationGoalNotReached as stuck:
+            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
+                raise
+            await self._follow(out, goal, lookout)
+            path = self._path(goal)
+        await self._follow(path, goal, lookout)
+
+    async def _face(self, goal: BasePose, lookout: Lookout) -> None:
+        """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
+        x, y, yaw = self.platform.base()
+        heading = math.atan2(goal[1] - y, goal[0] - x)
+        if math.dist(goal[:2], (x, y)) > FAR and abs(math.remainder(heading - yaw, 2 * math.pi)) > ASKEW:
+            with suppress(MotionError, NavigationGoalNotReached):
+                await self._follow(self.platform.drive.path((x, y, heading)), goal, lookout)
+
+    async def _follow(self, path: Trajectory, goal: BasePose, lookout: Lookout | None) -> None:
+        try:
+            motion = await self.platform.follow("base", path, closes=None if lookout is None else lookout.closes)
+        finally:
+            self.platform.drive.moved()
+        if motion.state is MotionState.MOVING and lookout is not None:
+            raise NavigationGoalNotReached(target=goal, blocked_by=lookout.closed_by)
+        if motion.state is not MotionState.DONE:
             await self.platform.sensing.bump(motion)
-        raise NavigationGoalNotReached(target=goal, blocked_by=blocked_by)
+            raise NavigationGoalNotReached(target=goal, blocked_by=motion.blocked_by)
 
     def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
@@ -86,18 +133,9 @@ class Navigation(PlatformModule):
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
 
-    def _path_or_escape(self, goal: BasePose) -> tuple[Trajectory, bool]:
-        """Plan a path to a pose, or an escape if the robot is in collision; and whether the path reaches the pose."""
-        try:
-            return self._path(goal), True
-        except NavigationGoalNotReached as stuck:
-            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
-                raise
-            return out, False
-
     def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
-            what = "the base is fixed: start it where all is within its reach (--start X,Y,YAW)"
+            what = "the base is fixed: start it where all is within its reach"
             raise NavigationPoseUnreachable(what, target=goal)
         try:
             return self.platform.drive.path(goal)

@@ -23,8 +23,5 @@ class SteppingBack(HandWork):
 
     async def execute(self, action: Action) -> None:
         """Back off with the base. Raises a NavigationFailure if something stops it."""
-        room = self.platform.drive.room_for(self.platform.arms.untucked(), least=BACK)
-        if room is None:
+        if not await self.back_off(self.platform.arms.untucked(), BACK):
             await checkpoint()
-        else:
-            await self.drive(room)

@@ -6,17 +6,19 @@ one base pose is not enough, the motion is continued from another.
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
 from contextlib import suppress
+from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from executive.locations.taking_out import way_out
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.furniture import leaf_failures, leaf_paths
+from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
 from executive.modules.furniture.witnessing import is_witnessed
-from executive.modules.tries import Tries
+from executive.modules.platform import Platform
+from executive.modules.runner import Skill, nothing
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object
@@ -32,24 +34,20 @@ from planlang.failures import (
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
     NavigationFailure,
+    PlanFailure,
     StateUnknown,
 )
-from planlang.geometry import Array, Pose
+from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
 from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
 from sim.joints import Articulation, JointKind
 
-if TYPE_CHECKING:
-    from executive.modules.furniture.leaf_paths import LeafPath
-
-PLACES = 6
-"""Most base poses from which to move one leaf, one after another."""
+WAYS = 10
+"""Most paths to try for one leaf, whether they fail or move it a little."""
 ELSEWHERE = (ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed, NavigationFailure)
 """Failures after which another path is tried."""
-WAYS = 4
-"""Most paths to try; more differ little."""
 STRAY = 0.01
 """Largest distance of the hand from the handle's path [m]."""
 SHORTER = (0, 1, 2, 4)
@@ -72,151 +70,154 @@ def ways_tried(count: int) -> str:
 
 
 class LeafWork(HandWork):
-    """Moves doors, drawers, lids and knobs by their handles."""
+    """Moves one door, drawer, lid or knob by its handle."""
 
-    async def moved(self, joint: Articulation, opens: bool) -> str:
-        """Open or close a leaf; return its name. Raises ContainerStuck, HandleNotReachable or StateUnknown."""
+    def __init__(self, platform: Platform, joint: Articulation) -> None:
+        super().__init__(platform)
+        self._joint, self._paths = joint, LeafPaths(platform.scene, joint)
+
+    async def moved(self, *, opens: bool) -> None:
+        """Open or close the leaf. Raises ContainerStuck, HandleNotReachable or StateUnknown."""
+        joint = self._joint
         await is_witnessed(self, joint.leaf, drives=False)
-        for _ in range(PLACES):
-            if await self._is_surely_done(joint, opens):
-                if opens and self._covers_something(joint):
-                    await self._farther(joint)
-                return joint.leaf
-            goal, sufficient = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
-            await self._from_one_place(joint, goal, sufficient)
-        if await self._is_surely_done(joint, opens):
-            return joint.leaf
-        at = f"{joint.leaf} is only at {self._value(joint):.2f} after motions from {PLACES} base poses"
-        raise ContainerStuck(at, what=joint.leaf)
+        goal, sufficient = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
+        await self._motion(goal, sufficient).until(partial(self._is_surely_done, opens=opens))
+        if opens and self._covers_something():
+            with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
+                await self._motion(joint.upper, joint.upper).run()
 
-    def _value(self, joint: Articulation) -> float:
-        return self.platform.belief.joint(joint.leaf)
+    def _value(self) -> float:
+        return self.platform.belief.joint(self._joint.leaf)
 
-    async def _is_surely_done(self, joint: Articulation, opens: bool) -> bool:
-        """Check whether a leaf is as open or closed as asked for; if only the map says so, look at it or feel it."""
-        if self._is_done(joint, opens) and not await is_witnessed(self, joint.leaf):
-            await self._feel(joint)
-        return self._is_done(joint, opens)
+    async def _is_surely_done(self, *, opens: bool) -> bool:
+        """Check whether the leaf is as open or closed as asked for; if only the map says so, look at it or feel it."""
+        is_done = self._joint.is_open if opens else self._joint.is_shut
+        if is_done(self._value()) and not await is_witnessed(self, self._joint.leaf):
+            await self._feel()
+        return is_done(self._value())
 
-    def _is_done(self, joint: Articulation, opens: bool) -> bool:
-        value = self._value(joint)
-        return joint.is_open(value) if opens else joint.is_shut(value)
-
-    async def _feel(self, joint: Articulation) -> None:
+    async def _feel(self) -> None:
         """Close a hand on the handle of a leaf that cannot be seen, and believe what it feels. Raises StateUnknown."""
-        value, unknown = self._value(joint), f"it is not known how far {joint.leaf} is open: it was not seen"
+        joint, value = self._joint, self._value()
+        unknown = f"it is not known how far {joint.leaf} is open: it was not seen"
         if joint.handle is None or joint.is_knob:
             raise StateUnknown(f"{unknown}, and has no handle to feel", what=joint.leaf)
         aside = joint.upper * (FELT_BY if value < joint.upper / 2 else -FELT_BY)
         try:
-            await self._from_one_place(joint, value + aside, value + aside, leads=False)
+            await self._motion(value + aside, value + aside, leads=False).run()
         except (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure) as failure:
             raise StateUnknown(f"{unknown}, and no hand felt its handle", what=joint.leaf) from failure
 
-    def _covers_something(self, joint: Articulation) -> bool:
+    def _covers_something(self) -> bool:
         """Check whether a drawer opens farther, and something in it cannot be lifted straight out as it is."""
-        scene = self.platform.scene
-        if joint.kind is not JointKind.PRISMATIC or self._value(joint) > AT_ITS_END * joint.upper:
+        scene, joint = self.platform.scene, self._joint
+        if joint.kind is not JointKind.PRISMATIC or self._value() > AT_ITS_END * joint.upper:
             return False
         things = [name for name in scene.bodies.names() if scene.bodies.is_graspable(name)]
         inside = (name for name in things if scene.bodies.drawer_of(name) == joint)
         ways = (way_out(name, scene) for name in inside)
         return any(way is None or len(way) > 1 for way in ways)
 
-    async def _farther(self, joint: Articulation) -> None:
-        """Open a drawer farther from another base pose, if possible, to uncover what lies at its back."""
-        with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
-            await self._from_one_place(joint, joint.upper, joint.upper)
+    def _motion(self, goal: float, sufficient: float, *, leads: bool = True) -> Skill[LeafPath, None]:
+        """State the parts of motions to a value of the joint, at least to ``sufficient``.
 
-    async def _from_one_place(self, joint: Articulation, goal: float, sufficient: float, *, leads: bool = True) -> None:
-        """Move the leaf as far as one base pose allows. Raises HandleNotReachable if no path can be executed.
-
-        ``sufficient``: value that the leaf should reach at least. Without ``leads``, only feel where its handle is.
+        Without ``leads``, it is only felt where the handle is.
         """
-        if joint.handle is None:
-            no_handle = f"{joint.leaf} has no handle; state one in the map as a part of it (properPhysicalParts)"
-            raise HandleNotReachable(f"{HandleNotReachable.text}: {no_handle} of the class Handle", what=joint.leaf)
-        arms = self.hands_for(joint.handle, joint.leaf)
-        await self.tuck(self.platform.arms.untucked())
-        tries, tried = Tries(*ELSEWHERE), 0
-        paths = leaf_paths.LeafPaths(self.platform.scene, joint)
-        for path in paths.towards(goal, arms, sufficient):
-            if path is None:
-                await checkpoint()
-                continue
-            with tries:
-                return await self._along(path, joint, leads=leads)
-            await self.tuck(self.platform.arms.untucked())
-            if (tried := tried + 1) == WAYS:
-                break
-        message = f"the handle of {joint.leaf} is out of reach: {ways_tried(tried)}"
-        cause = tries.problem or leaf_failures.leaf_failure(paths, joint, self.platform.scene)
-        raise HandleNotReachable(message, what=joint.leaf) from cause
+        joint, start = self._joint, self._value()
 
-    async def _along(self, path: LeafPath, joint: Articulation, *, leads: bool) -> None:
-        """Drive to the path's base pose, grasp the handle, move the leaf, release the handle, and look at the leaf."""
-        platform, arm, before = self.platform, path.arm, self._value(joint)
+        async def paths() -> AsyncIterator[LeafPath | None]:
+            if joint.handle is None:
+                missing = f"{joint.leaf} has no handle; state one in the map as a part of it (properPhysicalParts)"
+                raise HandleNotReachable(f"{HandleNotReachable.text}: {missing} of the class Handle", what=joint.leaf)
+            arms = self.hands_for(joint.handle, joint.leaf)
+            await self.tuck()
+            self._paths = LeafPaths(self.platform.scene, joint)
+            for path in self._paths.towards(goal, arms, sufficient):
+                yield path
+                if path is None:
+                    await checkpoint()
+
+        async def otherwise(problem: PlanFailure | None, count: int) -> PlanFailure:
+            if count == WAYS and abs(self._value() - start) > NO_FURTHER * joint.upper:
+                at = f"{joint.leaf} is only at {self._value():.2f} after {count} motions"
+                return ContainerStuck(at, what=joint.leaf)
+            message = f"the handle of {joint.leaf} is out of reach: {ways_tried(count)}"
+            failure = HandleNotReachable(message, what=joint.leaf)
+            failure.__cause__ = problem or self._paths.failure()
+            return failure
+
+        return Skill(
+            paths,
+            partial(self._contact, leads=leads),
+            approach=self._approach,
+            retreat=self._leave,
+            verify=self._verify if leads else nothing,
+            between=self.tuck,
+            believed=self._value,
+            failures=ELSEWHERE,
+            most=WAYS,
+            otherwise=otherwise,
+        )
+
+    async def _approach(self, path: LeafPath) -> None:
+        """Drive to the path's base pose, look at the leaf, and bring the open hand to the handle."""
+        arm, what = path.arm, self._joint.handle
         await self.drive(path.base)
-        await is_witnessed(self, joint.leaf, drives=False)
-        if abs(self._value(joint) - path.values[0]) > 1e-9:
-            return  # the leaf is not where it was believed to be: the caller searches for a new path
-        platform.arms.choices.choose(arm.name)
-        await platform.hands.move(arm, closed=False, fingers=path.fingers)
-        await self.follow_to_end(arm.name, self.planned(arm, path.before, None), joint.handle)
-        await self.straight(arm, path.poses[1], joint.handle)
-        problem: ManipulationFailure | ContainerStuck | None = None
-        is_as_believed = False
-        try:
-            await platform.hands.move(arm, closed=True)
-            if not platform.hands.is_on(arm, joint.handle or joint.leaf):
-                raise GraspMissed(arm=arm.name, what=joint.handle)
-            is_as_believed = self._feels_as_believed(arm, joint)
-            if leads and is_as_believed:
-                await self._lead(path, joint)
-        except (ManipulationFailure, ContainerStuck) as failure:
-            problem = failure
-        await platform.hands.move(arm, closed=False, fingers=path.fingers)
-        await self.back(arm, path.poses, joint.handle)
-        if leads and await self._is_elsewhere(joint, problem, before):
-            return
-        if problem is not None:
-            raise problem
-        if leads and is_as_believed and abs(self._value(joint) - before) < NO_FURTHER * joint.upper:
-            raise ContainerStuck(what=joint.leaf)
+        await is_witnessed(self, self._joint.leaf, drives=False)
+        if abs(self._value() - path.values[0]) > 1e-9:  # the path begins where the leaf is not
+            raise ManipulationPoseUnreachable(arm=arm.name, what=what)
+        self.platform.arms.choices.choose(arm.name)
+        await self.platform.hands.move(arm, closed=False, fingers=path.fingers)
+        await self.follow_to_end(arm.name, self.planned(arm, path.before, None), what)
+        await self.straight(arm, path.poses[1], what)
 
-    async def _is_elsewhere(self, joint: Articulation, problem: Exception | None, before: float) -> bool:
-        """Look at a leaf after a motion; return whether a grasp missed it because it is not where it was believed."""
+    async def _contact(self, path: LeafPath, *, leads: bool) -> None:
+        """Close the hand on the handle and move the leaf, if it is where it was believed to be."""
+        arm, joint, hands = path.arm, self._joint, self.platform.hands
+        await hands.move(arm, closed=True)
+        if not hands.is_on(arm, joint.handle or joint.leaf):
+            raise GraspMissed(arm=arm.name, what=joint.handle)
+        is_as_believed = self._feels_as_believed(arm)
+        if leads and not is_as_believed:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle)
+        if leads:
+            await self._lead(path)
+
+    async def _leave(self, path: LeafPath) -> None:
+        """Release the handle, retreat, back off, and tuck the arm."""
+        await self.platform.hands.move(path.arm, closed=False, fingers=path.fingers)
+        await self.back(path.arm, path.poses, self._joint.handle)
+
+    async def _verify(self, path: LeafPath, problem: PlanFailure | None) -> None:
+        """Look at the leaf after a motion, or a grasp that missed it. Raises ContainerStuck if it has not moved."""
+        leaf, belief = self._joint.leaf, self.platform.belief
         if isinstance(problem, GraspMissed):
-            return await is_witnessed(self, joint.leaf) and self._value(joint) != before
-        belief = self.platform.belief
-        belief.doubted(joint.leaf)
-        if not await is_witnessed(self, joint.leaf, drives=False) and not isinstance(problem, GraspSlipped):
-            belief.touched(joint.leaf, self._value(joint))  # what the hand felt
-        return False
+            await is_witnessed(self, leaf)
+            return
+        belief.doubted(leaf)
+        if not await is_witnessed(self, leaf, drives=False) and not isinstance(problem, GraspSlipped):
+            belief.touched(leaf, self._value())  # what the hand felt
+        if problem is None and abs(self._value() - path.values[0]) < NO_FURTHER * self._joint.upper:
+            raise ContainerStuck(what=leaf)
 
-    def _feels_as_believed(self, arm: ArmModel, joint: Articulation) -> bool:
+    def _feels_as_believed(self, arm: ArmModel) -> bool:
         """Believe of a leaf that was not seen what fingers feel at its handle; return whether it was believed there."""
-        platform, value = self.platform, self._value(joint)
+        platform, joint, value = self.platform, self._joint, self._value()
         point = platform.between_fingers(arm.name)
         if point is None or joint.handle is None or joint.is_knob or platform.belief.witnessed(joint.leaf):
             return True
         closed = np.array(platform.scene.world.scene.body(joint.handle).pose.position)
         there = joint.value_at(closed, point)
-        is_as_believed = abs(there - value) * self._lever(joint, closed) <= FELT
-        platform.belief.touched(joint.leaf, value if is_as_believed else there)
-        return is_as_believed
+        turns = joint.kind is not JointKind.PRISMATIC  # the handle moves by the lever per radian, or by the slide
+        lever = float(np.linalg.norm(np.cross(joint.axis, closed - joint.point))) if turns else 1.0
+        platform.belief.touched(joint.leaf, there)
+        return abs(there - value) * lever <= FELT
 
-    def _lever(self, joint: Articulation, closed: Array) -> float:
-        """Compute how far a handle at a point (3,) moves per unit of its joint [m/rad, m/m]."""
-        if joint.kind is JointKind.PRISMATIC:
-            return 1.0
-        return float(np.linalg.norm(np.cross(joint.axis, closed - joint.point)))
-
-    async def _lead(self, path: LeafPath, joint: Articulation) -> None:
+    async def _lead(self, path: LeafPath) -> None:
         """Move the hand with the leaf. Raises GraspSlipped, or ContainerStuck if something stops them."""
-        platform, arm = self.platform, path.arm
+        platform, arm, joint = self.platform, path.arm, self._joint
         platform.hands.lead(arm, joint.leaf)
-        motion = await platform.follow(arm.name, self._timed(path, joint))
+        motion = await platform.follow(arm.name, self._timed(path))
         if joint.leaf not in platform.belief.led:  # the fingers no longer feel the handle
             raise GraspSlipped(arm=arm.name, what=joint.handle)
         if motion.state is not MotionState.DONE:
@@ -224,7 +225,7 @@ class LeafWork(HandWork):
             by = "" if motion.blocked_by is None else f" by {motion.blocked_by}"
             raise ContainerStuck(f"{joint.leaf} is stopped{by}", what=joint.leaf)
 
-    def _timed(self, path: LeafPath, joint: Articulation) -> Trajectory:
+    def _timed(self, path: LeafPath) -> Trajectory:
         """Time the arm's path so that the hand stays on the handle's path also between waypoints; shorten if needed.
 
         Raises ManipulationPoseUnreachable if no timing is free and within limits.
@@ -238,7 +239,7 @@ class LeafWork(HandWork):
             within = arm.solver.chain.within(trajectory.positions, 1e-6).all()
             if within and self._stray(path, trajectory) < STRAY and self._is_free(arm, trajectory):
                 return trajectory
-        raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle)
+        raise ManipulationPoseUnreachable(arm=arm.name, what=self._joint.handle)
 
     def _is_free(self, arm: ArmModel, trajectory: Trajectory) -> bool:
         """Check whether the arm and the leaf that moves with it are collision-free along a trajectory."""
@@ -258,7 +259,7 @@ class LeafWork(HandWork):
 
 
 @process_module
-class Containers(LeafWork):
+class Containers(HandWork):
     """Opens and closes doors, drawers and lids."""
 
     name = "container"
@@ -283,5 +284,5 @@ class Containers(LeafWork):
         if not leaves:
             raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
         for joint in leaves[: 1 if opens else len(leaves)]:
-            await self.moved(joint, opens)
+            await LeafWork(self.platform, joint).moved(opens=opens)
         return leaves[0].leaf

@@ -12,12 +12,13 @@ from functools import partial
 
 import numpy as np
 
+from executive.belief.planning_scene import PlanningScene
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.furniture.button_failures import button_failure
-from executive.modules.furniture.button_strokes import ButtonStrokes
+from executive.modules.furniture.buttons import ButtonStrokes, button_failure
 from executive.modules.furniture.containers import LeafWork, ways_tried
 from executive.modules.furniture.witnessing import is_witnessed
-from executive.modules.tries import Tries
+from executive.modules.runner import Skill
+from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -29,6 +30,7 @@ from planlang.failures import (
     ManipulationPoseUnreachable,
     NavigationFailure,
     ObjectUnresolvable,
+    PlanFailure,
     StateUnknown,
 )
 from planlang.geometry import Pose
@@ -63,23 +65,30 @@ class Devices(HandWork):
 
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""
-        control, belief = self._control(action), self.platform.belief
+        control = self._control(action)
         turns_on = "TurningOffPoweredDevice" not in self.platform.ancestors(action.type)
-        for _ in range(TIMES):
-            if await self._is_on(control) is turns_on:
-                return control.device
-            if control.turns:
-                joint = belief.joints[control.body]
-                is_turned = belief.joint(control.body) >= HALFWAY * joint.upper
-                await LeafWork(self.platform).moved(joint, opens=not is_turned)
-            else:
-                await self._push(control)
-            belief.doubted(control.device)
-        if await self._is_on(control) is turns_on:
-            return control.device
-        does = "its knob was turned" if control.turns else "its button was pushed"
-        message = f"{control.device} stays {'off' if turns_on else 'on'}, although {does} {TIMES} times"
-        raise DeviceUnresponsive(message, what=control.device)
+
+        async def is_done() -> bool:
+            return await self._is_on(control) is turns_on
+
+        async def unresponsive(problem: PlanFailure | None, tried: int) -> PlanFailure:
+            does = "its knob was turned" if control.turns else "its button was pushed"
+            message = f"{control.device} stays {'off' if turns_on else 'on'}, although {does} {tried} times"
+            return DeviceUnresponsive(message, what=control.device)
+
+        await Skill(lambda: (control,), self._switch, failures=(), most=TIMES, otherwise=unresponsive).until(is_done)
+        return control.device
+
+    async def _switch(self, control: Control) -> None:
+        """Turn the knob of a device, or push its button."""
+        belief = self.platform.belief
+        if control.turns:
+            joint = belief.joints[control.body]
+            is_turned = belief.joint(control.body) >= HALFWAY * joint.upper
+            await LeafWork(self.platform, joint).moved(opens=not is_turned)
+        else:
+            await self._push(control)
+        belief.doubted(control.device)
 
     async def _is_on(self, control: Control) -> bool:
         """Look whether a device is on. Raises StateUnknown if that cannot be seen."""
@@ -109,32 +118,35 @@ class Devices(HandWork):
 
     async def _push(self, button: Control) -> None:
         """Push a button with one hand after another, until a finger touches it. Raises HandleNotReachable."""
-        tries, tried = Tries(), 0
-        for arm in self.hands_for(button.body, button.body):
-            await self.tuck(self.platform.arms.untucked())
-            await self.platform.hands.move(arm, closed=True)
-            self.platform.arms.choices.choose(arm.name)
-            with tries:
-                motion = await ButtonStrokes(self, arm, button).pushed()
-                if motion.touch is not None and self._is_at(button, motion.touch):
-                    return
-                tried += 1
+
+        async def contact(arm: ArmModel) -> None:
+            motion = await ButtonStrokes(self.platform, arm, button).pushed()
+            if motion.touch is None or not self._is_at(button, motion.touch):
                 await self.platform.sensing.bump(motion)
                 raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
-        problem = tries.problem
-        message = f"the button of {button.device} is out of reach: {ways_tried(tried)}"
-        if not tried and isinstance(problem, ConstraintsUnsatisfied) and not self.platform.robot.base.fixed:
-            strokes = [ButtonStrokes(self, arm, button) for arm in self.free_hands()]
-            problem = await compute_in_thread(
-                partial(
-                    button_failure,
-                    button,
-                    self.free_hands(),
-                    self.platform,
-                    lambda scene: any(one.supposing(scene).reach() for one in strokes),
-                )
-            )
-        raise HandleNotReachable(message, what=button.body) from problem
+
+        await Skill(
+            lambda: self.hands_for(button.body, button.body),
+            contact,
+            self.close_hand,
+            otherwise=partial(self._out_of_reach, button),
+        ).run()
+
+    async def _out_of_reach(self, button: Control, problem: PlanFailure | None, tried: int) -> PlanFailure:
+        """Make the failure of a button that no hand has pushed, with a change of the map that would help."""
+        is_unsolved = isinstance(problem, ConstraintsUnsatisfied)
+        message = f"the button of {button.device} is out of reach: {ways_tried(0 if is_unsolved else tried)}"
+        failure = HandleNotReachable(message, what=button.body)
+        failure.__cause__ = problem
+        if is_unsolved and not self.platform.robot.base.fixed:
+            arms = self.free_hands()
+            strokes = [ButtonStrokes(self.platform, arm, button) for arm in arms]
+
+            def reaches(scene: PlanningScene) -> bool:
+                return any(one.supposing(scene).reach() for one in strokes)
+
+            failure.__cause__ = await compute_in_thread(partial(button_failure, button, arms, self.platform, reaches))
+        return failure
 
     def _is_at(self, button: Control, touch: Touch) -> bool:
         """Check by its position whether a touch is one of the button, rather than of a body before or behind it."""

@@ -9,19 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_poses import BasePoses
 from executive.locations.hand_solutions import base_matrices
-from executive.locations.rejections import COLLISION, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
+from executive.locations.standing import Standing
 from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
 from executive.motion import InverseKinematics, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
+from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.protocols import Configuration
@@ -30,10 +32,6 @@ from sim.joints import Articulation, JointKind
 
 STEPS = {JointKind.HINGED: 0.06, JointKind.PRISMATIC: 0.025}
 """Steps of the leaf's joint between two postures of the arm [rad, m]."""
-SPACING, COARSER, HEADINGS = 0.1, 2, 16
-"""Lattice of base poses around the handle: spacing [m], stride of the coarse poses that come first, headings."""
-NEAREST = 0.3
-"""Least distance of the base from the handle [m]."""
 BLOCK = 24
 """Base poses per batch."""
 MOST_BLOCKS = 16
@@ -54,6 +52,12 @@ LEAVING = (0.25, 0.5, 1.0)
 """Shares of the retreat from the handle at which to check the hand."""
 SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
+MOST_NAMED = 3
+"""Most obstacles to name in a failure."""
+MOST_TRIED = 4
+"""Most obstacles to remove hypothetically."""
+RISES = np.arange(0.05, 1.0, 0.05)
+"""Heights by which to raise or lower a handle hypothetically [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +82,8 @@ class LeafPaths:
     """Search for paths that move one leaf; ``rejected`` counts why base poses were rejected."""
 
     def __init__(self, scene: PlanningScene, joint: Articulation) -> None:
-        self._scene, self._joint, self.poses = scene, joint, BasePoses(scene)
+        self._scene, self._joint, self._standing = scene, joint, Standing(scene)
+        self.poses = self._standing.poses
         self.rejected, self._tried = self.poses.log, tuple[ArmModel, ...]()
         self._values, self._enough = np.zeros(0), 0
 
@@ -126,6 +131,54 @@ class LeafPaths:
                 if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
+
+    # Why there is none
+
+    def failure(self) -> LocationUnresolvable:
+        """Build the failure of a search that found nothing, with the likeliest reason and its figures."""
+        rejected, joint = self.rejected, self._joint
+        self.poses.name_crowding()
+        counts, handle = rejected.ordered(), str(joint.handle)
+        figures = ""
+        if set(counts) == {NO_GRIP}:
+            body = next(iter(rejected.ordered_blocking()))
+            figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with {body}"
+        elif counts.get(COLLISION):
+            bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
+            figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
+        elif counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
+            figures = self._without() or self._higher()
+        reason = next(iter(counts), "")
+        rejected.figures = {reason: figures} if figures else {}
+        return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
+
+    def _higher(self) -> str:
+        """Describe the height at which an arm would reach the handle from free base poses; "" if there is none."""
+        handle = str(self._joint.handle)
+        height = self._scene.bodies.pose(handle).position[2]
+        for rise in RISES.tolist():
+            for word, shift in (("low", rise), ("high", -rise)):
+                if self.reach(shift):
+                    return (
+                        f"{handle} is at {height:.2f} m, too {word} for a hand from where the base can be; "
+                        f"at {height + shift:.2f} m the arm would reach it"
+                    )
+        return ""
+
+    def _without(self) -> str:
+        """Describe the obstacle without which the base would have room to reach the handle; "" if there is none."""
+        scene, bodies = self._scene, self._scene.bodies
+        fixed = {name for one in scene.belief.joints.values() for name in (*one.bodies, one.holder)}
+        fixed.update(name for name in bodies.names() if bodies.is_room(name))
+        fixed.update(scene.belief.carried())
+        blocking = (name for name in self.rejected.ordered_blocking() if name not in fixed and name in bodies.names())
+        for name in islice(blocking, MOST_TRIED):
+            if self.reach(scene=scene.supposing(scene.belief.state.placed({name: None}))):
+                where = f"where a hand would reach {self._joint.handle}"
+                return f"{name} leaves the base no room {where}; without it one would"
+        return ""
+
+    # One arm
 
     def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
         """Yield the collision-free paths of one arm, best base poses first; None after each batch."""
@@ -177,7 +230,7 @@ class LeafPaths:
         first = self._joint.motion(float(values[0])).inverse().matrix()
         middle = grips.points.mean(axis=0)
         tips = np.stack([moved(product(self._joint.motion(v).matrix(), first), middle) for v in values.tolist()])
-        bases, coarse = self._lattice(arm, tips)
+        bases, coarse = self._standing.lattice(arm, tips)
         reached, strain = _within_reach(arm, bases, tips)
         kept = reached > 1
         self.rejected.add(OUT_OF_REACH.text, 0 if kept.any() else len(kept))
@@ -188,22 +241,6 @@ class LeafPaths:
         order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
-
-    def _lattice(self, arm: ArmModel, tips: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Sample base poses (m, 3) around the handle's path, the current one first; and mark the coarse ones (m,)."""
-        here = np.array([self._scene.base()])
-        if self._scene.robot.base.fixed:
-            return here, np.ones(1, bool)
-        middle = tips.mean(axis=0)
-        shoulder = float(np.hypot(*arm.shoulder_low[:2]))
-        count = math.ceil((arm.reach + shoulder + np.hypot(*(tips - middle)[:, :2].T).max()) / SPACING)
-        cells, turns = np.arange(-count, count + 1), np.arange(HEADINGS)
-        i, j, k = (grid.ravel() for grid in np.meshgrid(cells, cells, turns, indexing="ij"))
-        bases = np.column_stack([middle[0] + SPACING * i, middle[1] + SPACING * j, k * 2 * math.pi / HEADINGS])
-        coarse = (i % COARSER == 0) & (j % COARSER == 0) & (k % COARSER == 0)
-        apart = np.hypot(*(bases[:, :2] - tips[0, :2]).T) > NEAREST
-        bases[:, 2] = np.remainder(bases[:, 2] + math.pi, 2 * math.pi) - math.pi
-        return np.concatenate([here, bases[apart]]), np.concatenate([[True], coarse[apart]])
 
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""

@@ -11,20 +11,18 @@ import math
 import numpy as np
 
 from executive.belief.believed_bodies import MEANT
-from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_grips import hand_with, outwards_of
 from executive.modules.furniture.witnessing import is_witnessed
-from executive.modules.phases import Phase
+from executive.modules.platform import Platform
+from executive.modules.runner import Skill
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
-from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang.designators import Device
-from planlang.failures import ContainerStuck, HandleNotReachable, StateUnknown
+from planlang.failures import ContainerStuck, HandleNotReachable, PlanFailure, StateUnknown
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
-from planlang.protocols import Trajectory
 from sim.joints import Articulation, JointKind
 
 BEFORE = 0.1
@@ -33,8 +31,8 @@ STEP = 0.05
 """Spacing of waypoints [m]."""
 FARTHEST = 0.25
 """Longest stroke from one base pose [m]."""
-STROKES = 4
-"""Most strokes for one leaf."""
+STROKES = 6
+"""Most strokes for one leaf, with any hand."""
 BESIDE, EDGE = 0.07, 0.02
 """Distance from a handle to the point beside it to push at, and least distance of that point from the edge [m]."""
 MOVED = 0.01
@@ -54,9 +52,9 @@ LEANS = {JointKind.PRISMATIC: -0.7, JointKind.HINGED: -0.2}
 class LeafStrokes(StrokeWork):
     """Pushes one leaf shut."""
 
-    def __init__(self, work: HandWork, joint: Articulation) -> None:
-        super().__init__(work.platform)
-        self._work, self._joint = work, joint
+    def __init__(self, platform: Platform, joint: Articulation) -> None:
+        super().__init__(platform)
+        self._joint = joint
         self._is_beside = joint.handle is None
         """Whether to push the leaf itself instead of its handle."""
 
@@ -65,47 +63,43 @@ class LeafStrokes(StrokeWork):
 
         Raises ContainerStuck, HandleNotReachable if no hand reaches it, or StateUnknown if it cannot be seen or felt.
         """
-        joint, belief = self._joint, self.platform.belief
-        for _ in range(STROKES):
-            is_known = await is_witnessed(self._work, joint.leaf)
-            if joint.is_shut(belief.joint(joint.leaf)):
-                if not is_known:
-                    unknown = f"it is not known whether {joint.leaf} is shut: it was neither seen nor felt"
-                    raise StateUnknown(unknown, what=joint.leaf)
-                return
-            await self._once()
-        if not (joint.is_shut(belief.joint(joint.leaf)) and await is_witnessed(self._work, joint.leaf)):
-            at = f"{joint.leaf} is at {belief.joint(joint.leaf):.2f}"
-            raise ContainerStuck(f"{at}, still open after {STROKES} pushes", what=joint.leaf)
+        leaf = self._joint.leaf
+        await Skill(
+            lambda: self.hands_for(leaf, leaf), self._pushed, self.close_hand, most=STROKES, otherwise=self._still_open
+        ).until(self._is_shut)
 
-    async def _once(self) -> None:
-        """Push with the first hand that can. Raises HandleNotReachable if none can."""
-        tries = Tries()
-        for arm in self._work.hands_for(self._joint.leaf, self._joint.leaf):
-            await self._work.tuck(self.platform.arms.untucked())
-            await self.platform.hands.move(arm, closed=True)
-            self.platform.arms.choices.choose(arm.name)
-            with tries:
-                return await self._pushed(arm, self.platform.belief.joint(self._joint.leaf))
-        message = f"no hand can reach {self._joint.leaf} to push it shut"
-        raise HandleNotReachable(message, what=self._joint.leaf) from tries.problem
+    async def _is_shut(self) -> bool:
+        """Check whether the leaf is shut, after a look at it. Raises StateUnknown if only the map says that it is."""
+        leaf, is_known = self._joint.leaf, await is_witnessed(self, self._joint.leaf)
+        is_shut = self._joint.is_shut(self._value())
+        if is_shut and not is_known:
+            raise StateUnknown(f"it is not known whether {leaf} is shut: it was neither seen nor felt", what=leaf)
+        return is_shut
 
-    async def _pushed(self, arm: ArmModel, value: float) -> None:
+    async def _still_open(self, problem: PlanFailure | None, tried: int) -> PlanFailure:
+        leaf = self._joint.leaf
+        if problem is not None:
+            return HandleNotReachable(f"no hand can reach {leaf} to push it shut", what=leaf)
+        return ContainerStuck(f"{leaf} is at {self._value():.2f}, still open after {tried} pushes", what=leaf)
+
+    def _value(self) -> float:
+        return self.platform.belief.joint(self._joint.leaf)
+
+    async def _pushed(self, arm: ArmModel) -> None:
         """Push once from one base pose, as far as possible, and look how far the leaf moved."""
-        platform, joint = self.platform, self._joint
+        platform, joint, value = self.platform, self._joint, self._value()
         approach = np.array(arm.frame.approach)
         tips = Pose(tuple((float((hand_with(platform.scene, arm) @ approach).max()) * approach).tolist()))
         path = self._along(value)
-        constraints = self._constraints(arm, path, tips)
-        grounding = Grounding(platform, {joint.holder} if joint.holder else (), joint.bodies)
-        phase = Phase()
-        await self._look(grounding, constraints, phase)
-        plane = Plane(grounding.grounded(constraints, phase).constraints[0])
+        touches = {joint.holder} if joint.holder else ()
+        grounding = Grounding(platform, self._constraints(arm, path, tips), touches=touches, gone=joint.bodies)
+        await self._look(grounding)
+        plane = Plane(grounding.grounded().constraints[0])
         normal = np.array(plane.height.world.direction)
         local = moved(inverse(platform.belief.pose(joint.leaf).matrix()), path)
         heights = (local - local[1]) @ normal
         points = np.column_stack([local - heights[:, None] * normal, heights])
-        lap = await self.stroke(grounding, phase, constraints, plane, points, closed=False)
+        lap = await self.stroke(grounding, plane, points, closed=False)
         link, feels = platform.robot.arm(arm.name).tip, False
         try:
             await platform.follow(arm.name, lap, pushes=link)
@@ -113,13 +107,13 @@ class LeafStrokes(StrokeWork):
         finally:
             self._believe(np.array((platform.world.link_pose(link) @ tips).position), path)
         if feels:
-            platform.belief.touched(joint.leaf, platform.belief.joint(joint.leaf))
-        await self._back(arm, lap)
+            platform.belief.touched(joint.leaf, self._value())
+        await self.leave(arm, lap, joint.leaf)
         if platform.robot.camera is not None:
             platform.belief.doubted(joint.leaf)
-            if not await is_witnessed(self._work, joint.leaf, drives=False) and feels:
-                platform.belief.touched(joint.leaf, platform.belief.joint(joint.leaf))
-        turn = product(joint.motion(platform.belief.joint(joint.leaf)).matrix(), joint.motion(value).inverse().matrix())
+            if not await is_witnessed(self, joint.leaf, drives=False) and feels:
+                platform.belief.touched(joint.leaf, self._value())
+        turn = product(joint.motion(self._value()).matrix(), joint.motion(value).inverse().matrix())
         distance = float(np.linalg.norm(moved(turn, path[1]) - path[1]))
         self._is_beside = self._is_beside or distance < MOVED
 
@@ -206,8 +200,3 @@ class LeafStrokes(StrokeWork):
                 break
         belief.doubted(joint.leaf)
         belief.moved(joint.leaf, value, "pushed")
-
-    async def _back(self, arm: ArmModel, lap: Trajectory) -> None:
-        base = Pose.planar(*self.platform.base()).matrix()
-        rows = arm.solver.chain.fk(lap.positions[[0, -1]])
-        await self._work.back(arm, product(base, rows), self._joint.leaf)

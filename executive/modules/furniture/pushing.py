@@ -16,14 +16,12 @@ from typing import Protocol
 
 import numpy as np
 
-from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_pushing import LeafStrokes
-from executive.modules.phases import Phase
 from executive.modules.platform import Platform
+from executive.modules.runner import Skill
 from executive.modules.tools.constrained_motions import constraints_of
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
-from executive.modules.tries import Tries
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, a_location, resting_on
 from planlang.designators import action as look_for
@@ -34,6 +32,7 @@ from planlang.failures import (
     ManipulationGoalNotReached,
     ObjectNowhereToBeFound,
     PerceptionFailure,
+    PlanFailure,
 )
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved
@@ -49,8 +48,8 @@ NEAR = 0.02
 """Tolerance of the distance by which an object was pushed [m]."""
 LEAST = 0.02
 """Shortest push [m]."""
-PUSHES = 4
-"""Most pushes of one object."""
+PUSHES = 12
+"""Most ways of pushing one object that are tried, whether they fail or move it: the hand may lose it sideways."""
 PLACES = 6
 """Most goal positions, or directions, to try for one push."""
 LOOKED_AT = 30
@@ -140,81 +139,48 @@ class ByDistance:
         return [self.start + self.distance * _ahead(heading + turn) for turn in TURNED]
 
 
-@process_module
-class Pushing(StrokeWork):
-    """Pushes objects, and leaves such as doors shut."""
+class ThingStrokes(StrokeWork):
+    """Pushes one object to its goal."""
 
-    name = "pushing"
-    actions = ("PushingMotion",)
-    failures = (EnvironmentManipulationFailure, *StrokeWork.failures, ObjectNowhereToBeFound)
+    def __init__(self, platform: Platform, action: Action, name: str, goal: Goal) -> None:
+        super().__init__(platform)
+        self._action, self._name, self._goal, self._lead = action, name, goal, LEAD
 
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
+    async def push(self) -> None:
+        """Push until the object is at its goal. Raises ManipulationGoalNotReached if it does not arrive."""
+        await Skill(
+            self._ways,
+            self._pushed,
+            approach=lambda way: self.close_hand(way[1]),
+            between=self._again,
+            most=PUSHES,
+            otherwise=self._not_there,
+        ).until(self._is_there)
 
-    async def execute(self, action: Action) -> tuple[str, ...]:
-        """Push ``object_acted_on`` to its goal; return (), as no constraint is dropped.
+    def _ways(self) -> Iterator[tuple[Array, ArmModel]]:
+        """Yield positions (2,) to which a straight push is free, each with the hands that may make it."""
+        here = self.platform.belief.pose(self._name).position[:2]
+        places = (one for one in self._goal.places() if math.dist(one, here) > LEAST and self._is_free(one))
+        for place in islice(places, PLACES):
+            hands = self.hands_for(self._name, self._name, ManipulationGoalNotReached)
+            yield from ((place, arm) for arm in self.platform.arms.in_order(hands))
 
-        Raises ManipulationGoalNotReached if it does not arrive.
-        """
-        platform, what = self.platform, action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to push as object_acted_on", designator=str(action))
-        with suppress(PerceptionFailure, LookingFailure):
-            await perform(look_for("LookingForSomething", object_acted_on=what))
-        name = platform.scene.bodies.bind(what)
-        leaf = next((one for one in platform.belief.joints.values() if name in one.bodies and not one.is_knob), None)
-        if leaf is not None:
-            await LeafStrokes(HandWork(platform), leaf).shut()
-            return ()
-        if name in platform.belief.held:
-            raise ActionUnresolvable(f"{name} is held in a hand; put it down to push it", designator=str(action))
-        if not platform.scene.bodies.is_movable(name):
-            raise ActionUnresolvable(f"{name} cannot be pushed, because it is not movable", designator=str(action))
-        goal, lead = self._goal(action, name), LEAD
-        for _ in range(PUSHES):
-            if goal.is_there():
-                return ()
-            lead = await self._once(action, name, goal, lead)
-            if platform.robot.camera is not None and not platform.belief.seen(name):
-                await perform(look_for("LookingForSomething", object_acted_on=what))  # it may have fallen
-        if not goal.is_there():
-            raise ManipulationGoalNotReached(f"{name} is not at its goal after {PUSHES} pushes", what=name)
-        return ()
+    async def _is_there(self) -> bool:
+        return self._goal.is_there()
 
-    async def _once(self, action: Action, name: str, goal: Goal, lead: float) -> float:
-        """Push an object to the first reachable goal position; return the distance of the tip from it [m]."""
-        tries = Tries()
-        here = self.platform.belief.pose(name).position[:2]
-        free = (place for place in goal.places() if math.dist(place, here) > LEAST and self._is_free(name, place))
-        for place in islice(free, PLACES):
-            with tries:
-                return await self._push(action, name, place, lead)
-        raise tries.problem or ManipulationGoalNotReached(f"no straight path to its goal is free for {name}", what=name)
+    async def _again(self) -> None:
+        await self.tuck()
+        await self.look(self._name)
 
-    # Goals
+    async def _not_there(self, problem: PlanFailure | None, tried: int) -> PlanFailure:
+        missing = f"{self._name} is not at its goal after {tried} pushes"
+        if tried < PUSHES:
+            missing = f"no straight path to its goal is free for {self._name}"
+        return problem or ManipulationGoalNotReached(missing, what=self._name)
 
-    def _goal(self, action: Action, name: str) -> Goal:
-        """Read the goal of an object from the action, or from one that encloses it."""
-        bodies, what = self.platform.scene.bodies, action.get("object_acted_on")
-        stated = (one.get("to_location") for one in (action, *actions_around()))
-        where = next((one for one in stated if isinstance(one, Location | Object)), None)
-        distance = self.number(action, "distance_translated")
-        assert isinstance(what, Object)
-        if where is not None:
-            location, support = resting_on(where), bodies.support(name)
-            if support is not None and all(one.name not in ("on", "in_") for one in location.relations):
-                location = location & a_location(on=bodies.designator(support))
-            return ToLocation(self.platform, name, what, location)
-        if distance is None:
-            raise ActionUnresolvable(
-                "state a goal of the push: to_location or distance_translated", designator=str(action)
-            )
-        return ByDistance(self.platform, name, distance, np.array(bodies.pose(name).position[:2]))
-
-    def _is_free(self, name: str, goal: Array) -> bool:
+    def _is_free(self, goal: Array) -> bool:
         """Check whether an object can move straight to a position (2,) without collision and stay on its support."""
-        world, bodies = self.platform.scene.world, self.platform.scene.bodies
+        name, world, bodies = self._name, self.platform.scene.world, self.platform.scene.bodies
         pose, block = bodies.pose(name), bodies.block(name)
         push = goal - np.array(pose.position[:2])
         length, heading = float(np.hypot(*push)), math.atan2(push[1], push[0])
@@ -232,46 +198,33 @@ class Pushing(StrokeWork):
             low, high = [-half[0] + ASIDE, -half[1]], [length + half[0], half[1]]
             if (local.max(axis=0) > low).all() and (local.min(axis=0) < high).all():
                 return False
-        return support is None or self._stands(name, goal, support)
+        return support is None or self._stands(goal, support)
 
-    def _stands(self, name: str, goal: Array, support: str) -> bool:
+    def _stands(self, goal: Array, support: str) -> bool:
         """Check whether an object would stand on the same support at a position (2,)."""
-        scene, pose = self.platform.scene, self.platform.scene.bodies.pose(name)
+        name, scene, pose = self._name, self.platform.scene, self.platform.scene.bodies.pose(self._name)
         there = Pose((float(goal[0]), float(goal[1]), pose.position[2]), pose.orientation)
         world = scene.supposing(scene.belief.state.placed({name: there})).world
         return world.support(name) == support and abs(world.height_above_support(name)) <= LOWER
 
-    # The push
-
-    async def _push(self, action: Action, name: str, goal: Array, lead: float) -> float:
-        """Push an object once with the first hand that can; return the distance of the tip from it at the end [m]."""
-        work, tries = HandWork(self.platform), Tries()
-        arms = work.hands_for(name, name, ManipulationGoalNotReached)
-        for arm in self.platform.arms.in_order(arms):
-            await work.tuck(self.platform.arms.untucked())
-            await self.platform.hands.move(arm, closed=True)
-            with tries:
-                return await self._pushed(action, name, goal, lead, arm)
-            await work.tuck(self.platform.arms.untucked())
-            await work.look(name)
-        raise tries.problem or ManipulationGoalNotReached(what=name)
-
-    async def _pushed(self, action: Action, name: str, goal: Array, lead: float, arm: ArmModel) -> float:
-        """Push an object once with one hand, update the belief, and look; returns as :meth:`_push` does."""
+    async def _pushed(self, way: tuple[Array, ArmModel]) -> None:
+        """Push the object once towards a position (2,) with one hand, update the belief, and look."""
+        (goal, arm), name, action = way, self._name, self._action
         platform, device = self.platform, self.platform.robot.arm(arm.name).hand
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
         constraints = tuple(one for one in constraints_of(stated) if one.is_active)
         moving = (name, *platform.scene.world.standing_on(name))
-        grounding, phase, before = Grounding(platform, gone=moving), Phase(), platform.belief.pose(name)
+        before = platform.belief.pose(name)
         push = goal - np.array(before.position[:2])
         heading = math.atan2(push[1], push[0])
         constraints = (*constraints, *self._hand(constraints, device, arm, before, heading))
-        motion = grounding.grounded(constraints, phase)
+        grounding = Grounding(platform, constraints, gone=moving)
+        motion = grounding.grounded()
         plane = Plane.of(motion, action)
         reach = platform.scene.bodies.block(name).support(heading)
-        points = self._points(before, goal, reach + lead)
+        points = self._points(before, goal, reach + self._lead)
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
-        lap = await self.stroke(grounding, phase, constraints, plane, places, closed=False)
+        lap = await self.stroke(grounding, plane, places, closed=False)
         link, length = platform.robot.arm(arm.name).tip, float(np.hypot(*push))
         progress = arm.solver.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
         end = int(progress.argmax())
@@ -284,16 +237,18 @@ class Pushing(StrokeWork):
         finally:
             if distance is None:  # the stroke was interrupted: the object is just ahead of the hand, if that reached it
                 behind = np.array(platform.world.link_pose(link).position[:2]) - poses[name].position[:2]
-                distance = float(np.clip(behind @ _ahead(heading) + reach + lead, 0.0, length))
+                distance = float(np.clip(behind @ _ahead(heading) + reach + self._lead, 0.0, length))
             self._believe(poses, distance * _ahead(heading))
-        await HandWork(platform).tuck(platform.arms.untucked())
+        await self.tuck()
         if distance:
-            await HandWork(platform).look(name)
+            await self.look(name)
         else:
             platform.sensing.not_seen(name)
             await perform(look_for("LookingForSomething", object_acted_on=platform.scene.bodies.designator(name)))
         gap = np.array(platform.belief.pose(name).position[:2]) - points[-3, :2]
-        return max(0.0, float(gap @ _ahead(heading)) - reach)
+        self._lead = max(0.0, float(gap @ _ahead(heading)) - reach)
+        if platform.robot.camera is not None and not platform.belief.seen(name):  # it may have fallen
+            await perform(look_for("LookingForSomething", object_acted_on=platform.scene.bodies.designator(name)))
 
     def _feels(self, arm: ArmModel, heading: float) -> bool:
         """Check whether a hand feels something ahead of it, which is the object that it has pushed."""
@@ -336,6 +291,59 @@ class Pushing(StrokeWork):
         shift = Pose((*push.tolist(), 0.0))
         for name, pose in poses.items():
             self.platform.belief.pushed(name, shift @ pose)
+
+
+@process_module
+class Pushing(StrokeWork):
+    """Pushes objects, and leaves such as doors shut."""
+
+    name = "pushing"
+    actions = ("PushingMotion",)
+    failures = (EnvironmentManipulationFailure, *StrokeWork.failures, ObjectNowhereToBeFound)
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the whole robot."""
+        return self.whole_robot()
+
+    async def execute(self, action: Action) -> tuple[str, ...]:
+        """Push ``object_acted_on`` to its goal; return (), as no constraint is dropped.
+
+        Raises ManipulationGoalNotReached if it does not arrive.
+        """
+        platform, what = self.platform, action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable("name the object to push as object_acted_on", designator=str(action))
+        with suppress(PerceptionFailure, LookingFailure):
+            await perform(look_for("LookingForSomething", object_acted_on=what))
+        name = platform.scene.bodies.bind(what)
+        leaf = next((one for one in platform.belief.joints.values() if name in one.bodies and not one.is_knob), None)
+        if leaf is not None:
+            await LeafStrokes(platform, leaf).shut()
+            return ()
+        if name in platform.belief.held:
+            raise ActionUnresolvable(f"{name} is held in a hand; put it down to push it", designator=str(action))
+        if not platform.scene.bodies.is_movable(name):
+            raise ActionUnresolvable(f"{name} cannot be pushed, because it is not movable", designator=str(action))
+        await ThingStrokes(platform, action, name, self._goal(action, name)).push()
+        return ()
+
+    def _goal(self, action: Action, name: str) -> Goal:
+        """Read the goal of an object from the action, or from one that encloses it."""
+        bodies, what = self.platform.scene.bodies, action.get("object_acted_on")
+        stated = (one.get("to_location") for one in (action, *actions_around()))
+        where = next((one for one in stated if isinstance(one, Location | Object)), None)
+        distance = self.number(action, "distance_translated")
+        assert isinstance(what, Object)
+        if where is not None:
+            location, support = resting_on(where), bodies.support(name)
+            if support is not None and all(one.name not in ("on", "in_") for one in location.relations):
+                location = location & a_location(on=bodies.designator(support))
+            return ToLocation(self.platform, name, what, location)
+        if distance is None:
+            raise ActionUnresolvable(
+                "state a goal of the push: to_location or distance_translated", designator=str(action)
+            )
+        return ByDistance(self.platform, name, distance, np.array(bodies.pose(name).position[:2]))
 
 
 def _ahead(heading: float) -> Array:

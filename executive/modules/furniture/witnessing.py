@@ -7,18 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import islice
+from functools import partial
 
 import numpy as np
 
+from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.platform import Platform
 from planlang.designators import a_location
-from planlang.failures import DesignatorFailure, LookingGoalUnreachable, NavigationFailure
+from planlang.failures import LookingGoalUnreachable
 from planlang.geometry import Array
-
-VIEWS = 3
-"""Most base poses to drive to for a look."""
 
 
 async def is_witnessed(work: HandWork, name: str, *, drives: bool = True) -> bool:
@@ -33,14 +31,13 @@ async def is_witnessed(work: HandWork, name: str, *, drives: bool = True) -> boo
     if not drives or platform.robot.camera is None or platform.robot.base.fixed:
         return False
     seeing = a_location(visible_from=platform.scene.bodies.designator(name))
-    with suppress(DesignatorFailure):
-        for solution in islice(platform.resolver.bases(seeing), VIEWS):
-            with suppress(NavigationFailure):
-                await work.tuck(platform.arms.untucked())
-                await work.drive(solution.base)
-                if await _looked(platform, name):
-                    return True
-    return False
+
+    async def drive(base: BasePose) -> None:
+        await work.tuck()
+        await work.drive(base)
+
+    bases = (solution.base for solution in platform.resolver.bases(seeing))
+    return await work.seen_from(lambda: bases, drive, partial(_looked, platform, name))
 
 
 async def _looked(platform: Platform, name: str) -> bool:

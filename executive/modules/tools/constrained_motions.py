@@ -7,7 +7,7 @@ and checks the constraints at the end. A vessel that ends upside down is held th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -18,13 +18,11 @@ import numpy as np
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.phases import Phase
-from executive.modules.platform import PlatformModule
+from executive.modules.runner import Skill, nothing
 from executive.modules.tools.motion_failures import out_of_reach
 from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.tools.pouring import Pouring
 from executive.modules.tools.turning_over import check_flip
-from executive.modules.tries import Tries
 from executive.motion import MotionError
 from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion
@@ -41,6 +39,7 @@ from planlang.failures import (
     NavigationFailure,
     NavigationPoseUnreachable,
     PerceptionFailure,
+    PlanFailure,
 )
 from planlang.geometry import Array, Pose
 from planlang.kernel import checkpoint, compute_in_thread
@@ -52,7 +51,7 @@ from planlang.protocols import Trajectory
 INSIDE = 1 / 3
 """Margin on both sides within limits that is tried first, as a share of their width: motions end well inside."""
 PLACES = 4
-"""Base poses from which to try a motion."""
+"""Base poses from which to try whether a motion would be possible if its object stood elsewhere."""
 LOOKED_AT = 20
 """Base poses from which to compute whether the arms reach the goal: one takes up to 1.5 s."""
 
@@ -65,7 +64,7 @@ def no_objection(motion: GroundedMotion, solved: PhaseMotion) -> None:
     """Accept any motion."""
 
 
-class ConstrainedWork(PlatformModule):
+class ConstrainedWork(HandWork):
     """Base of the process modules for motions under constraints: choice of the base pose, and solution."""
 
     failures: Sequence[type[Exception]] = (
@@ -87,98 +86,87 @@ class ConstrainedWork(PlatformModule):
     # Base poses
 
     async def _solved(
-        self,
-        grounding: Grounding,
-        constraints: Sequence[MotionConstraint],
-        phase: Phase,
-        objection: Objection = no_objection,
+        self, grounding: Grounding, objection: Objection = no_objection
     ) -> tuple[GroundedMotion, PhaseMotion]:
         """Solve the motion from here, or drive to where it can be solved and repeat the phase before there.
 
         The base does not move during a pour. Raises ConstraintsUnsatisfied, a NavigationFailure, or the failure of
         ``objection``.
         """
-        tries = Tries(ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured)
-        await self._look(grounding, constraints, phase)
-        motion = grounding.grounded(constraints, phase)
-        stays = phase.before or not self._is_mobile()
-        if stays or (
-            self.platform.base_poses().is_at_ease(_middle(motion), motion.arms)
-            and await compute_in_thread(partial(self._end, grounding, motion, self.platform.base())) is not None
-        ):
-            with tries:
-                return motion, await self._accepted(grounding, motion, phase, objection)
-        tried, moves = 0, self._is_mobile() and not phase.pours
-        for place in islice(self._places(motion), LOOKED_AT) if moves else ():
-            if await compute_in_thread(partial(self._end, grounding, motion, place)) is None:
-                continue
-            with tries:
-                if not await self._prepare_at(grounding, constraints, phase, place):
-                    continue
-                motion = grounding.grounded(constraints, phase)
-                return motion, await self._accepted(grounding, motion, phase, objection)
-            if (tried := tried + 1) == PLACES:
-                break
-        if isinstance(tries.problem, NavigationFailure | AmountNotPoured):
-            raise tries.problem
-        if tried:
-            await self._look(grounding, constraints, phase)
-            motion = grounding.grounded(constraints, phase)
-        # _end requires all constraints: if no base pose satisfies them, the motion is yet to be tried with fewer.
-        last = self._solve if tries.problem is None else self._solve_plain
+        here, moves, unsolved = self.platform.base(), self._is_mobile(), ConstraintsUnsatisfied()
+        await self._look(grounding)
+
+        async def solved(_: object) -> tuple[GroundedMotion, PhaseMotion]:
+            motion = grounding.grounded()
+            found = await compute_in_thread(partial(self._solve, grounding, motion))
+            if (problem := objection(motion, found)) is not None:
+                raise problem
+            return motion, found
+
+        async def otherwise(problem: PlanFailure | None, tried: int) -> PlanFailure:
+            return problem or unsolved
+
         try:
-            return motion, await compute_in_thread(partial(last, grounding, motion, phase, explains=True))
+            return await Skill(
+                partial(self._places, grounding),
+                solved,
+                approach=lambda place: self._prepare_at(grounding, *place) if place[0] != here else nothing(),
+                failures=(ConstraintsUnsatisfied, NavigationFailure, AmountNotPoured),
+                otherwise=otherwise,
+            ).run()
+        except ConstraintsUnsatisfied as problem:
+            # _end requires all constraints: if no base pose satisfies them, the motion is yet to be tried with fewer.
+            last = self._solve if problem is unsolved else self._solve_plain
+        await self._look(grounding)
+        motion = grounding.grounded()
+        try:
+            return motion, await compute_in_thread(partial(last, grounding, motion, explains=True))
         except ConstraintsUnsatisfied as failure:
-            if not moves or failure.blocked_by is not None or len(failure.constraints) != 1:
+            if not moves or grounding.phase.pours or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
-            possible = partial(self._ends_somewhere, grounding, constraints, phase)
+            possible = partial(self._ends_somewhere, grounding)
             reason = await compute_in_thread(partial(out_of_reach, self.platform, motion, possible))
             message, names = "; ".join(filter(None, (failure.message, reason))), failure.constraints
             raise ConstraintsUnsatisfied(message, arm=failure.arm, constraints=names) from failure.__cause__
 
-    def _ends_somewhere(
-        self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase, scene: PlanningScene
-    ) -> bool:
+    async def _places(self, grounding: Grounding) -> AsyncIterator[tuple[BasePose, Array | None]]:
+        """Yield base poses with an end of the motion: the present one first, if the arms need not stretch there.
+
+        With each other base pose, the joint positions (n,) at the end of the first motion to be made there, which may
+        be that of the phase before.
+        """
+        motion, here, phase = grounding.grounded(), self.platform.base(), grounding.phase
+        at_ease = self.platform.standing().is_at_ease(_middle(motion), motion.arms)
+        if phase.before or not self._is_mobile() or (at_ease and await self._end_at(grounding, here) is not None):
+            yield here, None
+        for place in islice(self._free(motion), LOOKED_AT) if self._is_mobile() and not phase.pours else ():
+            end = await self._end_at(grounding, place)
+            if end is not None and phase.before:
+                end = await self._end_at(grounding.before(), place)
+            if end is not None:
+                yield place, end
+
+    def _ends_somewhere(self, grounding: Grounding, scene: PlanningScene) -> bool:
         """Check whether the goal can be reached from any of the first base poses in a scene that is supposed."""
         supposed, grounding = self.supposing(scene), grounding.supposing(scene)
-        motion = grounding.grounded(constraints, replace(phase, things={}))
-        places = islice(supposed._places(motion), PLACES)
-        return any(supposed._end(grounding, motion, place) is not None for place in places)
+        motion = grounding.grounded()
+        return any(supposed._end(grounding, motion, place) is not None for place in islice(self._free(motion), PLACES))
 
-    async def _accepted(
-        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, objection: Objection
-    ) -> PhaseMotion:
-        """Solve the motion of a phase from here. Raises ConstraintsUnsatisfied, or the objection to it."""
-        solved = await compute_in_thread(partial(self._solve, grounding, motion, phase))
-        if (problem := objection(motion, solved)) is not None:
-            raise problem
-        return solved
+    async def _prepare_at(self, grounding: Grounding, place: BasePose, end: Array | None) -> None:
+        """Move the arms to joint positions ``end`` (n,), drive to ``place``, and look.
 
-    async def _prepare_at(
-        self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase, place: BasePose
-    ) -> bool:
-        """Move the arms to the end of the motion, or of the phase before it, drive to ``place``, and look.
-
-        The phase before is repeated there, so that the motion begins as intended. Returns False if no end exists there.
+        The phase before is repeated there, so that the motion begins as intended.
         """
-        first = phase.before or constraints
-        motion = grounding.grounded(first, phase)
-        end = await compute_in_thread(partial(self._end, grounding, motion, place))
-        if end is None:
-            return False
-        await self._pose_arms(grounding, motion, end)
+        first = grounding.before() if grounding.phase.before else grounding
+        if end is not None:
+            await self._pose_arms(first, first.grounded(), end)
         await self.drive_with_room(place)
-        await self._look(grounding, constraints, phase)
-        if phase.before:
-            await self._repeat_phase(grounding, phase)
-        return True
-
-    async def _repeat_phase(self, grounding: Grounding, phase: Phase) -> None:
-        """Repeat the phase before, from here."""
-        motion, alone = grounding.grounded(phase.before, phase), replace(phase, before=())
-        solved = await compute_in_thread(partial(self._solve, grounding, motion, alone))
-        await self.gone(motion, solved.trajectory)
-        self._check_end(grounding, motion, solved)
+        await self._look(grounding)
+        if grounding.phase.before:
+            motion = first.grounded()
+            solved = await compute_in_thread(partial(self._solve, first, motion))
+            await self.gone(motion, solved.trajectory)
+            self._check_end(first, motion, solved)
 
     async def _pose_arms(self, grounding: Grounding, motion: GroundedMotion, end: Array) -> None:
         """Move the arms one after another to joint positions ``end`` (n,) before driving, while there is more room."""
@@ -196,7 +184,7 @@ class ConstrainedWork(PlatformModule):
         try:
             await self.drive(place)
         except NavigationPoseUnreachable:
-            await HandWork(self.platform).tuck(self.platform.arms.untucked())
+            await self.tuck()
             await self.drive(place)
 
     def _path(self, arm: ArmModel, goal: Array) -> Trajectory | None:
@@ -207,23 +195,26 @@ class ConstrainedWork(PlatformModule):
     def _is_mobile(self) -> bool:
         return not self.platform.robot.base.fixed
 
-    async def _look(self, grounding: Grounding, constraints: Sequence[MotionConstraint], phase: Phase) -> None:
+    async def _look(self, grounding: Grounding) -> None:
         """Look at world objects not seen since the base moved, and record their first seen poses in the phase."""
-        belief = self.platform.belief
-        for name in grounding.world_things(constraints):
+        belief, phase = self.platform.belief, grounding.phase
+        for name in grounding.world_things():
             if name in phase.things or name in belief.held:
                 continue
             if not belief.seen_from_here(name):
                 with suppress(PerceptionFailure, LookingFailure):
                     bind = self.platform.scene.bodies.bind
-                    what = next(one.world.of for one in constraints if bind(one.world.of) == name)
+                    what = next(one.world.of for one in grounding.constraints if bind(one.world.of) == name)
                     await perform(action("LookingForSomething", object_acted_on=what))
             if belief.seen_from_here(name) or self.platform.robot.camera is None:
                 phase.things[name] = belief.pose(name)
 
-    def _places(self, motion: GroundedMotion) -> Iterator[BasePose]:
+    def _free(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free base poses in front of the objects of the constraints, near ones first."""
-        return self.platform.base_poses().before(_middle(motion), motion.arms, arms_first=True)
+        return self.platform.standing().before(_middle(motion), motion.arms, arms_first=True)
+
+    async def _end_at(self, grounding: Grounding, base: BasePose) -> Array | None:
+        return await compute_in_thread(partial(self._end, grounding, grounding.grounded(), base))
 
     def _end(self, grounding: Grounding, motion: GroundedMotion, base: BasePose) -> Array | None:
         """Find collision-free joint positions (n,) that satisfy the constraints from a base pose; None without any.
@@ -272,12 +263,9 @@ class ConstrainedWork(PlatformModule):
 
     # The motion
 
-    def _solve(
-        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
-    ) -> PhaseMotion:
+    def _solve(self, grounding: Grounding, motion: GroundedMotion, *, explains: bool = False) -> PhaseMotion:
         """Solve the motion of the phase, as far inside its limits as possible. Raises ConstraintsUnsatisfied."""
-        before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
-        upright = grounding.uprights(motion)
+        before, upright = grounding.before().grounded().constraints, grounding.uprights(motion)
         problem, start = grounding.problem(motion), self._start(motion)
         inside = _inside(motion.constraints, before)
         wishes = {one: wide for one, wide in zip(inside, motion.constraints, strict=True) if one != wide}
@@ -286,17 +274,15 @@ class ConstrainedWork(PlatformModule):
                 at_end, on_path = (*constraints, *upright), (*before, *upright)
                 (solved,) = solve_motion(problem, start, [at_end], on_path, wishes=wished, explains=False)
                 return solved
-        return self._solve_plain(grounding, motion, phase, explains=explains)
+        return self._solve_plain(grounding, motion, explains=explains)
 
-    def _solve_plain(
-        self, grounding: Grounding, motion: GroundedMotion, phase: Phase, *, explains: bool = False
-    ) -> PhaseMotion:
+    def _solve_plain(self, grounding: Grounding, motion: GroundedMotion, *, explains: bool = False) -> PhaseMotion:
         """Solve the motion of the phase with its stated constraints only. Raises ConstraintsUnsatisfied.
 
         A minimal set of contradicting constraints is computed only with ``explains``, for the final failure, or if
         constraints of less weight may be dropped, because that takes longer than all the rest.
         """
-        before = grounding.grounded(phase.before, phase).constraints if phase.before else ()
+        before = grounding.before().grounded().constraints
         problem, differ = grounding.problem(motion), len({one.weight for one in motion.constraints}) > 1
         try:
             (solved,) = solve_motion(
@@ -364,15 +350,15 @@ class ConstrainedMotions(ConstrainedWork):
             phase.before = ()
             await checkpoint()
             return ()
-        grounding = Grounding(self.platform)
-        await self._resume_phase(action, grounding, phase)
+        grounding = Grounding(self.platform, constraints, phase)
+        await self._resume_phase(action, grounding)
         pouring = Pouring(self.platform, phase)
 
         def objection(motion: GroundedMotion, solved: PhaseMotion) -> AmountNotPoured | None:
             return pouring.too_slow(action, motion, grounding.group(motion), solved.trajectory)
 
-        motion, solved = await self._solved(grounding, constraints, phase, objection)
-        reverse = self._reverse(grounding, motion, phase) if phase.pours else None
+        motion, solved = await self._solved(grounding, objection)
+        reverse = self._reverse(grounding, motion) if phase.pours else None
         if reverse is not None:
             solved = min(
                 (solved, reverse), key=lambda one: pouring.flowing(motion, grounding.group(motion), one.trajectory)
@@ -384,13 +370,13 @@ class ConstrainedMotions(ConstrainedWork):
             self._check_end(grounding, motion, solved)
         self._straightened()
         phase.before, phase.taken, phase.path = tuple(constraints), self.taken(), solved.trajectory.positions
-        names, rows = grounding.world_things(constraints), solved.trajectory.positions
+        names, rows = grounding.world_things(), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
 
-    def _reverse(self, grounding: Grounding, motion: GroundedMotion, phase: Phase) -> PhaseMotion | None:
+    def _reverse(self, grounding: Grounding, motion: GroundedMotion) -> PhaseMotion | None:
         """Reverse the motion of the phase before, if that satisfies this phase: its flow has been predicted already."""
-        start = self._start(motion)
+        start, phase = self._start(motion), grounding.phase
         if phase.path is None or phase.path.shape[1] != len(start) or np.abs(phase.path[-1] - start).max() > STRAY:
             return None
         rows = np.vstack([start, phase.path[-2::-1]])
@@ -400,21 +386,22 @@ class ConstrainedMotions(ConstrainedWork):
             return None
         return PhaseMotion(Trajectory(problem.group.names, rows), (), ())
 
-    async def _resume_phase(self, action: Action, grounding: Grounding, phase: Phase) -> None:
+    async def _resume_phase(self, action: Action, grounding: Grounding) -> None:
         """Repeat the phase before if its tools have been grasped anew since, because this phase begins at its end.
 
         Not after a pour: the liquid has flowed, so the phase before is not repeated and this one begins anywhere.
         """
-        taken = self.taken()
+        taken, phase = self.taken(), grounding.phase
         tools = set(phase.tools.values()) & taken.keys() & phase.taken.keys()
         if all(phase.taken[name] == taken[name] for name in tools):
             return
         if any(pour.by != action.type for pour in phase.pours.values()):
             phase.before = ()
             return
-        motion, solved = await self._solved(grounding, phase.before, replace(phase, before=(), pours={}))
+        first = Grounding(self.platform, phase.before, replace(phase, before=(), pours={}))
+        motion, solved = await self._solved(first)
         await self.gone(motion, solved.trajectory)
-        self._check_end(grounding, motion, solved)
+        self._check_end(first, motion, solved)
         phase.taken = taken
 
 
@@ -458,7 +445,7 @@ def _resolved(feature: Feature, action: Action) -> Feature:
         return feature
     role = snake_case(STANDING_FOR[feature.of.type])
     filler = action.get(role)
-    parts = (one.reference for one in filler.relations) if isinstance(filler, Location) else (filler,)
+    parts = filler.objects() if isinstance(filler, Location) else (filler,)
     what = next((one for one in parts if isinstance(one, Object)), None)
     if what is None:
         raise ActionUnresolvable(f"the constraint on {feature} needs {role}; state it", designator=str(action))

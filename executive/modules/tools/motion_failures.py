@@ -35,7 +35,7 @@ def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[Pla
     if first is None:
         return ""
     name, position = first
-    distance = platform.base_poses().distances([position[None]], motion.arms)[0]
+    distance = platform.standing().distances([position[None]], motion.arms)[0]
     reason = too_far(arm, name, distance)
     changes = Changes(name, platform.scene, Rejections(), lambda supposed, _: does(supposed))
     return "; ".join(filter(None, (reason, changes.nearer() or changes.in_vain())))

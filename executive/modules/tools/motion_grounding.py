@@ -54,30 +54,44 @@ UP = Object("Up", "map:up")
 
 
 class Grounding:
-    """Grounds motions of one platform.
+    """Grounds the constraints of one phase of a recipe on one platform.
 
     Fingers of the moving arms may touch the bodies ``touches``. Bodies ``gone`` are ignored in collision checks,
     because the hand pushes them ahead.
     """
 
-    def __init__(self, platform: Platform, touches: Iterable[str] = (), gone: Iterable[str] = ()) -> None:
-        self._platform = platform
+    def __init__(
+        self,
+        platform: Platform,
+        constraints: Sequence[MotionConstraint],
+        phase: Phase | None = None,
+        touches: Iterable[str] = (),
+        gone: Iterable[str] = (),
+    ) -> None:
+        """Prepare; without a ``phase``, it is the only one of its recipe."""
+        self._platform, self.constraints, self.phase = platform, tuple(constraints), phase or Phase()
         self._touches, self._gone = frozenset(touches), frozenset(gone)
         self._models = ObjectModels(platform.belief.map.ontology)
 
     def supposing(self, scene: PlanningScene) -> Grounding:
-        """Make the same grounding in a scene that is supposed."""
+        """Make the same grounding in a scene that is supposed; it remembers no poses of objects."""
         other = copy(self)
-        other._platform = self._platform.supposing(scene)
+        other._platform, other.phase = self._platform.supposing(scene), replace(self.phase, things={})
         return other
 
-    def world_things(self, constraints: Iterable[MotionConstraint]) -> tuple[str, ...]:
+    def before(self) -> Grounding:
+        """Make the grounding of the phase before."""
+        other = copy(self)
+        other.constraints, other.phase = self.phase.before, replace(self.phase, before=())
+        return other
+
+    def world_things(self) -> tuple[str, ...]:
         """Resolve the names of the objects that the world features belong to. Raises ObjectUnresolvable."""
         bind = self._platform.scene.bodies.bind
-        return tuple(dict.fromkeys(bind(one.world.of) for one in constraints))
+        return tuple(dict.fromkeys(bind(one.world.of) for one in self.constraints))
 
-    def grounded(self, constraints: Sequence[MotionConstraint], phase: Phase) -> GroundedMotion:
-        """Ground constraints in the belief.
+    def grounded(self) -> GroundedMotion:
+        """Ground the constraints in the belief.
 
         Raises ObjectUnresolvable if a tool is in no hand, and ActionUnresolvable if an object model lacks a feature, or
         if an arm would have to move alone that holds an object together with another.
@@ -85,9 +99,9 @@ class Grounding:
         tools: dict[Object, tuple[str, Pose]] = {}
         things: dict[Object, Array] = {}
         grounded = []
-        for one in constraints:
-            tool, arm, offset = self._tool(one.tool, phase)
-            world, pose = self._world(one.world, phase)
+        for one in self.constraints:
+            tool, arm, offset = self._tool(one.tool)
+            world, pose = self._world(one.world)
             tools[tool.of], things[world.of] = (arm, offset), pose.matrix()
             grounded.append(replace(one, tool=tool, world=world))
         names = {arm for arm, _ in tools.values()}
@@ -99,16 +113,16 @@ class Grounding:
         held = {what: (number[arm], offset.matrix()) for what, (arm, offset) in tools.items()}
         return GroundedMotion(tuple(grounded), arms, held, things)
 
-    def _tool(self, feature: Feature, phase: Phase) -> tuple[Feature, str, Pose]:
+    def _tool(self, feature: Feature) -> tuple[Feature, str, Pose]:
         """Ground the feature of a tool; return it, the arm with the tool, and the tool's pose in the tip frame."""
         scene, of, held_by = self._platform.scene, feature.of, feature.held_by
         if isinstance(of, Device):
             return self._hand(feature, of)
-        known = phase.tools.get(f"{of.iri or of.type} {held_by}")
+        known = self.phase.tools.get(f"{of.iri or of.type} {held_by}")
         arms = {arm.name for arm in (scene.arms.all if held_by is None else scene.arms.of(held_by))}
         for name, grip in self._platform.belief.held.items():
             if grip.arm in arms and (name == known if known is not None else self._fits(name, of)):
-                phase.tools[f"{of.iri or of.type} {held_by}"] = name
+                self.phase.tools[f"{of.iri or of.type} {held_by}"] = name
                 return self._feature(feature, name), grip.arm, grip.offset
         by = "no hand" if held_by is None else f"no hand of {held_by}"
         raise ObjectUnresolvable(f"{by} holds {of}", designator=str(of))
@@ -136,9 +150,9 @@ class Grounding:
         line = replace(feature, kind=FeatureKind.LINE, position=(0.0, 0.0, 0.0), direction=(x, y, z))
         return line, arms[0].name, Pose((0.0, 0.0, 0.0))
 
-    def _world(self, feature: Feature, phase: Phase) -> tuple[Feature, Pose]:
+    def _world(self, feature: Feature) -> tuple[Feature, Pose]:
         name = self._platform.scene.bodies.bind(feature.of)
-        pose = phase.things.get(name, self._platform.scene.world.pose(name))
+        pose = self.phase.things.get(name, self._platform.scene.world.pose(name))
         return self._feature(feature, name), pose
 
     def _feature(self, feature: Feature, name: str) -> Feature:

@@ -11,30 +11,32 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.phases import Phase
+from executive.modules.runner import Skill
 from executive.modules.tools.constrained_motions import ConstrainedWork, constraints_of, unsatisfied
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.motion import MotionError
 from executive.motion.constrained_ends import BEGINNINGS
 from executive.motion.errors import OutOfEffort
 from executive.motion.strokes import Place, ends_at, solve_stroke
+from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
     NavigationFailure,
 )
-from planlang.geometry import Array
-from planlang.geometry.matrices import moved
+from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved, product
 from planlang.kernel import compute_in_thread
 from planlang.language.performing import actions_around
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import (
     ConstraintKind,
+    ConstraintsUnsatisfied,
     FeatureKind,
     MotionConstraint,
     a_constraint,
@@ -103,14 +105,14 @@ class Plane:
 class StrokeWork(ConstrainedWork):
     """Base of the process modules that make strokes with a tool or a hand."""
 
-    async def begun(self, action: Action) -> tuple[Grounding, Phase, tuple[MotionConstraint, ...], GroundedMotion]:
-        """Look at the objects of a motion; return its grounding, phase, active constraints, and grounded motion."""
+    async def begun(self, action: Action) -> tuple[Grounding, GroundedMotion]:
+        """Look at the objects of a motion; return the grounding of its active constraints, and the grounded motion."""
         constraints = tuple(one for one in constraints_of(action) if one.is_active)
         if not constraints:
             raise ActionUnresolvable("a stroke needs active constraints in constrained_by", designator=str(action))
-        grounding, phase = Grounding(self.platform), self.platform.phases.current()
-        await self._look(grounding, constraints, phase)
-        return grounding, phase, constraints, grounding.grounded(constraints, phase)
+        grounding = Grounding(self.platform, constraints, self.platform.phases.current())
+        await self._look(grounding)
+        return grounding, grounding.grounded()
 
     def number(self, action: Action, name: str) -> float | None:
         """Read a positive number from an action, or from the nearest enclosing one that states it."""
@@ -124,56 +126,53 @@ class StrokeWork(ConstrainedWork):
     # The stroke
 
     async def stroke(
-        self,
-        grounding: Grounding,
-        phase: Phase,
-        constraints: Sequence[MotionConstraint],
-        plane: Plane,
-        points: Array,
-        *,
-        closed: bool,
-        drives: bool = True,
+        self, grounding: Grounding, plane: Plane, points: Array, *, closed: bool, drives: bool = True
     ) -> Trajectory:
         """Move the tool to the first of waypoints (n, 4), if needed and allowed from another base pose.
 
         Returns the trajectory through all waypoints, which is yet to be executed. Raises ConstraintsUnsatisfied or a
         NavigationFailure.
         """
-        problem: MotionError | NavigationFailure | None = None
-        for base in chain((None,), self._reaching(grounding, phase, constraints, plane, points) if drives else ()):
-            motion = grounding.grounded(constraints, phase)
-            try:
-                if base is not None:
-                    await self.drive_with_room(base)
-                    await self._look(grounding, constraints, phase)
-                    motion = grounding.grounded(constraints, phase)
-                places = [plane.at(point, motion.constraints) for point in points]
-                kept = [one for one in places[0] if all(one in other for other in places)]
-                problems = grounding.problem(motion, clear=True), grounding.problem(motion)
-                solve = partial(solve_stroke, *problems, self._start(motion), places)
-                first, lap = await compute_in_thread(partial(solve, kept, closed=closed))
-            except (MotionError, NavigationFailure) as failure:
-                problem = problem or failure
-                continue
-            arms = {arm.name for arm in motion.arms}
-            self.platform.leaning |= {name for name, grip in self.platform.belief.held.items() if grip.arm in arms}
-            await self.gone(motion, first)
-            return lap
-        assert problem is not None
-        raise unsatisfied(motion, problem) if isinstance(problem, MotionError) else problem
+        here = self.platform.base()
 
-    def _reaching(
-        self,
-        grounding: Grounding,
-        phase: Phase,
-        constraints: Sequence[MotionConstraint],
-        plane: Plane,
-        points: Array,
-    ) -> Iterator[BasePose]:
+        def places() -> Iterator[BasePose]:
+            yield here
+            if drives:
+                yield from self._reaching(grounding, plane, points)
+
+        async def approach(base: BasePose) -> None:
+            if base != here:
+                await self.drive_with_room(base)
+                await self._look(grounding)
+
+        async def solved(_: BasePose) -> tuple[GroundedMotion, Trajectory, Trajectory]:
+            motion = grounding.grounded()
+            waypoints = [plane.at(point, motion.constraints) for point in points]
+            kept = [one for one in waypoints[0] if all(one in other for other in waypoints)]
+            problems = grounding.problem(motion, clear=True), grounding.problem(motion)
+            solve = partial(solve_stroke, *problems, self._start(motion), waypoints)
+            try:
+                return motion, *await compute_in_thread(partial(solve, kept, closed=closed))
+            except MotionError as problem:
+                raise unsatisfied(motion, problem) from problem
+
+        failures = (ConstraintsUnsatisfied, NavigationFailure)
+        motion, first, lap = await Skill(places, solved, approach, failures=failures).run()
+        arms = {arm.name for arm in motion.arms}
+        self.platform.leaning |= {name for name, grip in self.platform.belief.held.items() if grip.arm in arms}
+        await self.gone(motion, first)
+        return lap
+
+    async def leave(self, arm: ArmModel, lap: Trajectory, what: str) -> None:
+        """Retreat from a pushed body ``what`` against the approach of a stroke, back off, and tuck the arms."""
+        base = Pose.planar(*self.platform.base()).matrix()
+        await self.back(arm, product(base, arm.solver.chain.fk(lap.positions[[0, -1]])), what)
+
+    def _reaching(self, grounding: Grounding, plane: Plane, points: Array) -> Iterator[BasePose]:
         """Yield base poses from which the arm reaches all waypoints (n, 4), one after the other."""
-        motion = grounding.grounded(constraints, phase)
+        motion = grounding.grounded()
         in_map = moved(motion.things[plane.thing], points[:, :3])
-        near = self.platform.base_poses().before(in_map, motion.arms) if self._is_mobile() else ()
+        near = self.platform.standing().before(in_map, motion.arms) if self._is_mobile() else ()
         places = [plane.at(point, motion.constraints) for point in points]
 
         def is_reaching(base: BasePose, most: int = BEGINNINGS, *, blocked: bool = True) -> bool:
@@ -195,16 +194,16 @@ class Strokes(StrokeWork):
 
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Move the tool in circles for the stated number and duration; return (), as no constraint is dropped."""
-        grounding, phase, constraints, motion = await self.begun(action)
+        grounding, motion = await self.begun(action)
         plane = Plane.of(motion, action)
         points = self._circle(plane, motion, self.number(action, "radius_of_circles"))
-        lap = await self.stroke(grounding, phase, constraints, plane, points, closed=True)
+        lap = await self.stroke(grounding, plane, points, closed=True)
         seconds = len(lap.positions) / self.platform.world.rate
         times, duration = self._laps(action, seconds)
         for _ in range(times):
             await self.gone(motion, slowed(lap, duration / seconds))
         self._straightened()
-        phase.before, phase.taken = constraints, self.taken()
+        grounding.phase.before, grounding.phase.taken = grounding.constraints, self.taken()
         return ()
 
     def _laps(self, action: Action, seconds: float) -> tuple[int, float]:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Awaitable, Callable, Iterable, Sequence
-from contextlib import suppress
 from functools import partial
-from itertools import islice
 
 import numpy as np
 
-from executive.locations.base_poses import BEST
-from executive.modules.phases import Phase
+from executive.locations.standing import BEST
 from executive.modules.tools.lanes import HAND, Room, Surface, lifted
 from executive.modules.tools.motion_failures import too_far
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
@@ -30,7 +27,7 @@ from planlang.failures import (
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved
 from planlang.language.process_module import process_module
-from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
+from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Trajectory
 
 SHORT = 3
@@ -39,8 +36,6 @@ IN_A_ROW = 4
 """Consecutive failures of lanes, or halves of lanes, before wiping stops: the remaining ones are farther away."""
 HERE = 4
 """The same limit for one base pose."""
-VIEWS = 5
-"""Base poses from which to look at a surface that has not been seen yet."""
 ENOUGH = 0.8
 """Least share of the free area to wipe."""
 
@@ -62,11 +57,11 @@ class Wiping(StrokeWork):
         The lanes that the arm reaches most easily come first; from each base pose, all lanes within reach are wiped. If
         a lane fails, its halves are tried.
         """
-        grounding, phase, constraints, motion = await self.begun(action)
+        grounding, motion = await self.begun(action)
         plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), list[Array](), 0
-        await self._look_from_near(grounding, phase, constraints, plane, motion)
-        motion = grounding.grounded(constraints, phase)
-        stroke = partial(self.stroke, grounding, phase, constraints, plane, closed=False)
+        await self._look_from_near(grounding, plane, motion)
+        motion = grounding.grounded()
+        stroke = partial(self.stroke, grounding, plane, closed=False)
         room = self._room(plane, motion)
         pending = self._nearest_first(plane, motion, room.lanes())
         if not pending:
@@ -88,25 +83,18 @@ class Wiping(StrokeWork):
             raise self._too_little(plane, motion, share, pending, problems)
         return ()
 
-    async def _look_from_near(
-        self,
-        grounding: Grounding,
-        phase: Phase,
-        constraints: Sequence[MotionConstraint],
-        plane: Plane,
-        motion: GroundedMotion,
-    ) -> None:
+    async def _look_from_near(self, grounding: Grounding, plane: Plane, motion: GroundedMotion) -> None:
         """Drive to where the surface is visible, if it has not been seen yet: objects on it may have been moved."""
-        name = self.platform.scene.bodies.bind(plane.thing)
-        if self.platform.robot.camera is None or not self._is_mobile():
+        belief, name = self.platform.belief, self.platform.scene.bodies.bind(plane.thing)
+        if belief.seen_from_here(name) or self.platform.robot.camera is None or not self._is_mobile():
             return
-        poses = self.platform.base_poses()
-        for base in islice(poses.before(motion.things[plane.thing][:2, 3], motion.arms), VIEWS):
-            if self.platform.belief.seen_from_here(name):
-                return
-            with suppress(NavigationFailure):
-                await self.drive_with_room(base)
-                await self._look(grounding, constraints, phase)
+
+        async def look() -> bool:
+            await self._look(grounding)
+            return belief.seen_from_here(name)
+
+        bases = self.platform.standing().before(motion.things[plane.thing][:2, 3], motion.arms)
+        await self.seen_from(lambda: bases, self.drive_with_room, look)
 
     async def _from_here(
         self,
@@ -136,7 +124,7 @@ class Wiping(StrokeWork):
 
     def _distances(self, plane: Plane, motion: GroundedMotion, lanes: Sequence[Array]) -> list[float]:
         in_map = [moved(motion.things[plane.thing], lane[:, :3])[:, :2] for lane in lanes]
-        return self.platform.base_poses().distances(in_map, motion.arms) if lanes else []
+        return self.platform.standing().distances(in_map, motion.arms) if lanes else []
 
     def _no_room(self, plane: Plane, motion: GroundedMotion) -> ConstraintsUnsatisfied:
         """Build the failure for a surface without free positions."""

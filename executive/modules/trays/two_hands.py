@@ -11,16 +11,14 @@ from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, combinations
-from typing import TypeVar
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_poses import BasePoses
 from executive.locations.rejections import Rejections
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths
-from executive.modules.tries import Tries
+from executive.modules.runner import Skill, each
+from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths, PairPlace
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
 from planlang.designators import Action, Location, Object, resting_on
@@ -30,7 +28,6 @@ from planlang.failures import (
     GraspMissed,
     GripperFailure,
     HandsLacking,
-    LocationUnresolvable,
     LookingFailure,
     ManipulationFailure,
     ManipulationGoalInCollision,
@@ -38,22 +35,18 @@ from planlang.failures import (
     NavigationFailure,
     ObjectNotFound,
     PerceptionFailure,
+    PlanFailure,
     TooHeavy,
 )
 from planlang.geometry import Array, Pose
-from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 
-PLACES = 3
-"""Base poses to try in turn for grasping or putting down: an object may look different from each."""
 NEAR = 1.5
 """Distance within which the current base pose is tried first [m]."""
 MOST_SPOTS, APART = 32, 0.12
 """Most poses for putting an object down, and their least difference [m, rad]."""
 LOOKED_AT = 4000
 """Samples from which to choose these poses."""
-WAYS = 4
-"""Pairs of hand paths to try from one base pose; more differ little."""
 SAME = 0.05
 """Difference below which two base poses count as the same [m, rad]."""
 OUTWARDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.05, 0.0)
@@ -62,8 +55,6 @@ HAIR = 1e-6
 """Guard against division by zero [m]."""
 CLOSE = 0.3
 """Distance from the base's axis to which a held object is drawn in, if there is room [m]."""
-
-T = TypeVar("T")
 
 
 @process_module
@@ -115,59 +106,57 @@ class TwoHands(HandWork):
         if name in self.platform.belief.held:
             return
         pairs, tried = self._pairs(name), list[BasePose]()
-        problem: ManipulationFailure | NavigationFailure | None = None
-        await self.tuck(self.platform.arms.untucked())
-        for number in range(PLACES + 1):
-            if self._is_near(self.platform.scene.bodies.block(name).centre):
-                await self._seen(name, what)
-                try:
-                    if await self._from_here(pairs, name):
-                        return
-                except (ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed) as failure:
-                    if name in self.platform.belief.held:  # grasped; only a later motion was stopped
-                        raise
-                    problem = problem or failure
-                    if not isinstance(failure, ManipulationPoseUnreachable):  # it is not quite where it was seen
-                        await self.tuck(self.platform.arms.untucked())
-                        continue
-            base = await self._elsewhere(pairs, name, tried) if number < PLACES else None
-            if base is None:
-                break
-            tried.append(base)
-            try:
-                await self.drive(base)
-            except NavigationFailure as failure:
-                problem = problem or failure
-        raise self._nowhere(name, pairs, "take") from problem
+        await self.tuck()
 
-    async def _from_here(self, pairs: Sequence[PairPaths], name: str) -> bool:
-        """Grasp the object from the current base pose. Return False if no path exists; raise if every path failed."""
-        problem, tried = None, 0
-        for paths in pairs:
-            async for grasp in _results(paths.grasps(name, [self.platform.base()])):
-                try:
-                    await self._grasp(paths, grasp, name)
-                    return True
-                except ManipulationPoseUnreachable as failure:
-                    if name in self.platform.belief.held:
-                        raise
-                    problem = problem or failure
-                    await self.tuck(self.platform.arms.untucked())
-                if (tried := tried + 1) == WAYS:
-                    raise problem
-        if problem is not None:
-            raise problem
-        return False
+        async def bases() -> AsyncIterator[BasePose]:
+            if self._is_near(self.platform.scene.bodies.block(name).centre):
+                yield self.platform.base()
+            while (base := await self._elsewhere(pairs, name, tried)) is not None:
+                tried.append(base)
+                yield base
+
+        async def approach(base: BasePose) -> None:
+            if base != self.platform.base():
+                await self.drive(base)
+            await self._seen(name, what)
+
+        paths, grasp = await Skill(
+            bases,
+            lambda _: self._from_here(pairs, name),
+            approach,
+            between=self.tuck,
+            believed=lambda: self.platform.belief.pose(name),  # it may look different from each base pose
+            failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed, NavigationFailure),
+            otherwise=partial(self._nowhere, name, pairs, "take"),
+        ).run()
+        await self._go(paths, grasp.lift, name, held=True)
+        await self._draw_in(paths, name)
+
+    async def _from_here(self, pairs: Sequence[PairPaths], name: str) -> tuple[PairPaths, PairGrasp]:
+        """Grasp the object from the current base pose; return how."""
+
+        def grasps() -> Iterator[tuple[PairPaths, PairGrasp] | None]:
+            for paths in pairs:
+                for grasp in paths.grasps(name, [self.platform.base()]):
+                    yield None if grasp is None else (paths, grasp)
+
+        return await Skill(
+            grasps,
+            partial(self._grasp, name),
+            between=self.tuck,
+            failures=(ManipulationPoseUnreachable,),
+            otherwise=partial(_no_path, name),
+        ).run()
 
     async def _elsewhere(self, pairs: Sequence[PairPaths], name: str, tried: Sequence[BasePose]) -> BasePose | None:
         """Find a base pose, other than those tried, from which both hands can grasp the object, if there is one."""
         block = self.platform.scene.bodies.block(name)
         point, square_on = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
         for paths in pairs:
-            poses, arms = self.platform.base_poses(), paths.pair.arms
-            every = chain(poses.before(point, arms, square_on), poses.before(point, arms))
+            standing, arms = self.platform.standing(), paths.pair.arms
+            every = chain(standing.before(point, arms, square_on), standing.before(point, arms))
             bases = (one for one in every if not _is_one_of(one, tried))
-            async for grasp in _results(paths.grasps(name, bases)):
+            async for grasp in each(paths.grasps(name, bases)):
                 return grasp.base
         return None
 
@@ -200,7 +189,9 @@ class TwoHands(HandWork):
         joints = platform.world.configuration().joints
         return [PairPaths(platform, ArmPair(pair, joints)) for pair in pairs]
 
-    def _nowhere(self, name: str, pairs: Sequence[PairPaths], doing: str) -> LocationUnresolvable:
+    async def _nowhere(
+        self, name: str, pairs: Sequence[PairPaths], doing: str, problem: PlanFailure | None, tried: int
+    ) -> PlanFailure:
         """Build the failure that counts why all candidates were rejected."""
         log = Rejections()
         for paths in pairs:
@@ -208,8 +199,9 @@ class TwoHands(HandWork):
         size = " m by ".join(f"{extent:g}" for extent in self.platform.scene.bodies.size(name)[:2])
         return log.failure(f"{doing} {name}, {size} m, with two hands")
 
-    async def _grasp(self, paths: PairPaths, grasp: PairGrasp, name: str) -> None:
-        """Approach, close both hands, lift and draw in. Raises GraspMissed if a hand does not feel the object."""
+    async def _grasp(self, name: str, way: tuple[PairPaths, PairGrasp]) -> tuple[PairPaths, PairGrasp]:
+        """Approach and close both hands; return the way. Raises GraspMissed if a hand does not feel the object."""
+        paths, grasp = way
         hands, arms = self.platform.hands, paths.pair.arms
         for arm, fingers in zip(arms, grasp.fingers, strict=True):
             await hands.move(arm, closed=False, fingers=fingers)
@@ -224,20 +216,21 @@ class TwoHands(HandWork):
             raise GraspMissed(arm=missed.name, what=name)
         for arm in arms:
             hands.grasp(arm, name)
-        await self._go(paths, grasp.lift, name, held=True)
-        await self._draw_in(paths, name)
+        return way
 
     async def _arms_to(self, paths: PairPaths, q: Array, name: str) -> None:
         """Move the arms one after the other to joint positions (n,), in the order in which they find paths."""
-        pending = list(zip(paths.pair.arms, paths.pair.group.columns, strict=True))
-        tries = Tries(ManipulationPoseUnreachable)
-        for _ in range(len(pending)):  # moving one arm may make room for the other
-            for arm, columns in tuple(pending):
-                with tries:
-                    await self.follow_to_end(arm.name, self.planned(arm, q[columns], None), name)
-                    pending = [one for one in pending if one[0] is not arm]
-        if pending and tries.problem is not None:
-            raise tries.problem
+        pending = {one.name: (one, q[own]) for one, own in zip(paths.pair.arms, paths.pair.group.columns, strict=True)}
+
+        async def move(arm: str) -> None:
+            await self.follow_to_end(arm, self.planned(*pending[arm], None), name)
+            del pending[arm]
+
+        async def is_done() -> bool:
+            return not pending
+
+        # moving one arm may make room for the other, which is a candidate again then
+        await Skill(lambda: tuple(pending), move, failures=(ManipulationPoseUnreachable,)).until(is_done)
 
     async def _go(self, paths: PairPaths, rows: Array, name: str, *, held: bool = False) -> None:
         """Move both arms along a joint path (k, n)."""
@@ -276,56 +269,60 @@ class TwoHands(HandWork):
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("state where to carry the object as to_location", designator=str(action))
         location, tried = resting_on(where), list[BasePose]()
-        tries = Tries(ManipulationPoseUnreachable, NavigationFailure)
-        for number in range(PLACES + 1):
+
+        async def places() -> AsyncIterator[tuple[PairPlace | None, list[Pose]]]:
             spots = self._spots(what, location)
             if self._is_near(np.array(spots[0].position)):
-                with tries:
-                    if await self._lowered(paths, name, spots, lowers=lowers):
-                        return
-            await self._rise(paths, name, max(spot.position[2] for spot in spots))
-            if number == PLACES:
-                break
-            place = await _first(paths.places(name, spots, partial(self._before, paths, name, tried)))
-            if place is None:
-                break
-            tried.append(place.base)
-            with tries:
-                await self.drive(place.base)
-            await self._look_at_support(place.pose)
-        raise self._nowhere(name, [paths], "put down") from tries.problem
+                yield None, spots
+            while True:
+                spots = self._spots(what, location)
+                await self._rise(paths, name, max(spot.position[2] for spot in spots))
+                async for place in each(paths.places(name, spots, partial(self._before, paths, name, tried))):
+                    tried.append(place.base)
+                    yield place, spots
+                    break
+                else:
+                    return
 
-    async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> bool:
-        """Lower the held object without moving the base. Return False if no path exists; raise if every path failed."""
-        tries, tried, here = Tries(ManipulationPoseUnreachable), 0, partial(_only, self.platform.base())
-        async for place in _results(paths.places(name, spots, here)):
-            with tries:
-                if lowers:
-                    await self._go(paths, place.lower, name, held=True)
-                return True
-            if (tried := tried + 1) == WAYS:
-                break
-        if tries.problem is not None:
-            raise tries.problem
-        return False
+        async def approach(candidate: tuple[PairPlace | None, list[Pose]]) -> None:
+            place, spots = candidate
+            if place is not None:
+                await self.drive(place.base)
+                await self._look_at_support(place.pose)
+                spots[:] = self._spots(what, location)
+
+        await Skill(
+            places,
+            lambda candidate: self._lowered(paths, name, candidate[1], lowers=lowers),
+            approach,
+            failures=(ManipulationPoseUnreachable, NavigationFailure),
+            otherwise=partial(self._nowhere, name, [paths], "put down"),
+        ).run()
+
+    async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> None:
+        """Lower the held object, or find that it could be lowered, without moving the base."""
+        here = [self.platform.base()]
+
+        async def lower(place: PairPlace) -> None:
+            if lowers:
+                await self._go(paths, place.lower, name, held=True)
+
+        await Skill(
+            lambda: paths.places(name, spots, lambda _: here),
+            lower,
+            failures=(ManipulationPoseUnreachable,),
+            otherwise=partial(_no_path, name),
+        ).run()
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
         """Yield free base poses before a put-down pose, those first from which the object is only extended outwards."""
-        poses = self.platform.base_poses()
-        bases = chain(
-            self._held_out(poses, paths, name, pose), poses.before(np.array(pose.position[:2]), paths.pair.arms)
-        )
-        return (one for one in bases if not _is_one_of(one, tried))
-
-    def _held_out(self, poses: BasePoses, paths: PairPaths, name: str, pose: Pose) -> Iterator[BasePose]:
-        """Yield free base poses from which extending the held object straight outwards brings it to a put-down pose."""
-        here = Pose.from_matrix(paths.pose_of(name, paths.now()))
+        standing, here = self.platform.standing(), Pose.from_matrix(paths.pose_of(name, paths.now()))
         x, y, _ = here.position
         factors = 1.0 + np.array(OUTWARDS) / max(math.hypot(x, y), HAIR)
-        extended = (Pose.planar(x * factor, y * factor, here.yaw) for factor in factors.tolist())
-        bases = [Pose.planar(*pose.position[:2], pose.yaw) @ one.inverse() for one in extended]
-        rows = np.array([(*base.position[:2], base.yaw) for base in bases])
-        return poses.with_room(rows[poses.free(rows)])
+        extended = [Pose.planar(x * factor, y * factor, here.yaw) for factor in factors.tolist()]
+        point = np.array(pose.position[:2])
+        bases = chain(standing.with_thing_at(extended, pose), standing.before(point, paths.pair.arms))
+        return (one for one in bases if not _is_one_of(one, tried))
 
     def _spots(self, what: Object, location: Location) -> list[Pose]:
         """Choose put-down poses for an object: the best that differ enough, each also turned by half a turn.
@@ -366,29 +363,13 @@ class TwoHands(HandWork):
             await platform.hands.move(arm, closed=False, fingers=fingers)
         await platform.hands.settled(name)
         await self._go(paths, paths.away(name), name)
-        await self.tuck(platform.arms.untucked())
+        await self.tuck()
 
 
-def _only(base: BasePose, pose: Pose) -> list[BasePose]:
-    return [base]
+async def _no_path(name: str, problem: PlanFailure | None, tried: int) -> PlanFailure:
+    return problem or ManipulationPoseUnreachable(what=name)
 
 
 def _is_one_of(base: BasePose, tried: Iterable[BasePose]) -> bool:
     """Check whether a base pose is close to one that was tried."""
     return any(math.dist(base[:2], one[:2]) < SAME and abs(base[2] - one[2]) < SAME for one in tried)
-
-
-async def _results(results: Iterator[T | None]) -> AsyncIterator[T]:
-    """Yield the results of a slow search; at each None, other tasks get a turn."""
-    for result in results:
-        if result is not None:
-            yield result
-        else:
-            await checkpoint()
-
-
-async def _first(results: Iterator[T | None]) -> T | None:
-    """Take the first result of a slow search, as :func:`_results`; None if there is none."""
-    async for result in _results(results):
-        return result
-    return None

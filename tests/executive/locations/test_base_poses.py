@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from executive.locations.base_poses import BEST, SHARES, BasePoses
+from executive.locations.base_poses import BasePoses
 from executive.locations.rejections import NO_ROOM
+from executive.locations.standing import BEST, SHARES
 from tests.executive.conftest import BED, MakeStage
 
 
@@ -17,7 +18,7 @@ def test_a_row_of_points_is_best_reached_from_its_side(make_stage: MakeStage, tu
     ahead = np.array([math.cos(turned), math.sin(turned)])
     middle = np.array(room.platform.base()[:2]) + BEST * arm.reach * np.array([1.0, 0.0])
     row = middle + 0.25 * np.linspace(-1.0, 1.0, 5)[:, None] * ahead
-    _, _, heading = next(room.platform.base_poses().before(row, [arm]))
+    _, _, heading = next(room.platform.standing().before(row, [arm]))
     assert abs(math.cos(heading - turned)) <= 0.5
 
 
@@ -27,7 +28,7 @@ def test_places_at_all_distances_are_offered_where_there_is_room_all_around(make
     point = np.array(room.platform.base()[:2]) + np.array([1.0, 0.0])
     shoulder = (arm.shoulder_low + arm.shoulder_high)[:2] / 2
     away = []
-    for x, y, yaw in room.platform.base_poses().before(point, [arm]):
+    for x, y, yaw in room.platform.standing().before(point, [arm]):
         turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
         away.append(float(np.linalg.norm(point - (x, y) - turn @ shoulder)) / arm.reach)
     assert set(np.round(away, 3)) == set(SHARES)
@@ -46,5 +47,5 @@ def test_what_takes_the_room_of_base_poses_is_named_when_it_is_asked_for(make_st
 
 def test_the_base_backs_off_straight_at_first(make_stage: MakeStage) -> None:
     x, y, yaw = (stage := make_stage(BED)).platform.base()
-    first = next(stage.platform.base_poses().beside(yaw, [0.2]))
+    first = next(stage.platform.standing().beside(yaw, [0.2]))
     assert first == pytest.approx((x - 0.2 * math.cos(yaw), y - 0.2 * math.sin(yaw), yaw))

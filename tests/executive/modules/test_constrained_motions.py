@@ -2,7 +2,6 @@
 
 import pytest
 
-from executive.modules.phases import Phases
 from executive.modules.tools.constrained_motions import constraints_of
 from executive.modules.tools.motion_grounding import Grounding
 from planlang import perform
@@ -77,7 +76,7 @@ def test_a_tool_that_may_not_lean_does_not_change_what_its_motion_is_about(make_
     top = a_feature(
         "PLANE", of=an_object("KitchenTable", PLACE + "table"), position=(0.0, 0.0, 0.37), direction=(0.0, 0.0, 1.0)
     )
-    grounding = Grounding(platform)
-    motion = grounding.grounded((a_constraint("HEIGHT", mouth, top, lower=0.1, upper=0.3),), Phases().current())
+    grounding = Grounding(platform, (a_constraint("HEIGHT", mouth, top, lower=0.1, upper=0.3),))
+    motion = grounding.grounded()
     assert grounding.uprights(motion), "the cup may not lean"
     assert [str(one) for one in motion.things] == [str(top.of)]

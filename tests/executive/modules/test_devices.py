@@ -100,8 +100,14 @@ def test_fingers_may_touch_the_device_whose_button_they_push_but_the_palm_may_no
     q, good = arm.solver.solve(tip[None], arm.seeds[None])
     assert good[0], "the hand is well inside the device"
     motion = GroundedMotion((), (arm,), {}, {})
-    met = {link for link, body in Grounding(platform, {"maker"}).touching(motion, q[0], base) if body == "maker"}
-    met_clear = {link for link, body in Grounding(platform, {"maker"}).touching(motion, q[0], base, clear=True)}
+    met = {
+        link
+        for link, body in Grounding(platform, (), touches={"maker"}).touching(motion, q[0], base)
+        if body == "maker"
+    }
+    met_clear = {
+        link for link, body in Grounding(platform, (), touches={"maker"}).touching(motion, q[0], base, clear=True)
+    }
     assert "panda_hand" in met
     assert met_clear - met >= {"panda_leftfinger", "panda_rightfinger"}
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.modules.furniture.pushing import Pushing
-from executive.modules.phases import Phase
+from executive.modules.furniture.pushing import ThingStrokes
 from executive.modules.tools.motion_grounding import Grounding
 from planlang import perform, pursue, sleep
 from planlang.designators import action, an_object
@@ -73,11 +72,11 @@ def test_without_a_camera_a_thing_that_a_hand_does_not_feel_is_not_believed_to_b
     stage = make_blind(TABLE, BOX, truth=(TABLE, replace(BOX, pose=Pose((1.15, 0.5, 0.8)))))
     stage.belief.trusts_map = True
 
-    async def stroke(_: Pushing, grounding: Grounding, phase: Phase, asked: Any, *__: Any, **___: Any) -> Trajectory:
-        (arm,) = grounding.grounded(asked, phase).arms
+    async def stroke(_: ThingStrokes, grounding: Grounding, *__: Any, **___: Any) -> Trajectory:
+        (arm,) = grounding.grounded().arms
         return Trajectory(arm.joints, np.stack([stage.platform.arm_joints(arm)] * 2))
 
-    monkeypatch.setattr(Pushing, "stroke", stroke)
+    monkeypatch.setattr(ThingStrokes, "stroke", stroke)
     with pytest.raises(ObjectNotFound) as caught:
         stage.run(lambda: perform(PUSH))
     assert caught.value.what == "box"

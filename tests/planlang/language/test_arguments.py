@@ -213,9 +213,9 @@ OUTSIDE: list[Case] = [
     ("fetch_again again", lambda x: fetch_again(CUP, x), BRANCH | OPTIONAL | {"lambda"}),
     *((f"{f.__name__}", f, TEXT) for f in (an_object, a_person, a_device, Object, Person, Device)),
     *((f"{f.__name__} iri", lambda x, f=f: f("Cup", x), TEXT | OPTIONAL) for f in (an_object, a_person, a_device)),
-    ("Relation name", lambda x: Relation(x, CUP), set()),
-    ("Relation reference", lambda x: Relation("near", x), set()),
-    ("Relation within", lambda x: Relation("near", CUP, within=x), NUMBERS | OPTIONAL),
+    ("Relation name", lambda x: Relation(x, (CUP,)), set()),
+    ("Relation references", lambda x: Relation("near", x), set()),
+    ("Relation within", lambda x: Relation("near", (CUP,), within=x), NUMBERS | OPTIONAL),
     ("Location relations", Location, set()),
     ("Location name", lambda x: Location((), x), TEXT | OPTIONAL),
     ("Location device", lambda x: Location((), "a", x), OPTIONAL),
@@ -341,7 +341,7 @@ def test_every_parameter_refuses_what_makes_no_sense_with_wrong_and_right_code(
     use: Callable[[Any], Any], sensible: set[str], inside: bool, executive: Any, tmp_path: Any, monkeypatch: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "x").write_text('{"step": 0, "event": "header", "schema": 4, "rate": 240}\n')
+    (tmp_path / "x").write_text('{"step": 0, "event": "header", "schema": 5, "rate": 240}\n')
     problems: list[str] = []
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")

@@ -105,7 +105,7 @@ def test_a_restriction_with_a_unit_becomes_a_class_of_which_nothing_is_known(tmp
     text = 'Class: Thick\n    EquivalentTo: Wet and (thickness value "2"^^unit:Centimeter)\n'
     given = reasoner_input(load(written(tmp_path, text), builtin=False))
     assert "UnreadRestriction1" in given.names
-    assert "Centimeter" not in given.text(facts=True)
+    assert "Centimeter" not in given.text()
 
 
 def test_things_of_one_local_name_have_two_names(tmp_path: Path) -> None:
@@ -124,7 +124,7 @@ def test_without_java_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @needs_reasoner
 def test_a_reasoner_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     begun = time.monotonic()
-    with refusal("O063", naming="--reason-seconds"):
+    with refusal("O063", naming="reason_seconds"):
         reason(load(written(tmp_path, "")), seconds=0.2)
     assert time.monotonic() - begun < 20
 
