@@ -19,8 +19,9 @@ from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
 from executive.motion.clearance import EVERY, LACKING, SPARE, Band, Drivable, drivable, free_poses, outlines
-from executive.robots import Gripper, Robot
+from executive.robots import Gripper
 from executive.robots.arms import ArmModel
+from executive.robots.handle import RobotModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.areas import Block
@@ -91,20 +92,17 @@ def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
 class SceneCollisions(ScenePart):
     """Collisions of the robot and its held objects in the planning world; results are cached until something moves."""
 
-    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, mirror: WorldMirror, model: RobotModel, belief: Belief) -> None:
         super().__init__(mirror, belief)
-        self._robot, self._arms, world = robot, tuple(arms), self._world
+        self._robot, self._arms, world = model.robot, model.arms, self._world
         self._bodies: Kept[tuple[Boxes, Solids]] = Kept()
         self._floor: Kept[Floor] = Kept()
         self._drivable: Kept[Drivable] = Kept()
         self._reached: Kept[Drivable] = Kept()
         self._links = frozenset(world.robot.solid_names)
-        self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
-        links = links_of(world)
-        self._chains = {
-            arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
-            for arm in arms
-        }
+        self._rest = {arm.name: self._links - self._own_links(arm) for arm in model.arms}
+        links, root = links_of(world), model.robot.base_link
+        self._chains = {arm.name: ArmShapes(world, links, arm.solver.chain, root, arm.tip) for arm in model.arms}
         self._checks: Kept[dict[object, QuickCheck]] = Kept()
         self._obstacles: Kept[Room] = Kept()
         self._near: Kept[Room] = Kept()
@@ -280,7 +278,7 @@ class SceneCollisions(ScenePart):
 
         Hinged fingers move forward while they close, so a body behind the object may stop them.
         """
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         if gripper is None:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
@@ -299,7 +297,7 @@ class SceneCollisions(ScenePart):
 
         ``fingers``: their positions before, by default fully open.
         """
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         joints = self.closed(base, arm, q, around, arm.openings.widest if fingers is None else fingers)
         if gripper is None or joints is None:
             return None
@@ -318,7 +316,7 @@ class SceneCollisions(ScenePart):
 
         None if another body stops them.
         """
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         if gripper is None:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
@@ -425,7 +423,7 @@ class SceneCollisions(ScenePart):
 
     def touching_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that may touch an arm's object: fingers, but not the palm; without gripper, the hand."""
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
 
     def arm_check(

@@ -111,7 +111,7 @@ class PairPaths:
         return next((contact.body for contact in world.contacts(there, moving, ignore=ignore)), None)
 
     def _finger_links(self, arm: ArmModel) -> Sequence[str]:
-        gripper = self.control.robot.arm(arm.name).gripper
+        gripper = arm.gripper
         return () if gripper is None else gripper.finger_links
 
     def _refuse(self, reason: str, body: str | None = None, number: int = 1) -> None:
@@ -206,7 +206,7 @@ class PairPaths:
             held = self.control.scene.collisions.closed_on(base, arm, q, name, one)
             if held is None:
                 raise _Refused("no hold for the fingers")
-            gripper = self.control.robot.arm(arm.name).gripper
+            gripper = arm.gripper
             closed |= {joint: held[joint] for joint in gripper.joints} if gripper is not None else {}
         raised = tips[1].copy()
         raised[:, 2, 3] += LIFT
@@ -226,7 +226,7 @@ class PairPaths:
         control, state, world = self.control, self.control.belief.state, self.control.scene.world
         start = dict(zip(self.pair.names, rows[0].tolist(), strict=True))
         at = Configuration(base, {**world.configuration().joints, **fingers, **start})
-        thing, tips = state.poses[name], [(arm.name, control.robot.arm(arm.name).tip) for arm in self.pair.arms]
+        thing, tips = state.poses[name], [(arm.name, arm.tip) for arm in self.pair.arms]
         holds = [Hold(arm, tip, world.link_pose(tip, at).inverse() @ thing) for arm, tip in tips]
         held = {**state.held, name: Grip(*holds[0], thing, tuple(holds[1:]))}
         supposed = control.scene.supposing(replace(state.with_robot(control.belief.robot, at), held=held))
