@@ -47,7 +47,6 @@ from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
-from planlang.relations import RELATIONS
 
 MOST_VIEWERS = 256
 """Number of locations whose viewpoint is remembered."""
@@ -345,12 +344,6 @@ class Resolver:
         """Viewpoint of a location's left and right: where the base was when it was last searched for."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
-
-
-def _names_a_side(location: Location) -> bool:
-    """Check whether a location may depend on the viewpoint."""
-    inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
-    return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
 
 T = TypeVar("T")

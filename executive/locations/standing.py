@@ -180,7 +180,11 @@ class Standing:
         ones opposite to the first hand's approach: a hand leaves a cabinet or a handle the way it came.
         """
         here, contacts, indirect = self.scene.base(), self.scene.collisions.contacts, None
-        heading = self._heading(postures[0][0]) if postures else here[2]
+        heading = here[2]
+        if postures:  # a vertical approach has no heading
+            tip, approach = self.scene.arms.tip(postures[0][0]), np.asarray(postures[0][0].frame.approach)
+            x, y, _ = matrices.rotated(tip[:3, :3], approach).tolist()
+            heading = math.atan2(y, x) if math.hypot(x, y) > APPROACH else heading
         nearby = () if self.scene.robot.base.fixed else self.beside(heading, BACK_OFF)
         for pose in chain((here,), nearby):
             if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not self.poses.has_room(pose)):
@@ -191,11 +195,6 @@ class Standing:
                 return pose
             indirect = indirect or pose
         return indirect
-
-    def _heading(self, arm: ArmModel) -> float:
-        """Compute the heading of a hand's approach in the map [rad]; the base's heading for a vertical approach."""
-        x, y, _ = matrices.rotated(self.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
-        return math.atan2(y, x) if math.hypot(x, y) > APPROACH else self.scene.base()[2]
 
 
 def floor_near(block: Block, floor: Floor) -> Array:
