@@ -19,11 +19,8 @@ from planlang.failures import (
     DesignatorFailure,
     GripperGoalNotReached,
     LocationUnresolvable,
-    LookingFailure,
     ManipulationFailure,
     ManipulationGoalNotReached,
-    NavigationFailure,
-    PerceptionFailure,
     PlanFailure,
 )
 from planlang.language.performing import perform
@@ -49,11 +46,6 @@ class SettingAside(HandWork):
 
     name = "setting_aside"
     actions = ("SettingAsideAnObject",)
-    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
         """Put ``object_acted_on`` down; return the name of its support.

@@ -39,10 +39,7 @@ class Navigation(PlatformModule):
     name = "navigation"
     actions = ("Translation-LocationChange",)
     failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base."""
-        return ("base",)
+    needs = ("base",)
 
     async def execute(self, action: Action) -> None:
         """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.

@@ -21,11 +21,10 @@ from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
-from planlang.designators import Action, Object
+from planlang.designators import Action
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,
-    DesignatorFailure,
     EnvironmentManipulationFailure,
     GraspMissed,
     GraspSlipped,
@@ -264,21 +263,14 @@ class Containers(HandWork):
 
     name = "container"
     actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
-    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-    # beside those of looking, which LookingFirst declares for all modules
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
+    failures = (EnvironmentManipulationFailure, *HandWork.failures)
 
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.
 
         Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are.
         """
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to open or close as object_acted_on", designator=str(action))
+        what = self.object_of(action, "open or close")
         opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
         leaves = self.platform.scene.bodies.leaves_of(what, shut=opens)
         if not leaves:

@@ -22,13 +22,10 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
-    DesignatorFailure,
     DeviceUnresponsive,
     EnvironmentManipulationFailure,
     HandleNotReachable,
-    ManipulationFailure,
     ManipulationPoseUnreachable,
-    NavigationFailure,
     ObjectUnresolvable,
     PlanFailure,
     StateUnknown,
@@ -54,14 +51,9 @@ class Devices(HandWork):
 
     name = "device"
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
-    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-    # beside those of looking, which LookingFirst declares for all modules
+    failures = (EnvironmentManipulationFailure, *HandWork.failures)
     by_hand = True
     """The simulator switches a device when the hand really moves its control."""
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""

@@ -304,9 +304,7 @@ class Pushing(StrokeWork):
 
         Raises ManipulationGoalNotReached if it does not arrive.
         """
-        platform, what = self.platform, action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to push as object_acted_on", designator=str(action))
+        platform, what = self.platform, self.object_of(action, "push")
         with suppress(PerceptionFailure, LookingFailure):
             await perform(look_for("LookingForSomething", object_acted_on=what))
         name = platform.scene.bodies.bind(what)

@@ -24,17 +24,13 @@ from executive.robots.arm_pair import ArmPair
 from planlang.designators import Action, Location, Object, resting_on
 from planlang.failures import (
     ActionUnresolvable,
-    DesignatorFailure,
     GraspMissed,
-    GripperFailure,
     HandsLacking,
-    LookingFailure,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
     NavigationFailure,
     ObjectNotFound,
-    PerceptionFailure,
     PlanFailure,
     TooHeavy,
 )
@@ -71,24 +67,10 @@ class TwoHands(HandWork):
         "LoweringAnObject",
         "ReleasingGraspOfSomething",
     )
-    failures = (
-        ManipulationFailure,
-        GripperFailure,
-        NavigationFailure,
-        PerceptionFailure,
-        LookingFailure,
-        DesignatorFailure,
-    )
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
         """Perform what the action's class states on ``object_acted_on``; return the object's name."""
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to handle as object_acted_on", designator=str(action))
+        what = self.object_of(action, "handle")
         name, classes = self.platform.scene.bodies.bind(what), self.platform.ancestors(action.type)
         if not {"GraspingSomething", "PickingUpAnObject", "TakingSomething"}.isdisjoint(classes):
             await self._take(name, what)
