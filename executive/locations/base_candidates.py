@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.floor import HAIR, Field, Floor
-from executive.locations.columns import Columns
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
+from executive.locations.grasp_candidates import CLASSES, Columns, GraspCandidates, Hand
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound
 from executive.locations.reachability_maps import reachability_map
 from executive.locations.rejections import NO_ROOM

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Misses
 from executive.locations.base_poses import BasePoses
-from executive.locations.budgets import BETWEEN, SearchBudget
 from executive.locations.demands import BaseDemand, Reach
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_solutions import (
@@ -28,7 +27,7 @@ from executive.locations.hand_solutions import (
     solve,
 )
 from executive.locations.looking_once import CachedRows, as_keys, numbered
-from executive.locations.questions import Findings, Question
+from executive.locations.questions import BETWEEN, Findings, Question, SearchBudget
 from executive.locations.reachability import CELL
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion

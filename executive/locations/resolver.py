@@ -18,7 +18,6 @@ from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED, MOST_CHECKS, MOST_SOLVED
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -36,7 +35,17 @@ from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.placement import Placement
-from executive.locations.questions import Allowance, Findings, Question
+from executive.locations.questions import (
+    ALL,
+    EASY,
+    EASY_CHECKS,
+    EASY_SOLVED,
+    MOST_CHECKS,
+    MOST_SOLVED,
+    Allowance,
+    Findings,
+    Question,
+)
 from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
 from executive.locations.validation import BaseValidator

@@ -17,7 +17,6 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.base_poses import BasePoses
-from executive.locations.budgets import ALL, BUDGETS, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, SearchSpec, as_reported
 from executive.locations.demands import BaseDemand, Reach, ReachKind
 from executive.locations.floor_search import FloorSearch
@@ -25,7 +24,7 @@ from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.looking_once import numbered
-from executive.locations.questions import FreeHands, Question
+from executive.locations.questions import ALL, BUDGETS, FreeHands, Question, SearchBudget
 from executive.locations.rejections import (
     COLLISION,
     NO_ROOM,

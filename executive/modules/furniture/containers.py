@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from executive.locations.taking_out import way_out
+from executive.locations.headroom import way_out
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
 from executive.modules.furniture.witnessing import is_witnessed
