@@ -123,7 +123,9 @@ class Resolver:
         for reach in validator.wanted(demand):
             validator.check_hands(self._with_uses(reach), location)
         found: list[BasePose] = []
-        with_uses = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
+        for goal in (goal for reach in demand.reaches for goal in self._goals(reach)):
+            self._look(goal)
+        with_uses = replace(demand, reaches=tuple(map(self._with_uses, demand.reaches)))
         if with_uses != demand:
             yield from self._found(with_uses, self._question(location), found)
         yield from self._found(demand, question, found)
@@ -158,15 +160,15 @@ class Resolver:
         log.include(tried.log)
         return is_found
 
-    def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
-        """Add later uses of the thing to a grasp; with ``look``, fix their viewpoint at the present base pose."""
-        if reach.kind is not ReachKind.GRASP:
-            return reach
-        goals = goals_of(reach.body, actions_around(), self.scene)
-        for goal in goals if look else ():
-            self._look(goal)
-        uses = (use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in goals)
-        return replace(reach, then=tuple(use for use in uses if use is not None))
+    def _goals(self, reach: Reach) -> Sequence[Location]:
+        """List where the thing will be put or handed over that is grasped."""
+        is_grasp = reach.kind is ReachKind.GRASP
+        return goals_of(reach.body, actions_around(), self.scene) if is_grasp else ()
+
+    def _with_uses(self, reach: Reach) -> Reach:
+        """Add later uses of the thing to a grasp."""
+        uses = [use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in self._goals(reach)]
+        return reach if not uses else replace(reach, then=tuple(use for use in uses if use is not None))
 
     def _found(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
         """Yield base poses, with looks to take beforehand, and add them to those already ``found``."""

@@ -77,7 +77,8 @@ class Devices(HandWork):
         if control.turns:
             joint = belief.joints[control.body]
             is_turned = belief.joint(control.body) >= HALFWAY * joint.upper
-            await LeafWork(self.platform, joint).moved(opens=not is_turned)
+            work = LeafWork(self.platform, joint)
+            await (work.close() if is_turned else work.open())
         else:
             await self._push(control)
         belief.doubted(control.device)

@@ -323,9 +323,10 @@ class PairPaths:
             kept.append(row)
         return np.array(kept)
 
-    def timed(self, rows: Array, *, held: bool) -> Trajectory:
-        """Time a joint path (k, n). Raises a MotionError if the hands of a ``held`` object would move relatively."""
+    def timed(self, rows: Array) -> Trajectory:
+        """Time a joint path (k, n). Raises a MotionError if hands that hold an object would move relatively."""
         rows = self.pair.group.near(rows, self.now())
+        held = any(set(grip.arms) == {arm.name for arm in self.pair.arms} for grip in self.control.belief.held.values())
         for timing in (time_curve, time_path):
             trajectory = self.control.timed(self.pair.names, rows, timing)
             away, turned = strays(self.pair, trajectory.positions)
