@@ -118,7 +118,7 @@ $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 
 bench: $(VENV)/.bench-stamp
 	@set -e; for benchmark in tests/benchmarks/*.py; do \
-	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py|*/equal_bytes.py|*/dead_hand.py|*/walks.py) continue;; esac; \
+	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py|*/equal_bytes.py|*/dead_hand.py|*/second_body.py|*/walks.py) continue;; esac; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
@@ -126,6 +126,7 @@ bench: $(VENV)/.bench-stamp
 	@echo "== large maps"; $(BIN)/python -m tests.benchmarks.large_maps
 	@echo "== failing requests"; $(BIN)/python -m tests.benchmarks.faults --least 0.85
 	@echo "== dead hands"; $(BIN)/python -m tests.benchmarks.dead_hand
+	@echo "== another robot in the room"; $(BIN)/python -m tests.benchmarks.second_body
 
 $(VENV)/.pr2-stamp: $(VENV)/.bench-stamp
 	@echo "installing the shape of the PR2, 430 MB, into $(VENV)"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from enum import Enum
 from typing import NamedTuple
 
 from planlang.records import dataclass
 from planlang.visible import visible
+from planlang.words import Face, Option, Part, Text, said
 
 
 class Severity(Enum):
@@ -90,6 +91,11 @@ class Diagnostic:
         text = f"{where}{self.severity.value} {self.code} {self.message}"
         return visible(f"{text}\n    help: {self.help}" if self.help else text)
 
+    def said(self, face: Face) -> Diagnostic:
+        """Say message and help in the words of a face; ``str()`` has those of Python."""
+        help = None if self.help is None else said(self.help, face)
+        return replace(self, message=said(self.message, face), help=help)
+
     def as_json(self) -> dict[str, object]:
         """Convert to a JSON object; span and help may be null, the suggestion may be missing."""
         suggestion = {"suggestion": asdict(self.suggestion)} if self.suggestion is not None else {}
@@ -113,6 +119,13 @@ class BadInput(Exception):
     def _render_traceback_(self) -> list[str]:
         """Show the diagnostics alone in a notebook: the stack below the call says nothing about the input."""
         return [str(self)]
+
+
+class WrongOption(BadInput):
+    """Options that contradict each other, or a value that an option cannot have (C040)."""
+
+    def __init__(self, *message: Part) -> None:
+        super().__init__([error("C040", Text(*message))])
 
 
 def error(
@@ -142,16 +155,16 @@ def note(code: str, message: str, span: Span | None = None, help: str | None = N
     return Diagnostic(Severity.NOTE, code, message, span, help)
 
 
-GO_ON = "--ignore-unread goes on without it"
+GO_ON = Text(Option("ignore_unread", True), " goes on without it")
 """Advice about what cannot be read of a map."""
 
 
 def unread(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
     """Make an error about something of a map that has a shape or a pose, and is not in the world as the map states it.
 
-    ``--ignore-unread`` makes a warning of it.
+    The option ``ignore_unread`` makes a warning of it.
     """
-    return error(code, message, span, f"{help}; {GO_ON}" if help else GO_ON)
+    return error(code, message, span, Text(help, "; ", GO_ON) if help else GO_ON)
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

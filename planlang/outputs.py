@@ -2,7 +2,7 @@
 
 Every output carries a mark near its start or end: plans their header, traces their first record, pictures a text chunk
 (PNG) or a comment (SVG, DOT, Mermaid), videos their metadata. A file with the mark may be replaced; any other needs
-``--force``.
+the option ``force``.
 
 The header of a plan is its first docstring: its origin, the compiler's options, and a digest that reveals edits::
 
@@ -24,13 +24,14 @@ import stat
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import bundled, from_printable
 from planlang.records import dataclass
-from planlang.shell import quoted
 from planlang.temporary import temporary_folder
 from planlang.visible import meant
+from planlang.words import Option, Text, calling
 
 MARK = "written by planlang"
 _TRACE = b'{"step": 0, "event": "header", "schema": '
@@ -48,21 +49,29 @@ _COMMENTS = {".svg": "<!-- {} -->", ".dot": "// {}", ".gv": "// {}", ".mmd": "%%
 """Comment syntax of graph formats, by suffix."""
 
 
+Named = str | Option
+"""Name of an input or output in messages."""
+K = TypeVar("K", bound=Named)
+J = TypeVar("J", bound=Named)
+OVERWRITES = Text(Option("force", True), " overwrites it")
+"""Advice about a file that planlang did not write."""
+
+
 def check_outputs(
-    outputs: Mapping[str, Path | None],
-    inputs: Mapping[str, Path | None],
+    outputs: Mapping[K, Path | None],
+    inputs: Mapping[J, Path | None],
     *,
-    formats: Mapping[str, Sequence[str]] | None = None,
+    formats: Mapping[K, Sequence[str]] | None = None,
     force: bool = False,
 ) -> list[Diagnostic]:
     """Find problems with output files before the work starts.
 
-    ``outputs`` and ``inputs`` map options (``--trace``) to paths, or to None if not given. ``formats`` restricts the
+    ``outputs`` and ``inputs`` map options, or other names, to paths, or to None if not given. ``formats`` restricts the
     suffixes of some outputs; the first is the default. ``force`` allows replacing files that planlang did not write,
     but never inputs.
     """
     problems: list[Diagnostic] = []
-    taken = {_real(path): name for name, path in inputs.items() if path is not None}
+    taken: dict[Path, Named] = {_real(path): name for name, path in inputs.items() if path is not None}
     for name, path in outputs.items():
         if path is None:
             continue
@@ -75,40 +84,43 @@ def check_outputs(
 
 
 def _problem(
-    name: str, path: Path, taken: Mapping[Path, str], suffixes: Sequence[str], *, force: bool
+    name: Named, path: Path, taken: Mapping[Path, Named], suffixes: Sequence[str], *, force: bool
 ) -> Diagnostic | None:
-    folder, called = path.parent, f"{name} {named(path)}"
+    folder = path.parent
+    called = Text(Option(name.name, named(path))) if isinstance(name, Option) else f"{name} {named(path)}"
     if suffixes and path.suffix.lower() not in ("", *suffixes):
         known = " or ".join(suffix[1:].upper() for suffix in suffixes).replace("WEBP", "WebP")
         what = "videos" if suffixes == WEBP else "pictures"
-        return error("C004", f"{called}: {what} are written as {known}", help=f"name it {path.stem}{suffixes[0]}")
+        return error("C004", Text(called, f": {what} are written as {known}"), help=f"name it {path.stem}{suffixes[0]}")
     try:
         found = _found(path)
     except (OSError, ValueError) as problem:
         return unwritable(path, problem, called)
     if os.path.isdir(path):
-        return error("C004", f"{called} is a folder", help="name a file in it")
+        return error("C004", Text(called, " is a folder"), help="name a file in it")
     if not os.path.isdir(folder):
-        return error("C004", f"{called}: there is no folder {folder}", help=f"mkdir -p {folder}")
+        return error("C004", Text(called, f": there is no folder {folder}"), help=f"mkdir -p {folder}")
     if _real(path) in taken and not is_device(path):
-        return error("C004", f"{called} would overwrite {taken[_real(path)]}", help=f"give {name} another name")
+        message = Text(called, " would overwrite ", taken[_real(path)])
+        return error("C004", message, help=Text("give ", name, " another name"))
     if is_device(path):
-        return None if os.access(path, os.W_OK) else error("C004", f"{called} cannot be written to")
+        return None if os.access(path, os.W_OK) else error("C004", Text(called, " cannot be written to"))
     if not os.access(folder, os.W_OK | os.X_OK):
-        return error("C004", f"{called}: the folder {folder} cannot be written to")
+        return error("C004", Text(called, f": the folder {folder} cannot be written to"))
     if force or found is None:
         return None
     if stat.S_ISLNK(found.st_mode):
         return _link(path, called)
     if not is_replaceable(path):
-        return error("C005", f"{called} exists and was not written by planlang", help="--force overwrites it")
+        return error("C005", Text(called, " exists and was not written by planlang"), help=OVERWRITES)
     return None
 
 
 def _link(path: Path, called: str) -> Diagnostic:
     """Error for a link in place of an output: who put it there could have any file of the user overwritten."""
-    advice = f"name {named(Path(os.path.realpath(path)))}, to which it points; --force replaces the link by a file"
-    return error("C005", f"{called} is a symbolic link, and no output is written through one", help=advice)
+    target = named(Path(os.path.realpath(path)))
+    advice = Text(f"name {target}, to which it points; ", Option("force", True), " replaces the link by a file")
+    return error("C005", Text(called, " is a symbolic link, and no output is written through one"), help=advice)
 
 
 def _found(path: Path) -> os.stat_result | None:
@@ -143,7 +155,7 @@ def unwritable(path: Path, problem: Exception, called: str | None = None) -> Dia
         reason = f"{named(parts[0])} is a file, not a folder" if parts else reason
     elif number == errno.ENOENT and is_folder_deleted():
         reason, advice = FOLDER_DELETED
-    return error("C004", f"{called or named(path)} cannot be written: {reason}", help=advice)
+    return error("C004", Text(called or named(path), f" cannot be written: {reason}"), help=advice)
 
 
 FOLDER_DELETED = "the current folder was deleted", "change to a folder that is there: cd"
@@ -297,12 +309,12 @@ def write_plan(path: Path, source: str, *, force: bool) -> None:
             return
         before = header(old)
         if before is None and old.strip():
-            raise BadInput([error("C005", f"{path} is not a compiled plan", help="--force overwrites it")])
+            raise BadInput([error("C005", f"{path} is not a compiled plan", help=OVERWRITES)])
         if before is not None and before.is_edited(old):
-            advice = (
-                f"--merge keeps the edits; planlang check {quoted(path)} shows them; --force overwrites them; "
-                "-o writes to another file"
-            )
+            advice = Text(
+                Option("merge", True), " keeps the edits; ", calling("check", path), " shows them; ",
+                Option("force", True), " overwrites them; ", Option("output"), " writes to another file",
+            )  # fmt: skip
             raise BadInput([error("C005", f"{path} was edited since it was compiled", help=advice)])
     write_text(path, source)
 

@@ -67,10 +67,11 @@ def merge_plan(path: Path, fresh: str, recipe: str) -> tuple[int, ...]:
     if has_conflicts(plan):
         raise BadInput([unresolved(plan, span)])
     if header(plan) is None:
-        raise BadInput([error("C005", f"{path} is not a compiled plan", span, "-o writes to another file")])
+        advice = "write to another file"
+        raise BadInput([error("C005", f"{path} is not a compiled plan", span, advice)])
     base = compiled_before(path, plan, fresh)
     if base is None:
-        advice = f"compile to another file with -o and merge by hand, or restore {base_path(path).name}"
+        advice = f"compile to another file and merge by hand, or restore {base_path(path).name}"
         message = f"{path} cannot be merged: its version before the edits is unknown"
         raise BadInput([error("C023", message, span, advice)])
     our_name, their_name = f"{path.name} as edited", f"what {recipe} compiles to now"

@@ -18,6 +18,7 @@ from planlang.diagnostics import BadInput, error
 from planlang.files import bundled
 from planlang.ontology.terms import RDF, XSD, Literal
 from planlang.records import dataclass
+from planlang.words import Option, Text
 
 Dimension = tuple[tuple[str, int], ...]
 """Powers of base quantities (the letters of units.toml: L length, M mass, T time, ...), sorted, none of them 0."""
@@ -141,7 +142,7 @@ def _fitting(old: Unit, name: str, new: Unit) -> Unit:
 
 
 def chosen_units(names: Sequence[str]) -> dict[Dimension, str]:
-    """Map each dimension to the unit that the user chose for output with ``--units``.
+    """Map each dimension to the unit that the user chose for output.
 
     Raises BadInput for an unknown unit, and for two units of one dimension.
     """
@@ -151,10 +152,11 @@ def chosen_units(names: Sequence[str]) -> dict[Dimension, str]:
         known = unit(name)
         if known is None:
             advice = "use a unit of QUDT, such as Centimeter, DegreeAngle or KilometerPerHour"
-            problems.append(error("C019", f"--units {name} is an unknown unit", help=advice))
+            problems.append(error("C019", Text(Option("units", name), " is an unknown unit"), help=advice))
         elif chosen.setdefault(known.dimension, name) != name:
-            message = f"--units {name} and --units {chosen[known.dimension]} are both measured in"
-            problems.append(error("C019", f"{message} {si_unit(known.dimension)}", help="ask for one of them"))
+            asked = Option("units", name), " and ", Option("units", chosen[known.dimension])
+            message = Text(*asked, f" are both measured in {si_unit(known.dimension)}")
+            problems.append(error("C019", message, help="ask for one of them"))
     if problems:
         raise BadInput(problems)
     return chosen

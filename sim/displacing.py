@@ -20,6 +20,7 @@ from planlang.geometry.shapes import footprint, half_extents, inside
 from sim.controls import HALFWAY
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside as inside_box
+from sim.movers import Mover
 from sim.scene import Body, BodyShape, Scene
 
 OBJECT_DISTANCE = 0.3
@@ -70,10 +71,11 @@ def perturb(scene: Scene, seed: int, *, radius: float = 0.45, height: float = 1.
             room.move_leaf(joint, robot)
     room.switch_devices()
     start = room.moved_start(robot)
+    movers = tuple(room.moved_mover(one, replace(robot, pose=Pose((*start[:2], height / 2)))) for one in scene.movers)
     moved = scene.with_poses(poses)
     bodies = (replace(one, is_on=room.is_on.get(one.name, one.is_on)) for one in moved.bodies)
     joints = (replace(one, first=room.values[one.leaf]) for one in scene.joints)
-    return replace(moved, bodies=tuple(bodies), joints=tuple(joints), start=start)
+    return replace(moved, bodies=tuple(bodies), joints=tuple(joints), movers=movers, start=start)
 
 
 class _Room:
@@ -224,6 +226,14 @@ class _Room:
             if within and self._is_free(robot, Pose((x, y, robot.pose.position[2])), ()):
                 return (x, y, start[2] + turn)
         return start
+
+    def moved_mover(self, mover: Mover, robot: Body) -> Mover:
+        """Draw where on its way to and fro a mover is when it begins, clear of the robot."""
+        body, random = self.bodies[mover.body], self._random(mover.body)
+        for gone in random.uniform(0.0, 2 * mover.length, _TRIES).tolist():
+            if not _overlap(body, mover.pose_at(gone, self.poses[body.name].position[2]), robot, robot.pose):
+                return replace(mover, first=gone)
+        return mover
 
     def _shifts(self, name: str, distance: float, turn: float) -> Iterator[tuple[float, float, float]]:
         """Yield shifts of a thing, uniform in a disc, and turns, uniform in an interval."""

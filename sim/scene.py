@@ -17,6 +17,7 @@ from planlang.records import dataclass
 from planlang.state.matter import Portion
 from sim.controls import Control
 from sim.joints import Articulation
+from sim.movers import Mover
 from sim.rules import Rules
 
 
@@ -135,6 +136,8 @@ class Scene:
     """Joints of the leaves; the poses of their bodies, and of what lies in them, are given for closed leaves."""
     controls: tuple[Control, ...] = ()
     """Buttons and knobs of devices."""
+    movers: tuple[Mover, ...] = ()
+    """Bodies that move by themselves, such as another robot."""
     rules: Rules = field(default_factory=Rules)
     """Effects of heat and tilting on things."""
     _by_name: Mapping[str, Body] = field(init=False, repr=False, compare=False)

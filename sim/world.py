@@ -15,6 +15,7 @@ from planlang.records import dataclass
 from sim.contact import Query
 from sim.controls import Controls
 from sim.kinematic import KinematicScene
+from sim.movers import Movers
 from sim.outlook import Outlook
 from sim.processes import Processes
 from sim.pushing import Pushing
@@ -183,6 +184,7 @@ class PyBulletWorld(KinematicScene):
         self._pushes: dict[str, str] = {}
         """Motion group that pushes -> link of the hand with which it pushes."""
         self._processes = Processes(self.changes)
+        self._movers = Movers(scene.movers, self._bodies.poses, self._bodies.place, rate)
         self._motions: dict[str, Playback] = {}
         self._controls = Controls(
             scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
@@ -196,7 +198,7 @@ class PyBulletWorld(KinematicScene):
     # Time and motions
 
     def step(self) -> None:
-        """Advance by one step: motions in the order of their groups' first start, then people, then falling bodies."""
+        """Advance by one step: motions in the order of their groups' first start, people, falling bodies, movers."""
         moving = [playback for playback in self._motions.values() if playback.state().state is MotionState.MOVING]
         for playback in moving:
             free = [strand for strand in playback.strands if strand.blocked_by is None]
@@ -212,9 +214,20 @@ class PyBulletWorld(KinematicScene):
             self._open(self._robot, moving)
         self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
         self._falling.step()
+        self._movers.step(self._is_clear)
         self._controls.turned(self._leaves.values, self._leaves.joints)
         self._processes.step(1 / self.rate)
         self.steps += 1
+
+    def _is_clear(self, name: str) -> bool:
+        """Check whether neither the robot nor what it carries touches a body."""
+        if self._robot is None:
+            return True
+        self._here()
+        (lower, upper), (low, high) = self._robot.boxes(), self._bodies.box_of(name)
+        near = np.flatnonzero(((lower <= high) & (upper >= low)).all(axis=1)).tolist()
+        parts = (*(self._robot.solid_names[number] for number in near), *self._held)
+        return not self._find(self._now, Query(among=[(part, name) for part in parts]))
 
     def _contacts_at(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
         """Find the contacts at a configuration, after things pushed by hands have given way."""

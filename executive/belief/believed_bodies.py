@@ -267,7 +267,7 @@ class BelievedBodies(ScenePart):
         This is what hands carry that lift it.
         """
         state = self._belief.state
-        masses = self._masses.of((self._belief.revision, state.poses, state.held), dict)
+        masses = self._masses.of((state.poses, state.held, state.matter.contents), dict)
         if name not in masses:
             held = self._belief.held.get(name)
             loaded = (name, *(self._world.standing_on(name) if held is None else held.riders))

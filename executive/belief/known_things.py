@@ -166,10 +166,6 @@ class KnownThings:
         """Check whether an object has been seen, from anywhere, without being touched or moved since."""
         return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self.memory.in_vain
 
-    def remembered(self) -> frozenset[str]:
-        """Collect the objects for which :meth:`remembers` is true."""
-        return frozenset(name for name in self.memory.known if self.remembers(name))
-
     def by_map_alone(self, name: str) -> bool:
         """Check whether an object is believed at its pose of the map, without ever having been seen."""
         return self._poses[name] == self.memory.first[name] and self.knowledge(name).source is not Source.SEEN

@@ -63,6 +63,14 @@ class Memory:
         """Arms whose hands have failed so often that others are to be used."""
         return tuple(arm for arm, times in self.failing.items() if times >= MOST_FAILURES)
 
+    def evidence(self) -> object:
+        """Summarise what answers about places depend on, as a cache key: not when something became known.
+
+        Nor what designators are bound to, as a question binds those that it names.
+        """
+        sources = {name: (known.source, known.moves == self.moves) for name, known in self.known.items()}
+        return sources, self.in_vain, self.unknown, self.given_up
+
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""
         return replace(self, known={**self.known, **dict.fromkeys(names, Knowledge(source, self.time, self.moves))})

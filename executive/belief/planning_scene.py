@@ -250,6 +250,11 @@ class RobotArms(ScenePart):
         """Compute the pose (4, 4) of an arm's tip in the map."""
         return self._world.link_pose(self._robot.arm(arm.name).tip).matrix()
 
+    def fingers(self, arm: ArmModel) -> tuple[float, ...]:
+        """Look up the positions of the joints of an arm's fingers [rad, m]."""
+        gripper, joints = self._robot.arm(arm.name).gripper, self._belief.state.robots[self._belief.robot].joints
+        return () if gripper is None else tuple(joints[name] for name in gripper.joints)
+
     def held(self, arm: str) -> Held | None:
         """Look up the object that an arm is believed to hold; its tilt is limited only if it was grasped upright."""
         for name, grip in self._belief.held.items():
@@ -313,9 +318,16 @@ class PlanningScene:
                 return max(0.0, len(grip.arms) * payload - self.bodies.mass(name))
         return math.inf
 
-    def revision(self) -> int:
-        """Look up the revision of the belief."""
-        return self.belief.revision
+    def surroundings(self) -> object:
+        """Summarise what is where beside the robot, what hands hold and which grips are refused, as a cache key."""
+        state = self.belief.state
+        return state.poses, state.joints, state.held, state.led, state.away, self.belief.memory.refused
+
+    def content(self) -> object:
+        """Summarise what answers about places depend on, as a cache key: scenes of equal content have equal answers."""
+        state, matter = self.belief.state, self.belief.state.matter
+        robot = state.robots, state.touched
+        return robot, self.surroundings(), matter.contents, matter.types, self.belief.memory.evidence()
 
     def supposing(self, state: WorldState) -> PlanningScene:
         """Make the scene of another state, such as one with a thing elsewhere; this one stays as it is."""
@@ -324,8 +336,3 @@ class PlanningScene:
         other.bodies, other.arms = self.bodies.supposing(belief), self.arms.supposing(belief)
         other.collisions, other.visibility = self.collisions.supposing(belief), self.visibility.supposing(belief)
         return other
-
-    def posture(self) -> object:
-        """Cache key of the robot's configuration."""
-        current = self.world.configuration()
-        return current.base, tuple(current.joints.items())

@@ -19,7 +19,8 @@ MOST_KEPT = 4
 class Kept(Generic[T]):
     """Cache of values by the content from which they were computed: those of the last few contents."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = MOST_KEPT) -> None:
+        self._most = most
         self._known: list[tuple[object, T]] = []
 
     def of(self, content: object, compute: Callable[[], T]) -> T:
@@ -30,7 +31,7 @@ class Kept(Generic[T]):
                     self._known.insert(0, self._known.pop(number))
                 return value
         value = compute()
-        self._known[:] = [(content, value), *self._known[: MOST_KEPT - 1]]
+        self._known[:] = [(content, value), *self._known[: self._most - 1]]
         return value
 
 

@@ -44,7 +44,7 @@ def dump_belief(state: WorldState, memory: Memory) -> dict[str, Any]:
         "leaves": {leaf: value for leaf, value in state.joints.items() if value},
         "led": dict(state.led),
         **({"failing": dict(memory.failing)} if memory.failing else {}),
-        **({"witnessed": sorted(memory.witnessed)} if memory.witnessed else {}),
+        "witnessed": sorted(memory.witnessed),
         "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
         "moves": memory.moves,
         "bound": [[dump(what), name] for what, name in memory.bound.items()],
@@ -72,7 +72,7 @@ def load_belief(
         },
         moves=int(left["moves"]),
         time=float(left["time"]),
-        witnessed=frozenset(map(str, left.get("witnessed", ()))),
+        witnessed=frozenset(map(str, left["witnessed"])),
         in_vain={
             name: tuple((float(x), float(y), float(a)) for x, y, a in bases) for name, bases in left["in_vain"].items()
         },
@@ -108,6 +108,24 @@ def load_belief(
         touched={},
         away=frozenset((*reserve, *left["taken"])),
     ), memory
+
+
+def changed_since(start: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, Any]:
+    """Select the entries of a snapshot that differ from those of an earlier one; of tables in it likewise."""
+    changed: dict[str, Any] = {}
+    for key, value in now.items():
+        if value != start[key]:
+            is_table = isinstance(value, dict)
+            changed[key] = {one: what for one, what in value.items() if what != start[key][one]} if is_table else value
+    return changed
+
+
+def with_changes(start: Mapping[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
+    """Restore a whole snapshot from :func:`changed_since`."""
+    return {
+        key: {**value, **changed.get(key, {})} if isinstance(value, dict) else changed.get(key, value)
+        for key, value in start.items()
+    }
 
 
 def _check_names(named: set[str], known: Mapping[str, object]) -> None:

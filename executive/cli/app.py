@@ -14,7 +14,7 @@ import typer
 from executive.cli import arguments as local
 from executive.cli import authoring_arguments as authoring
 from executive.cli import server_arguments as server
-from executive.cli.console import answer, give, say
+from executive.cli.console import answer, give, say, usage
 from executive.cli.usage import explain, guessed_value
 from executive.commands import arguments as shared
 from executive.commands.answers import Answer, ExitCode
@@ -36,7 +36,9 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
             reply: Answer = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}").command(given)
             return reply
 
-        answer(name, work, as_json=given.json, detail=given.detail)
+        with usage():
+            detail = given.detail
+        answer(name, work, as_json=given.json, detail=detail)
 
     return with_parameters(name, arguments, called)
 

@@ -7,9 +7,10 @@ import os
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
+from typing import Any
 
 import typer
 
@@ -17,9 +18,10 @@ from executive.cli.progress import PROGRESS
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.base_arguments import Arguments, Detail
 from executive.commands.resources import file_problem, out_of_resources
-from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.diagnostics import BadInput, Diagnostic, Severity, WrongOption
 from planlang.progress import Report, unreported
 from planlang.visible import visible
+from planlang.words import COMMAND_LINE, said
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 
@@ -31,7 +33,8 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
     ``PLANLANG_TRACEBACK=1`` in the environment its traceback is printed too.
     """
     try:
-        reply = work()
+        with usage():
+            reply = work()
     except BadInput as problem:
         reply = Answer(ExitCode.BAD_INPUT, problem.diagnostics)
     except KeyboardInterrupt:
@@ -52,17 +55,26 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
     raise typer.Exit(reply.exit_code)
 
 
+@contextmanager
+def usage() -> Iterator[None]:
+    """Turn what is wrong with options into the usage error of typer."""
+    try:
+        yield
+    except WrongOption as problem:
+        raise typer.BadParameter(said(problem.diagnostics[0].message, COMMAND_LINE)) from None
+
+
 def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.CODES) -> None:
     """Print a result. Raises ``typer.Exit`` if stdout cannot be written."""
     if as_json:
-        whole = {"command": command, "exit_code": int(reply.exit_code), **reply.data}
-        whole["diagnostics"] = [diagnostic.as_json() for diagnostic in reply.diagnostics]
+        whole: dict[str, object] = {"command": command, "exit_code": int(reply.exit_code), **_in_words(reply.data)}
+        whole["diagnostics"] = [diagnostic.said(COMMAND_LINE).as_json() for diagnostic in reply.diagnostics]
         text = json.dumps(whole, indent=2, ensure_ascii=False, default=str)
         if text != visible(text):
             text = json.dumps(whole, indent=2, default=str)
     else:
         show(reply.diagnostics, detail)
-        text = reply.text.removesuffix("\n")
+        text = said(reply.text, COMMAND_LINE).removesuffix("\n")
         if "source" not in reply.data or sys.stdout.isatty():  # a file keeps its characters
             text = visible(text)
     try:
@@ -79,12 +91,21 @@ def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.
         raise typer.Exit(ExitCode.BAD_INPUT) from None
 
 
+def _in_words(data: Any) -> Any:
+    """Say all texts in some data in the words of the command line."""
+    if isinstance(data, str):
+        return said(data, COMMAND_LINE)
+    if isinstance(data, Mapping):
+        return {key: _in_words(value) for key, value in data.items()}
+    return [_in_words(one) for one in data] if isinstance(data, list | tuple) else data
+
+
 def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> None:
     """Print diagnostics to stderr, in their order, then the number of each severity.
 
     Equal helps are printed once; of diagnostics that ``detail`` groups only the first, with the number of others.
     """
-    diagnostics = list(diagnostics)
+    diagnostics = [one.said(COMMAND_LINE) for one in diagnostics]
     if detail is Detail.NONE:
         diagnostics = [one for one in diagnostics if one.severity is Severity.ERROR]
     per_kind = Counter(_kind(one, detail) for one in diagnostics)
@@ -124,7 +145,7 @@ def _print(diagnostic: Diagnostic, others: int) -> None:
 def say(line: str) -> None:
     """Print one line to stderr."""
     PROGRESS.clear()
-    typer.echo(visible(line), err=True)
+    typer.echo(visible(said(line, COMMAND_LINE)), err=True)
 
 
 def silent(_: object) -> None:

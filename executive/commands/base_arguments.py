@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from planlang.diagnostics import BadInput, error
+from planlang.diagnostics import BadInput, WrongOption, error
 from planlang.records import dataclass
+from planlang.words import Option, Text
 
 
 class Detail(Enum):
@@ -38,7 +39,7 @@ class Arguments:
     def detail(self) -> Detail:
         """How many notes and warnings to print. Raises a usage error for contradictory options."""
         if self.quiet and self.verbose:
-            raise typer.BadParameter("--quiet and --verbose exclude each other")
+            raise WrongOption(Option("quiet"), " and ", Option("verbose"), " exclude each other")
         return Detail.NONE if self.quiet else Detail.ALL if self.verbose else self.summed
 
     @property
@@ -66,7 +67,7 @@ class OntologyArguments(Arguments):
         folders = tuple(self.ontologies or ())
         wrong = [path for path in folders if not os.path.isdir(path)]
         if wrong:
-            raise BadInput([error("C001", f"--ontologies {path} is not a folder") for path in wrong])
+            raise BadInput([error("C001", Text(Option("ontologies", path), " is not a folder")) for path in wrong])
         return folders
 
 

@@ -8,18 +8,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace as changed
 from pathlib import Path
 
-import typer
-
 from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import CheckArguments
 from executive.commands.inputs import RecipeFile, folders_beside, read, read_recipe_file, unacceptable
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error, has_errors, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, WrongOption, error, has_errors, note, warning
 from planlang.files import ONTOLOGIES, Bundled, bundled
 from planlang.language.source import PlanSource
 from planlang.ontology import expand, load, shorten
+from planlang.ontology.catalog import FOLDER
 from planlang.outputs import NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header, replace
 from planlang.plan_versions import compiled_before
 from planlang.progress import Report, Waiting, unreported, unwatched
@@ -28,7 +27,7 @@ from planlang.recipe.fixes import Fix
 from planlang.recipe.fixes.fixing import Fixed
 from planlang.records import dataclass
 from planlang.roles import meant_role
-from planlang.shell import quoted
+from planlang.words import Blank, Option, Text, calling
 
 
 def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Waiting = unwatched) -> Answer:
@@ -37,9 +36,9 @@ def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Wa
     ``report`` gets the progress through a folder; ``waiting`` is entered while a reasoner runs.
     """
     if not arguments.fix and (arguments.accept or arguments.output):
-        raise typer.BadParameter("--accept and --output need --fix")
+        raise WrongOption(Option("accept"), " and ", Option("output"), " need ", Option("fix", True))
     if arguments.reason and (arguments.fix or (os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None)):
-        raise typer.BadParameter("--reason is for one file, without --fix")
+        raise WrongOption(Option("reason", True), " is for one file, without ", Option("fix", True))
     if arguments.fix:
         return _fix(read_recipe_file(arguments.file), arguments)
     if os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None:  # False for what cannot be a path
@@ -123,7 +122,7 @@ def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     output, accepted = arguments.output, arguments.accept or ()
     target = output or fixed_path(recipe)
     problems = unacceptable(accepted)
-    name = "the fixed copy" if output is None else "--output"
+    name = "the fixed copy" if output is None else Option("output")
     is_own = output is None or arguments.force
     problems += check_outputs({name: target}, {"the recipe": recipe.path}, force=is_own)
     if problems:
@@ -160,7 +159,7 @@ def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
 def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
     content = fixed.after.encode(fixed.encoding)
     if target.exists() and not is_named and target.read_bytes() != content:
-        advice = f"remove it, or overwrite it with -o {target} --force"
+        advice = Text("remove it, or overwrite it with ", Option("output", target), " and ", Option("force", True))
         raise BadInput([error("C005", f"{target} exists with other contents", help=advice)])
     replace(target, lambda temporary: temporary.write_bytes(content))
 
@@ -172,7 +171,9 @@ def _not_applied(fixed: Fixed, checked: Path) -> list[Diagnostic]:
         return one.span._replace(file=str(checked)) if one.span else None
 
     diagnostics = [
-        note("C016", f"uncertain, not applied: {_line(one)}", where(one), f"--accept {one.code} applies it")
+        note(
+            "C016", f"uncertain, not applied: {_line(one)}", where(one), Text(Option("accept", one.code), " applies it")
+        )
         for one in fixed.unaccepted
     ]
     diagnostics += [
@@ -221,14 +222,15 @@ def freshness(plan: PlanSource, *, folders: Sequence[Path] = ()) -> Freshness:
     span = Span(plan.file)
     recipe = origin.find_recipe(plan.path, folders)
     if recipe is None:
-        advice = "name its folder with --ontologies DIR"
+        advice = Text("name its folder with ", FOLDER)
         message = f"the recipe {origin.recipe} was not found: whether it has changed is unknown"
         return Freshness("a compiled plan without its recipe", (warning("C011", message, span, advice),))
     is_same = origin.matches(recipe.read_bytes())
     diagnostics: list[Diagnostic] = []
     if not is_same:
-        how = "--merge keeps the edits" if origin.is_edited(plan.text) else "compiles the plan again"
-        advice = f"planlang compile {quoted(recipe)} -o {quoted(plan.path)} {how}"
+        advice = Text(calling("compile", recipe, output=plan.path), " compiles the plan again")
+        if origin.is_edited(plan.text):
+            advice = Text(calling("compile", recipe, output=plan.path, merge=True), " keeps the edits")
         message = f"the recipe has changed since this plan was compiled from it: {recipe}"
         diagnostics.append(error("C009", message, span, advice))
     fresh, problems = _compiled(recipe, origin, folders)
@@ -295,7 +297,9 @@ def unperformed_actions(plan: PlanSource, performed: Performed) -> Iterator[Diag
             continue
         if classes.isdisjoint((local_name(cls), *map(shorten, ontology.ancestors(expand(cls))))):
             span = Span(plan.file, action.line, action.column)
-            advice = "name a module with --modules FILE.py, or perform steps that planlang list actions lists"
+            module = Option("modules", Blank("FILE.py"))
+            listed = calling("list", "actions")
+            advice = Text("name a module with ", module, ", or perform steps that ", listed, " lists")
             yield warning("R021", f"no process module performs {local_name(cls)}", span, advice)
 
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import typer
-
 from executive.commands.arguments import CompileArguments
 from executive.commands.inputs import folders_beside, read_recipe_file, refuse
 from executive.commands.performed import performed_by_modules
 from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.diagnostics import Diagnostic, Span, error
-from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, PlanHeader, check_outputs, header
+from planlang.diagnostics import Diagnostic, Span, WrongOption, error
+from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, Named, PlanHeader, check_outputs, header
 from planlang.plan_versions import merge_plan, write_versions
+from planlang.words import Blank, Option
 
 
 def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
@@ -22,9 +21,9 @@ def compiled(arguments: CompileArguments) -> tuple[CompiledPlan, bool]:
     Returns the plan with all diagnostics, and True if a merge left conflicts in its file.
     """
     file, output, graph, force = read_recipe_file(arguments.recipe), arguments.output, arguments.graph, arguments.force
-    inputs = {"the recipe": file.path}
-    problems = check_outputs({"--output": output}, inputs, force=True)  # write_versions checks an existing plan
-    problems += check_outputs({"--graph": graph}, {**inputs, "--output": output}, force=force)
+    inputs: dict[Named, Path | None] = {"the recipe": file.path}
+    problems = check_outputs({Option("output"): output}, inputs, force=True)  # write_versions checks an existing plan
+    problems += check_outputs({Option("graph"): graph}, {**inputs, Option("output"): output}, force=force)
     if graph is not None:
         from planlang.compiler.drawing import unknown_format  # most plans are not drawn
 
@@ -62,9 +61,11 @@ def _merged_header(arguments: CompileArguments) -> PlanHeader | None:
     if not arguments.merge:
         return None
     if arguments.output is None:
-        raise typer.BadParameter("--merge needs --output PLAN, the edited plan")
+        raise WrongOption(Option("merge", True), " needs ", Option("output", Blank("PLAN")), ", the edited plan")
     if arguments.force:
-        raise typer.BadParameter("--merge keeps the edits, --force overwrites them: use only one")
+        raise WrongOption(
+            Option("merge", True), " keeps the edits, ", Option("force", True), " overwrites them: use only one"
+        )
     if not arguments.output.is_file():
         return None
     with arguments.output.open(encoding="utf-8", errors="replace") as file:

@@ -8,16 +8,14 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import typer
-
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
+from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error, has_errors, note
 from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
 from planlang.language.source import PlanSource
 from planlang.outputs import LARGEST_PLAN
 from planlang.plan_versions import unresolved
 from planlang.records import dataclass
-from planlang.shell import quoted
 from planlang.three_way import has_conflicts
+from planlang.words import Blank, Option, Text, calling
 
 
 def chosen(
@@ -25,9 +23,8 @@ def chosen(
 ) -> Path | None:
     """Find the file of a robot or environment by its name, or the default; appends errors to ``problems``."""
     if given is None and default is None:
-        option = f"--{kind.value}"
-        advice = f"add {option} FILE, or a bundled one: {', '.join(kind.names())}"
-        problems.append(error("C008", f"{needs} needs {option}", help=advice))
+        advice = Text("add ", Option(kind.value, Blank("FILE")), f", or a bundled one: {', '.join(kind.names())}")
+        problems.append(error("C008", Text(f"{needs} needs ", Option(kind.value)), help=advice))
         return None
     try:
         return kind.find(given if given is not None else default or "")
@@ -57,8 +54,8 @@ def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | Non
             except (OSError, ValueError):  # a null character, or too long a name
                 is_file = False
             if not is_file:
-                what = "URDF file" if name == "urdf" else f"--{name} file"
-                problems.append(error("C001", f"no such {what}: {path}"))
+                what = "URDF file" if name == "urdf" else "file"
+                problems.append(error("C001", Text(f"no such {what}: ", Option(name, path))))
 
 
 def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust: bool) -> None:
@@ -73,7 +70,7 @@ def check_trusted(problems: list[Diagnostic], programs: Iterable[Path], *, trust
 
     for path in programs:
         if path.is_file() and (origin := origin_of(path)) is not None:
-            advice = "it can do whatever you can: read it, then add --trust"
+            advice = Text("it can do whatever you can: read it, then add ", Option("trust", True))
             problems.append(error("K038", f"this program was pulled from a server: {origin}", Span(str(path)), advice))
 
 
@@ -84,7 +81,7 @@ def refuse(problems: Sequence[Diagnostic]) -> None:
 
 
 def accepted(codes: Sequence[str] | None) -> tuple[str, ...]:
-    """Check the codes of ``--accept``. Raises BadInput for a code without an uncertain fix."""
+    """Check the codes of fixes to accept. Raises BadInput for a code without an uncertain fix."""
     refuse(unacceptable(codes or ()))
     return tuple(codes or ())
 
@@ -95,14 +92,16 @@ def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
         return []
     from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT  # slow, and most recipes are not fixed
 
-    listed, errors = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}", []
+    errors: list[Diagnostic] = []
+    listed = f"codes with uncertain fixes: {', '.join(ACCEPTABLE)}"
     for code in (one for one in codes if one not in ACCEPTABLE):
         advice = listed
         if code in SAFE:
-            advice = f"fixes of {code} are safe: --fix applies them; {listed}"
+            advice = Text(f"fixes of {code} are safe: ", Option("fix", True), f" applies them; {listed}")
         elif code in WITHOUT:
-            advice = f"{code} has no fix: {WITHOUT[code]}; {listed}"
-        errors.append(error("C015", f"--accept {code}: there is no uncertain fix of {code}", help=advice))
+            advice = Text(f"{code} has no fix: ", WITHOUT[code], f"; {listed}")
+        message = Text(Option("accept", code), f": there is no uncertain fix of {code}")
+        errors.append(error("C015", message, help=advice))
     return errors
 
 
@@ -113,9 +112,10 @@ def planar(text: str | None) -> tuple[float, float, float] | None:
     try:
         x, y, yaw = (float(part) for part in text.split(","))
     except ValueError:
-        raise typer.BadParameter(f"{text!r} is not x,y,yaw; write for example --start 1.5,-0.2,3.14") from None
+        example = Option("start", (1.5, -0.2, 3.14))
+        raise WrongOption(f"{text!r} is not x,y,yaw; write for example ", example) from None
     if not all(map(math.isfinite, (x, y, yaw))):
-        raise typer.BadParameter(f"{text!r}: numbers must be finite")
+        raise WrongOption(f"{text!r}: numbers must be finite")
     return x, y, yaw
 
 
@@ -159,7 +159,7 @@ def read_recipe_file(name: str) -> RecipeFile:
     """Find a recipe by its name. Raises BadInput for a plan."""
     file = read(name)
     if isinstance(file, PlanSource):
-        advice = f"planlang check {quoted(name)} checks a plan, planlang run {quoted(name)} runs it"
+        advice = Text(calling("check", name), " checks a plan, ", calling("run", name), " runs it")
         raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(file.path)), advice)])
     return file
 

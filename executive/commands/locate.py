@@ -8,6 +8,7 @@ from executive.runs.locating import LocateOptions
 from planlang.diagnostics import Diagnostic
 from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs
+from planlang.words import Option
 
 
 def options_of(arguments: LocateArguments) -> LocateOptions:
@@ -19,9 +20,11 @@ def options_of(arguments: LocateArguments) -> LocateOptions:
     first, *further = (*(arguments.environment or ()),) or (None,)
     environment = chosen(Bundled.ENVIRONMENT, first, None, problems, needs="locate")
     additions = environments(further, problems)
-    inputs = {"--urdf": arguments.urdf, "--robot": robot, "--environment": environment}
-    outputs = {"--explain": arguments.explain}
-    problems += check_outputs(outputs, inputs, formats={"--explain": PNG_OR_SVG}, force=arguments.force)
+    inputs = {Option("urdf"): arguments.urdf, Option("robot"): robot, Option("environment"): environment}
+    explain = Option("explain")
+    problems += check_outputs(
+        {explain: arguments.explain}, inputs, formats={explain: PNG_OR_SVG}, force=arguments.force
+    )
     refuse(problems)
     assert robot is not None
     assert environment is not None

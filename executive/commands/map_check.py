@@ -13,10 +13,12 @@ from executive.maps.semantic_map import MapObject
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
-from planlang.shell import quoted
+from planlang.words import Blank, Text, calling, joined
 from sim import Scene
 from sim.joints import Articulation, JointKind
 from sim.scene import BodyShape
+
+RECIPE = Blank("RECIPE")
 
 
 def check_map(
@@ -36,12 +38,13 @@ def check_map(
     except BadInput as problem:
         raise BadInput((*diagnostics, *problem.diagnostics)) from None
     counts = _counts(scene)
-    use = f"planlang run RECIPE --environment {quoted(path)} runs a recipe in it"
+    use = Text(calling("run", RECIPE, environment=path), " runs a recipe in it")
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
-        use = f"planlang run RECIPE --environment MAP --environment {quoted(path)} drives around its obstacles"
+        both = calling("run", RECIPE, environment=[Blank("MAP"), path])
+        use = Text(both, " drives around its obstacles")
     opened = {joint.leaf: _range(joint) for joint in scene.joints if not joint.is_knob}
     contents = [line(one, opened.get(one.name, "")) for one in semantic_map.objects]
-    text = "\n".join((f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
+    text = joined("\n", (f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
     data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
     return Answer(diagnostics=tuple(diagnostics), text=text, data=data)
 

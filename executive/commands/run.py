@@ -8,8 +8,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-import typer
-
 from executive.commands.arguments import RunArguments
 from executive.commands.inputs import (
     RecipeFile,
@@ -27,26 +25,31 @@ from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.runs.options import RunOptions
 from executive.runs.settings import settings_of
 from executive.runs.traces import TraceHeader, read_trace
-from planlang.diagnostics import BadInput, Diagnostic, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
 from planlang.files import Bundled, decode, read_file
 from planlang.language.source import PlanSource
-from planlang.outputs import PNG, WEBP, check_outputs
+from planlang.outputs import PNG, WEBP, Named, check_outputs
+from planlang.words import Blank, Option, Text
+
+LEFT = Option("world_as_left", True)
 
 
 def _check_together(arguments: RunArguments) -> None:
     """Raise a usage error for an option that needs or excludes another one."""
     if arguments.file is None and arguments.resume is None:
-        raise typer.BadParameter("name a recipe or plan, or --resume TRACE")
+        raise WrongOption("name a recipe or plan, or ", Option("resume", Blank("TRACE")))
     if arguments.world_as_left and arguments.resume is None:
-        raise typer.BadParameter("--world-as-left needs --resume")
+        raise WrongOption(LEFT, " needs ", Option("resume"))
     if arguments.view is not None:
         _check_view(arguments.view, is_used=bool(arguments.picture or arguments.video))
     if arguments.world_as_left and arguments.poses is not None:
-        raise typer.BadParameter("--poses logs whole runs: leave out --world-as-left")
+        raise WrongOption(Option("poses"), " logs whole runs: leave out ", LEFT)
     if arguments.world_as_left and arguments.report is not None:
-        raise typer.BadParameter("--report shows whole runs: leave out --world-as-left")
+        raise WrongOption(Option("report"), " shows whole runs: leave out ", LEFT)
     if arguments.watch and arguments.watch_tree:
-        raise typer.BadParameter("--watch shows the tree of the plan, too: leave out --watch-tree")
+        raise WrongOption(
+            Option("watch", True), " shows the tree of the plan, too: leave out ", Option("watch_tree", True)
+        )
 
 
 def options_of(arguments: RunArguments) -> RunOptions:
@@ -72,7 +75,12 @@ def options_of(arguments: RunArguments) -> RunOptions:
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
     additions = environments(further, problems)
-    inputs = {"the plan": file.path, "--urdf": arguments.urdf, "--robot": robot, "--environment": semantic_map}
+    inputs: dict[Named, Path | None] = {
+        "the plan": file.path,
+        Option("urdf"): arguments.urdf,
+        Option("robot"): robot,
+        Option("environment"): semantic_map,
+    }
     problems += _check_outputs(arguments, inputs)
     refuse(problems)
     settings = {name: value or header.settings.get(name, value) for name, value in settings_of(arguments).items()}
@@ -99,20 +107,17 @@ def options_of(arguments: RunArguments) -> RunOptions:
     )
 
 
-def _check_outputs(arguments: RunArguments, inputs: Mapping[str, Path | None]) -> Iterator[Diagnostic]:
+WRITTEN = ("picture", "video", "record", "poses", "report", "upload", "update_map")
+"""Options of files that a run writes, beside its trace."""
+
+
+def _check_outputs(arguments: RunArguments, inputs: Mapping[Named, Path | None]) -> Iterator[Diagnostic]:
     """Yield an error for each output file that cannot be written or is an input, and for a missing display."""
-    outputs = {
-        "--picture": arguments.picture,
-        "--video": arguments.video,
-        "--trace": arguments.trace or arguments.resume,
-        "--record": arguments.record,
-        "--poses": arguments.poses,
-        "--report": arguments.report,
-        "--upload": arguments.upload,
-        "--update-map": arguments.update_map,
-    }
-    files = {**inputs, **{f"--modules {file}": file for file in arguments.modules or ()}}
-    yield from check_outputs(outputs, files, formats={"--picture": PNG, "--video": WEBP}, force=arguments.force)
+    outputs: dict[Named, Path | None] = {Option(name): getattr(arguments, name) for name in WRITTEN}
+    outputs[Option("trace")] = arguments.trace or arguments.resume
+    files = dict(inputs) | {Option("modules", file): file for file in arguments.modules or ()}
+    formats: dict[Named, Sequence[str]] = {Option("picture"): PNG, Option("video"): WEBP}
+    yield from check_outputs(outputs, files, formats=formats, force=arguments.force)
     if arguments.record is not None:
         from executive.pictures.drawn import missing  # most runs draw nothing
 
@@ -125,9 +130,9 @@ def _check_view(view: str, *, is_used: bool) -> None:
     from executive.pictures.scene_picture import is_view  # Pillow is slow to import
 
     if not is_used:
-        raise typer.BadParameter("--view needs --picture or --video")
+        raise WrongOption(Option("view"), " needs ", Option("picture"), " or ", Option("video"))
     if not is_view(view):
-        raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
+        raise WrongOption(Option("view", view), ": write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
 
 
 MOST_SETTINGS = 1_000_000
@@ -136,15 +141,15 @@ _NEEDS = "only bundled recipes have a default: this plan"
 
 
 def _bindings(texts: Sequence[str]) -> dict[str, str]:
-    """Parse ``--set``: parameter -> value; ``@FILE`` stands for its lines. Raises a usage error or BadInput."""
+    """Parse settings: parameter -> value; ``@FILE`` stands for its lines. Raises a usage error or BadInput."""
     bindings: dict[str, str] = {}
     for text, span in _settings(texts):
         name, equals, value = (part.strip() for part in text.partition("="))
-        problem = f"{name!r} is set twice" if name in bindings else None
+        problem = Text(f"{name!r} is set twice") if name in bindings else None
         if not (name and equals and value):
-            problem = f"{text!r} is not NAME=THING; write for example --set bottle=bottle2"
+            problem = Text(f"{text!r} is not NAME=THING; write for example ", Option("set", {"bottle": "bottle2"}))
         if problem is not None and span is None:
-            raise typer.BadParameter(problem)
+            raise WrongOption(problem)
         if problem is not None:
             raise BadInput([error("C018", problem, span, "each line is NAME=THING, or begins with #")])
         bindings[name] = value
@@ -172,7 +177,8 @@ def no_display() -> list[Diagnostic]:
         return []
     name = os.environ.get("DISPLAY")
     reason = f"the display {name} cannot be opened" if name else "there is no display (DISPLAY is not set)"
-    return [error("C013", f"--gui cannot open a window: {reason}", help="--picture scene.png shows the final scene")]
+    advice = Text(Option("picture", "scene.png"), " shows the final scene")
+    return [error("C013", Text(Option("gui", True), f" cannot open a window: {reason}"), help=advice)]
 
 
 def _opens_x_display() -> bool:

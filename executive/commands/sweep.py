@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from executive.commands.arguments import SweepArguments
 from executive.commands.command_lines import parsed, words_of
 from executive.commands.inputs import refuse
@@ -18,8 +16,9 @@ from executive.commands.run import options_of
 from executive.runs.options import RunOptions
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done
-from planlang.diagnostics import Diagnostic
-from planlang.outputs import check_outputs
+from planlang.diagnostics import Diagnostic, WrongOption
+from planlang.outputs import Named, check_outputs
+from planlang.words import Option
 
 JOB = "executive.commands.swept_world:ended"
 _WALL_PER_CPU = 5.0
@@ -72,7 +71,7 @@ def _limits(arguments: SweepArguments) -> dict[str, Any]:
 
 def _check(arguments: SweepArguments, options: RunOptions) -> None:
     """Raise BadInput if a file cannot be written, or would overwrite an input."""
-    outputs = {"--output": arguments.output, "--csv": arguments.csv}
+    outputs: dict[Named, Path | None] = {Option("output"): arguments.output, Option("csv"): arguments.csv}
     refuse(check_outputs(outputs, dict(_inputs(options)), force=arguments.force))
 
 
@@ -106,5 +105,7 @@ def shard_of(text: str | None) -> tuple[int, int]:
     except ValueError:
         part, parts = 0, 0
     if not 1 <= part <= parts:
-        raise typer.BadParameter(f"--shard {text} is not K/N with K from 1 to N; write for example --shard 3/16")
+        raise WrongOption(
+            Option("shard", text), " is not K/N with K from 1 to N; write for example ", Option("shard", "3/16")
+        )
     return part, parts

@@ -14,6 +14,7 @@ from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang.outputs import make_folder
+from planlang.words import COMMAND_LINE, said
 
 INPUTS = Inputs()
 """Inputs of all worlds in this process, read once: they are the same for the whole sweep."""
@@ -32,7 +33,7 @@ def ended(world: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "outcome": result.outcome.value,
         "failure": list(result.failures),
-        "message": result.message[:LONGEST_MESSAGE],
+        "message": said(result.message, COMMAND_LINE)[:LONGEST_MESSAGE],
         "duration": round(result.duration, 3),
         "final_state": list(result.final_state),
         "largest_tilts": result.tilts.degrees(),

@@ -64,7 +64,7 @@ class Explanation:
                 yield f"  {', '.join(one.entries) or 'without entries'}: {'; '.join(self._lacking(one))}"
         if options and (unread := sum(self.enabling.unread.values())):
             limit = self.enabling.stock.limit
-            yield f"this is not certain: {unread} candidates were not examined after the first {limit} (--limit)"
+            yield f"this is not certain: {unread} candidates were not examined after the first {limit}, the limit"
 
     def _lacking(self, alternative: Alternative) -> Iterator[str]:
         robot, url = self.enabling.robot.robot, self.enabling.url
@@ -116,7 +116,7 @@ class Explanation:
         if len(refused) > MOST_REFUSED:
             yield _entry(f"... and {len(refused) - MOST_REFUSED} more", "refused as well")
         if unread := self.enabling.unread.get(need):
-            reason = f"not examined, after the first {self.enabling.stock.limit} (--limit)"
+            reason = f"not examined, after the first {self.enabling.stock.limit}, the limit"
             yield _entry(f"... and {unread} more", reason)
 
     def _refused(self, answer: Answer) -> Iterator[Finding]:

@@ -20,6 +20,7 @@ from planlang.knowledge.index import CannotAnswer
 from planlang.knowledge.refusals import client_of, diagnostics_of, kept_warning
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.outputs import named
+from planlang.words import Blank, Text, calling
 
 MOST_FOUND = 10_000
 """Limit of entries requested by one query."""
@@ -206,6 +207,8 @@ def open_shelf(source: str, folders: Sequence[Path] = ()) -> Shelf:
         return RemoteShelf(client_of(source))
     path = Path(source)
     if not os.path.isfile(path):
-        advice = "give the URL of a server, or the file of a store (made by planlang serve --store)"
+        advice = Text(
+            "give the URL of a server, or the file of a store (made by ", calling("serve", store=Blank("FILE")), ")"
+        )
         raise BadInput([error("C001", f"knowledge base {named(path)} does not exist", help=advice)])
     return LocalShelf(path, folders)

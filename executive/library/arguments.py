@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import inspect
 import os
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from enum import Enum
 from pathlib import Path
 from types import NoneType
@@ -16,7 +14,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 import typer
 
 from executive.commands.base_arguments import Arguments
-from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.diagnostics import BadInput, error
 from planlang.spelling import similar
 
 A = TypeVar("A", bound=Arguments)
@@ -80,49 +78,6 @@ def with_options_of(kind: type[Arguments]) -> Callable[[F], F]:
         return function
 
     return decorate
-
-
-@contextmanager
-def in_python(kind: type[Arguments]) -> Iterator[None]:
-    """Reword BadInput for callers of the library, and turn usage errors of the command line into BadInput (C040)."""
-    try:
-        yield
-    except typer.BadParameter as problem:
-        raise BadInput(reworded([error("C040", problem.message)], kind)) from None
-    except BadInput as problem:
-        raise BadInput(reworded(problem.diagnostics, kind)) from None
-
-
-def reworded(diagnostics: Iterable[Diagnostic], kind: type[Arguments]) -> tuple[Diagnostic, ...]:
-    """Reword diagnostics by :func:`in_words_of_python`."""
-    return tuple(
-        replace(
-            one,
-            message=in_words_of_python(one.message, kind),
-            help=None if one.help is None else in_words_of_python(one.help, kind),
-        )
-        for one in diagnostics
-    )
-
-
-def in_words_of_python(text: str, kind: type[Arguments]) -> str:
-    """Replace options of a command in a text by keyword arguments: ``robot=FILE``, ``trust_map=True``.
-
-    A command line at the end of the text stays as it is.
-    """
-    declared = options_of(kind)
-
-    def option(match: re.Match[str]) -> str:
-        name = match[1].replace("-", "_")
-        if name not in declared:
-            return match[0]
-        is_flag = get_args(declared[name][1])[:1] == (bool,)
-        return f"{name}=True{match[2]}" if is_flag else f"{name}={'' if match[2] else '...'}"
-
-    text, *command = re.split(r"(?=\bplanlang )", text, maxsplit=1)
-    text = re.sub(r"--set ([\w.]+)=(\w+)", r'set={"\1": \2}', text)
-    text = re.sub(r"--([a-z][a-z-]*[a-z])( (?=[A-Za-z0-9.]+\b(?! [a-z]))|)", option, text)
-    return "".join([text, *command])
 
 
 def options_of(kind: type[Arguments]) -> Mapping[str, tuple[str, Any]]:

@@ -11,7 +11,7 @@ from executive.commands.arguments import CheckArguments, CompileArguments
 from executive.commands.check import check as checked_file
 from executive.commands.check import find_checked
 from executive.commands.compile import compiled
-from executive.library.arguments import arguments_of, in_python, reworded, with_options_of
+from executive.library.arguments import arguments_of, with_options_of
 from executive.library.checked import CheckResult
 from executive.library.sources import Source, file_of
 from planlang.compiler import CompiledPlan
@@ -26,9 +26,9 @@ def compile(recipe: Source, *, task: str | None = None, **options: Any) -> Compi
     plan has ``source``, ``graph``, ``diagnostics`` (warnings and notes) and ``save(path)``. Raises BadInput with all
     errors of the recipe.
     """
-    with file_of(recipe) as file, in_python(CompileArguments):
+    with file_of(recipe) as file:
         plan, _ = compiled(arguments_of(CompileArguments, {"recipe": file.path, "task": task}, options))
-    return replace(plan, diagnostics=reworded(file.located(plan.diagnostics), CompileArguments))
+    return replace(plan, diagnostics=file.located(plan.diagnostics))
 
 
 @with_options_of(CheckArguments)
@@ -38,7 +38,7 @@ def check(file: Source, **options: Any) -> CheckResult:
     ``file`` is the name of a bundled recipe or map, a path, or a text. The result has all ``diagnostics``; ``ok`` is
     True without errors. Raises BadInput only if the file cannot be read, or an option is invalid.
     """
-    with file_of(file) as named, in_python(CheckArguments):
+    with file_of(file) as named:
         path = named.path or ""
         arguments = arguments_of(CheckArguments, {"file": path}, options)
         if not os.path.isdir(path):
@@ -49,5 +49,5 @@ def check(file: Source, **options: Any) -> CheckResult:
             if all(one.span is None for one in problem.diagnostics if one.severity is Severity.ERROR):
                 raise
             answer = Answer(ExitCode.BAD_INPUT, problem.diagnostics, data={"kind": "recipe"})
-    diagnostics = reworded(named.located(answer.diagnostics), CheckArguments)
+    diagnostics = named.located(answer.diagnostics)
     return CheckResult(answer.exit_code is ExitCode.DONE, answer.data["kind"], answer.text, diagnostics, answer.data)

@@ -12,7 +12,7 @@ from executive.commands import run as run_command
 from executive.commands.arguments import LocateArguments, RunArguments, SweepArguments
 from executive.commands.resources import check_memory
 from executive.commands.sweep import swept
-from executive.library.arguments import arguments_of, in_python, in_words_of_python, reworded, with_options_of
+from executive.library.arguments import arguments_of, with_options_of
 from executive.library.sources import Source, file_of
 from executive.runs import locating
 from executive.runs.located import Located
@@ -52,15 +52,11 @@ def simulate(
     """
     check_memory()
     own = _situation(robot, environment, set, start) | {"seed": seed}
-    with file_of(recipe) as file, in_python(RunArguments):
+    with file_of(recipe) as file:
         result = run_plan_file(run_command.options_of(arguments_of(RunArguments, own | {"file": file.path}, options)))
     if result.outcome is Outcome.INTERRUPTED:  # so that a loop over many runs ends, too
         raise KeyboardInterrupt
-    failure = result.failure
-    if failure is not None and failure.advice is not None:
-        failure = replace(failure, advice=in_words_of_python(failure.advice, RunArguments))
-    diagnostics = reworded(file.located(result.diagnostics), RunArguments)
-    return replace(result, diagnostics=diagnostics, failure=failure)
+    return replace(result, diagnostics=file.located(result.diagnostics))
 
 
 @with_options_of(LocateArguments)
@@ -83,12 +79,11 @@ def locate(
     check_memory()
     own = _situation(robot, environment, None, start) | {"phrase": phrase, "of": of, "count": count}
     del own["set"]
-    with in_python(LocateArguments):
-        arguments = arguments_of(LocateArguments, own, options)
-        located = locating.locate(replace(locate_command.options_of(arguments), drawn=True))
+    arguments = arguments_of(LocateArguments, own, options)
+    located = locating.locate(replace(locate_command.options_of(arguments), drawn=True))
     if arguments.explain is not None and located.sheet is not None:
         located.picture(arguments.explain, force=True)
-    return replace(located, diagnostics=reworded(located.diagnostics, LocateArguments))
+    return located
 
 
 @with_options_of(SweepArguments)
@@ -111,7 +106,7 @@ def sweep(
     ``repeat``, the command that repeats this world. Raises BadInput for invalid input.
     """
     own = _situation(robot, environment, set, start) | {"worlds": worlds, "first": first}
-    with file_of(recipe) as file, in_python(SweepArguments):
+    with file_of(recipe) as file:
         return swept(arguments_of(SweepArguments, own | {"recipe": file.path}, options))
 
 

@@ -172,7 +172,7 @@ class _Request(BaseHTTPRequestHandler):
         path = urlsplit(self.path)
         token, slash, rest = path.path.removeprefix("/").partition("/")
         if not slash or not secrets.compare_digest(token.encode(), self.server.token.encode()):
-            self._refuse(HTTPStatus.FORBIDDEN, "open the address that planlang run --watch printed")
+            self._refuse(HTTPStatus.FORBIDDEN, "open the address that was printed when the run began")
             return None
         self.server.know(self.connection)
         return path._replace(path=rest)

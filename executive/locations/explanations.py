@@ -44,7 +44,7 @@ BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 BETWEEN_FINGERS = 0.003
 """Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
-NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it (--start X,Y,YAW)"
+NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it"
 """What helps a robot that does not drive."""
 BESIDE = 1.0
 """Distance from a thing beyond which a body cannot be what leaves a hand no room [m]."""

@@ -44,11 +44,11 @@ class Grip(NamedTuple):
 
 
 class LaterUses:
-    """Selects grasps by what is done with the thing later; results are cached until the belief changes."""
+    """Selects grasps by what is done with the thing later; results are cached by where things and fingers are."""
 
     def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
         self._scene, self._maps = scene, maps
-        self._known: Kept[dict[tuple[Reach, Grip], bool]] = Kept()
+        self._known: Kept[dict[tuple[Reach, Grip, object], bool]] = Kept()
         self._spots: Kept[dict[tuple[Reach, str], Spots]] = Kept()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
@@ -62,10 +62,10 @@ class LaterUses:
 
     def serving(self, table: GraspCandidates, reach: Reach, arm: ArmModel) -> NDArray[np.bool_]:
         """Check which grasps of a table suit all later uses, (n,)."""
-        scene, known = self._scene, self._known.of(self._scene.revision(), dict)
+        scene, known = self._scene, self._known.of(self._scene.surroundings(), dict)
         body, thing = scene.world.scene.body(reach.body), scene.bodies.pose(reach.body).matrix()
         offsets = product(inverse(rigid(table.rotations, table.points)), thing)
-        suits = np.ones(len(table), bool)
+        suits, fingers = np.ones(len(table), bool), scene.arms.fingers(arm)
         for use in reach.then:
             # a thing that is offered, or round, may have any yaw
             turns = use.kind is ReachKind.OFFER or scene.bodies.is_round(reach.body)
@@ -73,10 +73,10 @@ class LaterUses:
                 essential = offset[:3, 3] if turns else offset[:3].ravel()
                 kind = int(table.grasps[row]), int(table.rolls[row])
                 grip = Grip(arm.name, kind, tuple((essential.round(ALIKE) + 0.0).tolist()))
-                if (use, grip) not in known:
+                if (use, grip, fingers) not in known:
                     held = Held(reach.body, Pose.from_matrix(offset), scene.world.size(reach.body), body.largest_tilt)
-                    known[use, grip] = self._suits(use, arm, held)
-                suits[row] &= known[use, grip]
+                    known[use, grip, fingers] = self._suits(use, arm, held)
+                suits[row] &= known[use, grip, fingers]
         return suits
 
     def _suits(self, use: Reach, arm: ArmModel, held: Held) -> bool:
@@ -107,7 +107,7 @@ class LaterUses:
         """Find where a use may put a thing down, once for all grips; None if it is offered."""
         if use.kind is ReachKind.OFFER:
             return None
-        known = self._spots.of(self._scene.revision(), dict)
+        known = self._spots.of(self._scene.surroundings(), dict)
         if (use, name) not in known:
             known[use, name] = spots_of(use, name, self._scene, Rejections(), Stage.ALL)
         return known[use, name]

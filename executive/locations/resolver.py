@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import count, islice
@@ -17,6 +18,7 @@ from typing import Generic, TypeVar
 from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.belief.scene_part import Kept
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
@@ -56,7 +58,11 @@ from planlang.geometry import Array, Pose
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
+from planlang.relations import RELATIONS
+from planlang.state import WorldState
 
+MOST_SUPPOSED = 16
+"""Number of hypotheses whose answers are remembered."""
 MOST_VIEWERS = 256
 """Number of locations whose viewpoint is remembered."""
 
@@ -70,10 +76,27 @@ class Resolver:
         self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Answers[Solution] = Answers()
+        self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
         self._viewers: dict[Location, tuple[float, float]] = {}
         self._here: dict[Location, tuple[object, bool]] = {}
         self.watchers: list[Callable[[Location, Rejections], object]] = []
         """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
+
+    def supposing(self, scene: PlanningScene) -> Resolver:
+        """Return the resolver of a scene that is supposed; equal ones share it, with all answers found so far."""
+        viewers = {location: place for location, place in self._viewers.items() if _names_a_side(location)}
+
+        def make() -> Resolver:
+            other = copy(self)
+            other.scene, other._validator, other._answers = scene, BaseValidator(scene, self.maps), Answers()
+            other._viewers, other._here, other.watchers = dict(viewers), {}, []
+            return other
+
+        return self._supposed.of((scene.content(), scene.belief.memory.bound, viewers), make)
+
+    def when(self, state: WorldState) -> Resolver:
+        """Return the resolver that answers what locations would resolve to in another state."""
+        return self.supposing(self.scene.supposing(state))
 
     # Base poses
 
@@ -86,9 +109,8 @@ class Resolver:
         self._look(location)
         if log is not None:
             return self._bases(location, Question(log))
-        state = (self.scene.revision(), self.scene.posture())
         question = location, tuple(actions_around())  # enclosing actions restrict the grips
-        return self._answers.of(question, state, lambda: self._bases(location, self._question(location)))
+        return self._answers.of(question, self.scene.content(), lambda: self._bases(location, self._question(location)))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Find a look at an unreachable thing known only from the map, since it may stand elsewhere; None without.
@@ -104,7 +126,7 @@ class Resolver:
             is_seen = scene.visibility.sighted() and scene.visibility.hidden(scene.base(), name) is None
             view = scene.base() if is_seen else self._view(name) if scene.visibility.sighted() else None
             if view is not None:
-                look = self._after({name: view}, Solution(view, scene.revision(), {}))
+                look = self._after({name: view}, Solution(view, scene.belief.revision, {}))
                 return replace(look, provisional=True)
         return None
 
@@ -152,7 +174,7 @@ class Resolver:
         if common.allowance.is_spent:
             log.add(NOT_LOOKED_AT)
             return False
-        validator = BaseValidator(scene, self.maps)
+        validator = self.supposing(scene)._validator
         demand = base_demand(location, scene, self._viewer(location))
         tried = Question(known=Findings(common.allowance, walled=common.walled))
         with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
@@ -329,7 +351,7 @@ class Resolver:
         """Check whether the base, the hand of a device, or an object is at a location, validated as in a search."""
         scene = self.scene
         if what is None:
-            state = (scene.revision(), scene.posture(), self._viewer(location), scene.belief.remembered())
+            state = scene.content(), self._viewer(location)
             if self._here.get(location, (None, False))[0] != state:
                 while len(self._here) >= MOST_VIEWERS:
                     del self._here[next(iter(self._here))]
@@ -355,6 +377,12 @@ class Resolver:
         """Viewpoint of a location's left and right: where the base was when it was last searched for."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
+
+
+def _names_a_side(location: Location) -> bool:
+    """Check whether a location may depend on the viewpoint."""
+    inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
+    return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
 
 T = TypeVar("T")

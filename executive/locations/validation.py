@@ -275,7 +275,7 @@ class BaseValidator:
                 return None
         log.remember(base, score)
         if not reached:
-            return Solution(base, self.scene.revision(), self._sides(demand))
+            return Solution(base, self.scene.belief.revision, self._sides(demand))
         arm = next(iter(reached.values())).arm.name
         for reach, candidate in reached.items():
             self._reached.setdefault((candidate.arm.name, rounded(base)), {})[reach] = candidate
@@ -286,7 +286,7 @@ class BaseValidator:
             "reaches": [candidate.plan.label for candidate in reached.values()],
             **self._sides(demand),
         }
-        return Solution(base, self.scene.revision(), detail)
+        return Solution(base, self.scene.belief.revision, detail)
 
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Whose left and right was meant, if a location names sides."""

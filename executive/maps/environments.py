@@ -10,6 +10,7 @@ from executive.maps.semantic_map import SemanticMap, read_map
 from planlang.diagnostics import Diagnostic, note
 from planlang.files import Bundled
 from planlang.ontology import load
+from planlang.words import Option, Text
 
 DEFAULT_ENVIRONMENT = "hospital_room"
 """Environment of bundled recipes unless their objects belong to another one."""
@@ -45,7 +46,7 @@ def default_environment(recipe: Path, things: Iterable[str], notes: list[Diagnos
         return usual
     lacking = ", ".join(name for name in names if not _has(_map(usual), name))
     message = f"the environment {fitting[0]} is chosen, as {usual} has no {lacking}"
-    notes.append(note("X010", message, help="--environment names one"))
+    notes.append(note("X010", message, help=Text(Option("environment"), " names one")))
     return fitting[0]
 
 

@@ -19,6 +19,7 @@ from planlang.ontology import Literal, Ontology, Triple, expand
 from planlang.ontology.documents import Document, Reading, read_all
 from planlang.ontology.terms import MOVED_LINKS, RDF, URDF_WORLDS
 from planlang.ontology.triples import Triples
+from planlang.words import Option, Text
 
 LINKS = ("hasBaseLinkName", "hasURDFName")
 """Properties from an object to the name of its link."""
@@ -50,10 +51,9 @@ def with_links(ontology: Ontology, notes: list[Diagnostic]) -> Ontology:
         message = (
             f"{len(named)} objects are links of a URDF, such as {_shown(first)}, which is not here: they have no pose"
         )
-        help = (
-            f"put it beside this file or into a folder of --ontologies, as {Path(first.span.file).stem}.urdf, or "
-            "import it (owl:imports)"
-        )
+        file = f"{Path(first.span.file).stem}.urdf"
+        folder = Option("ontologies")
+        help = Text("put it beside this file or into a folder of ", folder, f", as {file}, or import it (owl:imports)")
         notes.append(unread("M033", message, first.span, help))
         return ontology
     linked: set[str] = set()

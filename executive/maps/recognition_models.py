@@ -19,6 +19,7 @@ from planlang.files import ONTOLOGIES
 from planlang.ontology import Literal, Ontology, expand, load
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass
+from planlang.words import Option, Text, calling
 
 _UNRECOGNISED = tuple(map(expand, ("Place-NonAgent", "SpaceInAHOC", "HumanOccupationConstruct", "AnimalBodyPart")))
 MOST_FILES = 1000
@@ -50,7 +51,7 @@ def read_given_parts(
     given: dict[str, GivenPart] = {}
     for folder in folders:
         if not folder.is_dir():
-            problems.append(error("C001", f"--models {folder} is not a folder"))
+            problems.append(error("C001", Text(Option("models", folder), " is not a folder")))
             continue
         inside = [
             *folder.iterdir(),
@@ -77,7 +78,7 @@ def _parts(ontology: Ontology, folder: Path, notes: list[Diagnostic]) -> Iterato
             lacking = [name for name in model_files(ontology, iri) if not (folder / name).is_file()]
             if lacking:
                 message = f"the recognition model {local_name(iri)} is left out: {', '.join(lacking)} is not beside it"
-                notes.append(warning("K042", message, ontology.span(iri), "planlang enable downloads both"))
+                notes.append(warning("K042", message, ontology.span(iri), Text(calling("enable"), " downloads both")))
                 continue
             targets = ontology.values(iri, _PROVIDES, subproperties=True) if _MODEL in classes else ()
             yield GivenPart(iri, classes, tuple(one for one in targets if isinstance(one, str)), ontology.span(iri))
@@ -113,5 +114,5 @@ def missing_model(what: str, types: Sequence[str]) -> str:
     cls = local_name(types[0]) if types else "Thing"
     return (
         f"{what} cannot be recognised: there is no recognition model of {cls} "
-        f"(searched as: ObjectRecognitionModel and providesModelFor some {cls}; planlang enable downloads one)"
+        f"(searched as: ObjectRecognitionModel and providesModelFor some {cls})"
     )

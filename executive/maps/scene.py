@@ -15,6 +15,7 @@ from executive.maps.doorways import with_doorways
 from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.measures import stated_size
+from executive.maps.movers import movers_of
 from executive.maps.object_models import Blade
 from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
 from executive.maps.unread import settled
@@ -176,7 +177,8 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
         bodies = with_obstacles(bodies, semantic_map, notes)
     controls = controls_of(bodies, joints, semantic_map)
     rules = rules_of(semantic_map.ontology)
-    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, rules=rules)
+    movers = tuple(movers_of(bodies, semantic_map, notes))
+    scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, movers=movers, rules=rules)
     _check_support(scene, semantic_map, notes)
     return scene
 

@@ -22,6 +22,7 @@ from planlang.knowledge.places import inverted
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass
+from planlang.words import Text, calling
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +185,7 @@ def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnost
             other = ontology.span(str(parent))
             if span is not None and other is not None and span.file != other.file:
                 message = f"the frame of {local_name(iri)} is relative to {local_name(str(parent))}: this is ignored"
-                yield unread("M027", message, span, "make one map of both: planlang merge")
+                yield unread("M027", message, span, Text("make one map of both: ", calling("merge")))
 
 
 def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:

@@ -46,6 +46,10 @@ T = TypeVar("T")
 SAME = 0.01
 """Tolerance of openings, as a share of the hand's full opening."""
 
+SAME_GAZE = 0.05
+"""Difference of joints of the neck from where it is to look, up to which it stays as it is [rad]."""
+GLANCE = 0.25
+"""Time between two looks whether a motion may go on [s]."""
 HEIGHTS = (0.0, 0.3, 0.6, 0.9)
 """Heights above a touch at which to look for the body [m]: the neck cannot bend far enough to see beside the base."""
 ASIDE, FARTHER = 0.01, 8
@@ -91,16 +95,28 @@ class Control:
         other.scene, other.belief = scene, scene.belief
         return other
 
-    async def follow(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> Motion:
+    async def follow(
+        self,
+        group: str,
+        trajectory: Trajectory,
+        *,
+        pushes: str | None = None,
+        closes: Callable[[Trajectory], bool] | None = None,
+    ) -> Motion:
         """Execute a motion and wait for its end; halt it if the caller is evaporated or suspended.
 
-        ``pushes``: link of the hand that pushes bodies instead of being stopped by them. Raises ObjectLost as soon as a
+        ``pushes``: link of the hand that pushes bodies instead of being stopped by them. ``closes`` is asked every
+        :data:`GLANCE` whether the motion has to stop; its state is then "moving". Raises ObjectLost as soon as a
         hand of :meth:`watched` no longer feels its object, and the failure of the group if the robot reports one.
         """
         self.world.start(group, trajectory, pushes=pushes)
         try:
             at_rest = partial(self._is_at_rest, group)
-            await self.wait_holding(self.watched(group), at_rest, f"{group} at rest")
+            while not await self.wait_holding(
+                self.watched(group), at_rest, f"{group} at rest", None if closes is None else GLANCE
+            ):
+                if closes is not None and closes(trajectory):
+                    break
             motion = self.world.motion(group)
             if motion.state is MotionState.FAILED:
                 raise _failed(group, motion.reason)
@@ -316,6 +332,16 @@ class Sensing:
             await checkpoint()
             return
         await control.follow("head", control.timed(gaze.joints, np.stack([control.joints(gaze.joints), neck])))
+
+    def turn_towards(self, point: Array) -> None:
+        """Begin to turn the neck towards a map point (3,), as far as it goes, and do not wait for its end."""
+        control, gaze = self._control, self._control.scene.visibility.gaze
+        if gaze is None or not gaze.joints or control.world.motion("head").state is MotionState.MOVING:
+            return
+        neck, _, _ = gaze.at(matrices.moved(Pose.planar(*control.base()).inverse().matrix(), point))
+        now = control.joints(gaze.joints)
+        if np.abs(neck - now).max() > SAME_GAZE:
+            control.world.start("head", control.timed(gaze.joints, np.stack([now, neck])))
 
     def see(self) -> tuple[str, ...]:
         """Take an image and return the names of recognised bodies; without a camera, of those taken from the map."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.modules.giving_way import Lookout
 from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
 from executive.modules.ways_out import way_out_of_base
@@ -28,6 +30,10 @@ from planlang.protocols import MotionState, Trajectory
 REPLANS = 3
 """Paths around unexpected obstacles to try before the failure is left to the plan."""
 
+MOST_WAITS = 10
+"""Times that another robot in the way is waited for on one path."""
+FAR, ASKEW = 0.5, 0.5
+"""Where other robots drive, the base turns to a goal farther away [m] that is in another direction [rad] first."""
 AT_GOAL = 0.15
 """Radius around the goal in which floor counts for finding the body that closes the way [m]."""
 
@@ -39,7 +45,10 @@ class Navigation(PlatformModule):
     name = "navigation"
     actions = ("Translation-LocationChange",)
     failures = (NavigationFailure, ObjectLost, DesignatorFailure, ObjectNowhereToBeFound)
-    needs = ("base",)
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the base, and the head where other robots drive."""
+        return ("base", "head") if Lookout(self.platform).others else ("base",)
 
     async def execute(self, action: Action) -> None:
         """Drive to ``x``, ``y``, ``yaw``, or to a base pose that satisfies ``to_location``.
@@ -64,23 +73,49 @@ class Navigation(PlatformModule):
         ).run()
 
     async def _go(self, goal: BasePose) -> None:
-        """Follow a path to a pose, out of a collision first if the robot is in one."""
+        """Drive to a pose; where other robots drive, wait for those that are in the way."""
         if _close(goal, self.platform.base()):
             return
+        lookout = Lookout(self.platform)
+        if not lookout.others:
+            return await self._once(goal)
+        await lookout.look()
+        await self._face(goal, lookout)
+        for _ in range(MOST_WAITS):
+            try:
+                return await self._once(goal, lookout)
+            except NavigationFailure as failure:
+                if failure.blocked_by not in lookout.others:
+                    raise
+            await lookout.wait()
+        await self._once(goal, lookout)
+
+    async def _once(self, goal: BasePose, lookout: Lookout | None = None) -> None:
+        """Follow a path to a pose, out of a collision first if the robot is in one."""
         try:
             path = self._path(goal)
         except NavigationGoalNotReached as stuck:
             if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
                 raise
-            await self._follow(out, goal)
+            await self._follow(out, goal, lookout)
             path = self._path(goal)
-        await self._follow(path, goal)
+        await self._follow(path, goal, lookout)
 
-    async def _follow(self, path: Trajectory, goal: BasePose) -> None:
+    async def _face(self, goal: BasePose, lookout: Lookout) -> None:
+        """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
+        x, y, yaw = self.platform.base()
+        heading = math.atan2(goal[1] - y, goal[0] - x)
+        if math.dist(goal[:2], (x, y)) > FAR and abs(math.remainder(heading - yaw, 2 * math.pi)) > ASKEW:
+            with suppress(MotionError, NavigationGoalNotReached):
+                await self._follow(self.platform.drive.path((x, y, heading)), goal, lookout)
+
+    async def _follow(self, path: Trajectory, goal: BasePose, lookout: Lookout | None) -> None:
         try:
-            motion = await self.platform.follow("base", path)
+            motion = await self.platform.follow("base", path, closes=None if lookout is None else lookout.closes)
         finally:
             self.platform.drive.moved()
+        if motion.state is MotionState.MOVING and lookout is not None:
+            raise NavigationGoalNotReached(target=goal, blocked_by=lookout.closed_by)
         if motion.state is not MotionState.DONE:
             await self.platform.sensing.bump(motion)
             raise NavigationGoalNotReached(target=goal, blocked_by=motion.blocked_by)
@@ -100,7 +135,7 @@ class Navigation(PlatformModule):
 
     def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
-            what = "the base is fixed: start it where all is within its reach (--start X,Y,YAW)"
+            what = "the base is fixed: start it where all is within its reach"
             raise NavigationPoseUnreachable(what, target=goal)
         try:
             return self.platform.drive.path(goal)

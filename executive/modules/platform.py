@@ -72,8 +72,8 @@ class Arms:
         self._control, self._rng = control, rng
         self.choices = ArmChoices()
         """Arms chosen where the plan leaves the choice open."""
-        self.begun: dict[str, tuple[int, BasePose, HandSolution]] = {}
-        """Arm -> belief revision and base pose at which it began a solution, and that solution."""
+        self.begun: dict[str, tuple[object, BasePose, HandSolution]] = {}
+        """Arm -> what was where, the base pose at which it began a solution, and that solution."""
 
     # Which arm
 
@@ -143,22 +143,22 @@ class Arms:
         """Record the choice of an arm, and the solution for the grasp or put-down that it begins."""
         self.choices.choose(arm.name)
         if solution.reach.kind in (ReachKind.GRASP, ReachKind.PLACE):
-            self.begun[arm.name] = (self._control.belief.revision, self._control.base(), solution)
+            self.begun[arm.name] = (self._control.scene.surroundings(), self._control.base(), solution)
 
     def begun_grasp(self, arm: ArmModel, location: Location) -> HandSolution | None:
         """Look up the solution to continue: the grasp after a pre-grasp, or the retreat after a put-down.
 
-        None unless the location asks for it and neither the belief nor the base has changed since it began.
+        None unless the location asks for it and neither things nor the base have moved since it began.
         """
         if arm.name not in self.begun:
             return None
-        revision, base, solution = self.begun[arm.name]
+        there, base, solution = self.begun[arm.name]
         following = Sense.PRE_GRASP if solution.reach.kind is ReachKind.RETREAT else Sense.GRASP_POINT
         if not asks_for(location, "hand", following):
             return None
         bind = self._control.scene.bodies.bind
         bodies = [bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
-        current = revision == self._control.belief.revision and base == self._control.base()
+        current = there == self._control.scene.surroundings() and base == self._control.base()
         return solution if current and solution.reach.body in bodies else None
 
     def opening(self, arm: ArmModel) -> Fingers:
@@ -166,21 +166,21 @@ class Arms:
         control = self._control
         if control.scene.arms.held(arm.name) is not None:
             return arm.openings.beyond(control.scene.world.configuration().joints)
-        revision, base, solution = self.begun.get(arm.name, (-1, None, None))
-        if solution is None or (revision, base) != (control.belief.revision, control.base()):
+        there, base, solution = self.begun.get(arm.name, (None, None, None))
+        if solution is None or (there, base) != (control.scene.surroundings(), control.base()):
             return arm.openings.widest
         return solution.plan.fingers or arm.openings.widest
 
     def put_down(self, arm: ArmModel, what: str) -> None:
         """Begin the planned retreat from the object that the arm has just put down, if it is at the put-down pose."""
-        _, base, solution = self.begun.get(arm.name, (0, (0.0, 0.0, 0.0), None))
+        _, base, solution = self.begun.get(arm.name, (None, (0.0, 0.0, 0.0), None))
         if solution is None or solution.reach.kind is not ReachKind.PLACE:
             return
         if np.abs(self._control.scene.arms.tip(arm) - solution.plan.poses[1]).max() > AT_PLACE:
             return
         plan = HandPoses(f"retreat from {what}", solution.plan.poses[2:], what)
         retreat = HandSolution(Reach(ReachKind.RETREAT, what), arm, plan, solution.joints[2:])
-        self.begun[arm.name] = (self._control.belief.revision, base, retreat)
+        self.begun[arm.name] = (self._control.scene.surroundings(), base, retreat)
 
     # Where it is
 

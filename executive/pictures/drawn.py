@@ -20,6 +20,7 @@ from planlang.extras import install_command
 from planlang.geometry import Pose
 from planlang.geometry.shapes import Size, SolidKind
 from planlang.records import dataclass
+from planlang.words import Option, Text
 from sim.bodies import Color, Part
 from sim.scene import Body, BodyShape
 
@@ -189,5 +190,5 @@ def missing() -> list[Diagnostic]:
     """Report an error (C012) if the package for recordings is not installed."""
     if find_spec("rerun") is not None:
         return []
-    advice = f"{install_command('record')}, or leave out --record"
+    advice = Text(f"{install_command('record')}, or leave out ", Option("record"))
     return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]

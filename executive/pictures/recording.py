@@ -63,9 +63,7 @@ FROM, NEAREST = (-0.6, -0.7, 0.8), 4.0
 class Recording:
     """Recording of one run, kept in memory until :meth:`save`: a log call costs 50 us, sending columns little."""
 
-    def __init__(
-        self, world: Truth, belief: Belief, *, recipe: TaskGraph | None = None, title: str = "planlang run"
-    ) -> None:
+    def __init__(self, world: Truth, belief: Belief, *, recipe: TaskGraph | None = None, title: str = "run") -> None:
         """Start to record the true world; ``recipe`` is the graph of the recipe that the plan was compiled from."""
         self._world, self._belief, self._recipe, self._title = world, belief, recipe, title
         self._tracks = Tracks()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.robots.limbs import Limbs, renamed, with_camera_neck
+from executive.robots.limbs import URDF, Limbs, renamed, with_camera_neck
 from executive.robots.mechanism import Mechanism, Naming, base_joints, grounded, mounted, source_of
 from executive.robots.robot import (
     Arm,
@@ -38,7 +38,7 @@ from planlang.files import Bundled
 from planlang.geometry.matrices import inverse, product
 from planlang.geometry.urdf import read_urdf
 from planlang.ontology import Ontology, load
-from planlang.shell import quoted
+from planlang.words import Text, calling, joined
 from sim import CameraModel
 from sim.description import read_description
 
@@ -80,9 +80,8 @@ def _bind_urdf(path: Path) -> Robot:
 
     draft = draft_of(path)
     robot = bind_draft(draft, path)
-    advice = (
-        f"planlang robot make {quoted(path)} -o {quoted(Path(f'{path.stem}.toml'))} writes a robot file to complete"
-    )
+    made = calling("robot make", path, output=Path(f"{path.stem}.toml"))
+    advice = Text(made, " writes a robot file to complete")
     origin = note("B010", f"{robot.name} is derived from its URDF alone", Span(str(path)), advice)
     return replace(robot, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics), file=None)
 
@@ -117,7 +116,8 @@ def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
         compared = ", ".join(name for name in robots() if name not in absent)
         message = f"no bundled robot ({compared}) has the joints of an arm of {model.name}"
         others = (f"{name} was not compared ({how})" for name, how in absent.items())
-        raise BadInput([error("B008", message, span, "; ".join(["give --urdf FILE with the robot's URDF", *others]))])
+        advice = joined("; ", [Text("give ", URDF, " with the robot's URDF"), *others])
+        raise BadInput([error("B008", message, span, advice)])
     return _bind(model, numbers, numbers.urdf)
 
 
@@ -286,7 +286,7 @@ def _check_same(model: SelfModel, mechanism: Mechanism, diagnostics: list[Diagno
     moving = [n for iri, n in model.joints.items() if not any("Fixed" in cls for cls in model.ontology.types(iri))]
     if moving and not any(name in mechanism.joints for name in moving):
         message = f"{mechanism.file_name} has none of the {len(moving)} moving joints of {model.name}"
-        diagnostics.append(error("B012", message, model.span, "give --urdf FILE with the URDF of this robot"))
+        diagnostics.append(error("B012", message, model.span, Text("give ", URDF, " with the URDF of this robot")))
 
 
 def _list_unknown(model: SelfModel, naming: Naming, diagnostics: list[Diagnostic]) -> None:

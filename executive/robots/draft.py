@@ -436,7 +436,7 @@ class _Maker:
         link, table = anatomy.camera(self.mechanism, arms), self.draft.table("camera")
         if link is None:
             on_arm = anatomy.camera(self.mechanism, ())
-            what = "no link of the body or head is named like a camera; without one the robot needs --trust-map"
+            what = "no link of the body or head is named like a camera; without one the robot has to trust the map"
             what += f"; {on_arm} does not look where a neck aims it, an arm moves it" if on_arm is not None else ""
             table.add("link", "camera_optical_frame", what, Status.MISSING)
             return

@@ -16,7 +16,10 @@ from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
+from planlang.words import Blank, Option, Text
 
+URDF = Option("urdf", Blank("FILE"))
+"""The option that names a URDF."""
 FINGER = 0.05
 """Least length of a finger, used if its frame is not behind the tip frame [m]."""
 UPWARDS = 0.5
@@ -131,7 +134,7 @@ class Limbs:
 
     def _report_missing(self, composition: Composition, iri: str) -> None:
         message = f"{local_name(composition.iri)} begins or ends at {local_name(iri)}, which is not in"
-        help = "give --urdf FILE with the URDF of the self-model"
+        help = Text("give ", URDF, " with the URDF of the self-model")
         self.diagnostics.append(error("B004", f"{message} {self.mechanism.file_name}", composition.span, help))
 
     def _check_known(self, arm: Arm, model: SelfModel, composition: Composition) -> None:
@@ -141,7 +144,7 @@ class Limbs:
             message = (
                 f"{local_name(composition.iri)} has joints in {self.mechanism.file_name} that the self-model lacks"
             )
-            help = "add the joints to the self-model, or give --urdf FILE with its URDF"
+            help = Text("add the joints to the self-model, or give ", URDF, " with its URDF")
             self.diagnostics.append(error("B005", f"{message}: {', '.join(unknown)}", composition.span, help))
 
     # From either

@@ -71,7 +71,7 @@ def _fixed(robot: Robot) -> str:
     return (
         f"the base of {robot.name} is fixed: if it is on something that drives, state fixed = false and the speeds in "
         f"[base] of {file}, and the size of that in [mount]; if it stands, take a recipe without driving, such as "
-        "pass_a_drink, with the things and the person within its reach (--start X,Y,YAW is where it stands)"
+        "pass_a_drink, with the things and the person within its reach of where it starts"
     )
 
 

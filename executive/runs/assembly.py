@@ -21,6 +21,7 @@ from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.effects import ActionEffects, ModuleWithEffects
@@ -41,6 +42,7 @@ from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
 from planlang.state import Hold
+from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
 
 MOST_STARTS = 5000
@@ -91,8 +93,12 @@ def world_at_start(
     return world
 
 
+START = Option("start", Blank("X,Y,YAW"))
+"""The option that places the robot."""
+
+
 def _no_start() -> BadInput:
-    advice = "choose a pose with --start x,y,yaw"
+    advice = Text("choose a pose with ", START)
     return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
@@ -101,7 +107,7 @@ def _check_start(world: PlanningWorld) -> None:
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
     place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
-    advice = f"--start x,y,yaw with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}"
+    advice = Text(START, f" with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}")
     if not (x_min < x < x_max and y_min < y < y_max):
         raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})
@@ -171,6 +177,7 @@ class RobotExecutive:
             ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
             for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
         )
+        self._start = self._believed()
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
         """Check whether actions of some classes, or heat, may create what a designator means."""
@@ -300,19 +307,25 @@ class RobotExecutive:
         return any(cls in self.platform.releasing for cls in self.ancestors(action.type))
 
     def snapshot(self) -> dict[str, Any]:
-        """The belief as JSON, for resuming a run in the world as it was left."""
+        """What is believed as JSON, to resume a run in the world as it was left: what differs from the start.
+
+        The base's pose is told, too: a resumed run starts elsewhere.
+        """
+        return {"base": list(self.platform.base()), **changed_since(self._start, self._believed())}
+
+    def _believed(self) -> dict[str, Any]:
         platform = self.platform
         return {
             "belief": platform.belief.snapshot(),
             "things": platform.scene.world.snapshot(),
-            "base": list(platform.base()),
             "leaning": sorted(platform.leaning),
         }
 
-    def restore(self, left: Mapping[str, Any]) -> None:
+    def restore(self, changed: Mapping[str, Any]) -> None:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
+            left = with_changes(self._start, changed)
             restored = partial(PlanningWorld.restore_state, state=left["things"])
             platform.belief.happened(platform.scene.mirror.after(platform.belief.state, restored)[0])
             platform.belief.restore(left["belief"])

@@ -19,6 +19,7 @@ from planlang.outputs import PNG_OR_SVG, check_outputs
 from planlang.outputs import replace as write_complete
 from planlang.records import dataclass
 from planlang.units import chosen_units, known_unit
+from planlang.words import Option, Text
 
 if TYPE_CHECKING:
     from planlang.sheets import Sheet
@@ -192,9 +193,10 @@ class Shown:
         self._chosen = chosen_units(names)
         shown = {known_unit(name).dimension for name in ("Meter", "Radian")}
         wrong = [name for dimension, name in self._chosen.items() if dimension not in shown]
-        help = "locate shows lengths and angles: --units Centimeter --units DegreeAngle"
+        help = Text("lengths and angles are shown: ", Option("units", ["Centimeter", "DegreeAngle"]))
         if wrong:
-            raise BadInput([error("C019", f"--units {one}: neither a length nor an angle", help=help) for one in wrong])
+            said = [Text(Option("units", one), ": neither a length nor an angle") for one in wrong]
+            raise BadInput([error("C019", message, help=help) for message in said])
 
     def __call__(self, **numbers: float) -> str:
         """Format numbers [m, rad] with their names."""

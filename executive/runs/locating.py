@@ -31,6 +31,7 @@ from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
+from planlang.words import Blank, Option, Text, joined
 from sim import PyBulletWorld
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def locate(options: LocateOptions) -> Located:
         semantic_map = read_map(ontology, ignore_unread=options.ignore_unread)
         lexicon = lexicon_of(semantic_map)
         location = read_location(options.phrase, lexicon)
-        what = None if options.of is None else read_thing(options.of, lexicon, file="--of")
+        what = None if options.of is None else read_thing(options.of, lexicon, file="of")
         robot = with_carrying(
             bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies), report=options.long_work
         )
@@ -249,12 +250,12 @@ def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) ->
     for relation in location.relations:
         meaning = RELATIONS[relation.name]
         if what is None and meaning.base is None:
-            hints = ["--of THING searches poses of a thing"] if meaning.thing else []
+            hints = [Text(Option("of", Blank("THING")), " searches poses of a thing")] if meaning.thing else []
             if meaning.hand:
-                hints.append(f'for a hand, write "in reach of a place {write_relation(relation, lexicon)}"')
-            return "; ".join(hints)
+                hints.append(Text(f'for a hand, write "in reach of a place {write_relation(relation, lexicon)}"'))
+            return joined("; ", hints)
         if what is not None and meaning.thing is None and meaning.base is not None:
-            return "leave out --of to search poses of the base"
+            return Text("leave out ", Option("of"), " to search poses of the base")
     return None
 
 

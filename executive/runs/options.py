@@ -19,6 +19,7 @@ from planlang.progress import Report, unreported
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.runs.trace import Listener
+from planlang.words import joined
 from sim.truth import Truth
 
 if TYPE_CHECKING:
@@ -172,12 +173,12 @@ class RunResult:
         return self.ended
 
     def __str__(self) -> str:
-        return "\n".join(line for line in (self.message, *self.final_state, *self.tilts.lines()) if line)
+        return joined("\n", (line for line in (self.message, *self.final_state, *self.tilts.lines()) if line))
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """Page of the run, for notebooks; text only if it cannot be repeated."""
         bundle = {"text/plain": str(self)}
         if self.ended is not None:
             with suppress(BadInput):
-                bundle["text/html"] = framed(self.ended.page, "planlang run")
+                bundle["text/html"] = framed(self.ended.page, "a run of planlang")
         return bundle

@@ -1,4 +1,4 @@
-"""Parameters of a plan: their valid values, and their bindings by ``--set``."""
+"""Parameters of a plan: their valid values, and their bindings by the option ``set``."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.language.plans import Plan
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
-from planlang.shell import quoted
 from planlang.spelling import guess, similar
+from planlang.words import Blank, Option, Text
 
 ON_WHAT_STAYS = ("OpeningSomething", "ClosingSomething", "TurningOnPoweredDevice", "TurningOffPoweredDevice")
 """Classes of actions on furniture and devices."""
@@ -29,13 +29,15 @@ ON_WHAT_IS_TAKEN = ("HoldingAnObject", "PickingUpAnObject", "TakingSomething", "
 MOST_NAMES = 20
 """Maximum number of things that one message lists."""
 
+ANY, MORE = Blank("X"), Option("environment", Blank("MAP"))
+
 Bound = Object | Location | float
 """Value of a parameter."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlanParameter:
-    """Parameter of a plan: ``setting`` is its name in ``--set``, ``types`` the classes of its values.
+    """Parameter of a plan: ``setting`` is its name in the option ``set``, ``types`` the classes of its values.
 
     Without a ``default`` the user has to bind it.
     """
@@ -112,7 +114,7 @@ def _hints(plan: Plan[Any, Any]) -> dict[str, Any]:
 
 
 def stated_bindings(plan: Plan[Any, Any], bound: Mapping[str, Bound], semantic_map: SemanticMap) -> dict[str, str]:
-    """Values for ``--set`` of the parameters that differ from the plan's defaults in this map."""
+    """Values of the option ``set`` for the parameters that differ from the plan's defaults in this map."""
     try:
         defaults = bound_parameters(plan, {}, semantic_map, [])
     except BadInput:
@@ -146,7 +148,9 @@ def bound_parameters(
             message = (
                 f"{parameters[name].setting} is {things[0].name}, the only one of the class in the name of the step"
             )
-            diagnostics.append(note("X028", message, help=f"--set {parameters[name].setting}=X chooses another thing"))
+            diagnostics.append(
+                note("X028", message, help=Text(_set(parameters[name].setting), " chooses another thing"))
+            )
     missing = [one for name, one in parameters.items() if name not in bound and name not in settings]
     problems += [_missing(one, semantic_map) for one in missing]
     if problems:
@@ -176,11 +180,9 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
             continue
         known = _listed([thing.name for thing in fitting])
         names = [name for name, value in bound.items() if value == what]
-        advice = (
-            f"choose one: --set {quoted(f'{names[0]}={fitting[0].name}')}"
-            if names
-            else "name one in the recipe by its IRI in the map"
-        )
+        advice = "name one in the recipe by its IRI in the map"
+        if names:
+            advice = Text("choose one: ", _set(names[0], fitting[0].name))
         yield warning("X029", f"{message}: using the {what.type} nearest to the robot, of {known}", help=advice)
 
 
@@ -201,11 +203,11 @@ def _settings(
             continue
         known = ", ".join(one.setting for one in parameters.values()) or "none"
         alike = similar(setting, known_settings)
-        guess = f"did you mean --set {quoted(f'{alike[0]}={text}')}? " if alike else ""
+        guess = Text("did you mean ", _set(alike[0], text), "? ") if alike else ""
         bound = (
             "; what the recipe states of a step is bound, and changed there or in the plan" if "." in setting else ""
         )
-        help = f"{guess}its parameters: {known}{bound}"
+        help = Text(guess, f"its parameters: {known}{bound}")
         problems.append(error("X004", f"the plan has no parameter {setting!r}", help=help))
 
 
@@ -230,16 +232,19 @@ def _noun(cls: str) -> str:
 
 def _missing(parameter: PlanParameter, semantic_map: SemanticMap) -> Diagnostic:
     """Error for a parameter that has to be set."""
-    message = f"the plan needs --set {parameter.setting}=X"
+    message = Text("the plan needs ", _set(parameter.setting))
     if float in parameter.types:
-        return error("X014", message, help=f"a number, such as --set {parameter.setting}=30; times are in seconds")
+        number = Text("a number, such as ", _set(parameter.setting, 30), "; times are in seconds")
+        return error("X014", message, help=number)
     if not {Object, Person, Location}.intersection(parameter.types):
         return error(
-            "X014", f"{message}, but its type is no thing of a map", help="give the parameter a default in the plan"
+            "X014",
+            Text(message, ", but its type is no thing of a map"),
+            help="give the parameter a default in the plan",
         )
     advice = _fitting(parameter, semantic_map)
     if parameter.takes_places:
-        advice += f'; or a phrase such as --set {parameter.setting}="on the table"'
+        advice = Text(advice, "; or a phrase such as ", _set(parameter.setting, "on the table"))
     return error("X014", message, help=advice)
 
 
@@ -252,7 +257,7 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, diagn
         if parameter.takes_places and thing is None and " " in text.strip():
             from executive.runs.phrases import read_phrase  # the grammar of phrases is slow to import
 
-            return read_phrase(text, semantic_map, f"--set {parameter.setting}")
+            return read_phrase(text, semantic_map, parameter.setting)
         what = "is not in the map" if thing is None else "has no pose in the map"
         raise BadInput([error("X005", f"{text!r} {what}", help=_fitting(parameter, semantic_map, text))])
     classes = ", ".join(shorten(cls) for cls in thing.types)
@@ -291,7 +296,8 @@ def unknown_things(semantic_map: SemanticMap, words: Sequence[str]) -> tuple[str
             known = [one.name for one in things]
             types = dict.fromkeys(cls for one in things for cls in one.types)
             classes = (local_name(above) for cls in types for above in semantic_map.ontology.ancestors(cls))
-            advice = f"{guess(word, (*known, *classes))}--unknown may be all, or {_listed(known)}"
+            alike = guess(word, (*known, *classes))
+            advice = Text(alike, Option("unknown"), f" may be all, or {_listed(known)}")
             raise BadInput([error("X005", f"{word!r} is not in the map", help=advice)])
         selected.update(dict.fromkeys(names))
     return tuple(selected)
@@ -336,19 +342,25 @@ def _fitting(parameter: PlanParameter, semantic_map: SemanticMap, absent: str | 
     if fitting:
         advice = f"{parameter.setting} may be {_listed(fitting)}"
     elif right:
-        advice = "nothing in the map is graspable; add a map with such a thing: --environment MAP"
+        advice = Text("nothing in the map is graspable; add a map with such a thing: ", MORE)
     if absent is None:
         return advice
     short = local_name(absent)
     alike = similar(short, fitting) or similar(short, placed)
     others = [one for one in placed if one not in fitting]
     if alike:
-        advice = f"did you mean --set {quoted(f'{parameter.setting}={alike[0]}')}? {advice}"
+        advice = Text("did you mean ", _set(parameter.setting, alike[0]), "? ", advice)
     if fitting and others:
-        advice += f"; the map also has {_listed(others)}"
+        advice = Text(advice, f"; the map also has {_listed(others)}")
     if environments := environments_with((absent,)):
-        advice += f"; {absent} is in a bundled environment: --environment {' or '.join(environments)}"
+        there = Option("environment", Blank(" or ".join(environments)))
+        advice = Text(advice, f"; {absent} is in a bundled environment: ", there)
     return advice
+
+
+def _set(setting: str, value: object = ANY) -> Option:
+    """The option that sets a parameter."""
+    return Option("set", {setting: value})
 
 
 def _listed(names: Sequence[str]) -> str:

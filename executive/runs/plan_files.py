@@ -18,10 +18,11 @@ from planlang.language.plan_text import Alternative, Needs
 from planlang.language.plans import Plan
 from planlang.language.source import PlanSource
 from planlang.ontology import Ontology, expand, load, shorten
+from planlang.ontology.catalog import FOLDER
 from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.records import dataclass
-from planlang.shell import quoted
 from planlang.temporary import temporary_folder
+from planlang.words import Blank, Text, calling
 
 if TYPE_CHECKING:
     from planlang.compiler import CompiledPlan
@@ -107,7 +108,8 @@ class Assessment:
         ``file`` is that of the plan, unless it is temporary.
         """
         for what in self.unknown:
-            advice = "planlang match RECIPE --robot ROBOT shows why it is required; a self-model can claim it"
+            shown = calling("match", Blank("RECIPE"), robot=Blank("ROBOT"))
+            advice = Text(shown, " shows why it is required; a self-model can claim it")
             yield warning("X009", f"the robot may lack {what}", None, advice)
         for alternative, why in self.infeasible:
             span = Span(str(file), alternative.line) if file is not None else None
@@ -184,17 +186,17 @@ def required_of_plan(
     unknown = f"the robot is not checked against the recipe {origin.recipe}"
     recipe = origin.find_recipe(file, folders)
     if recipe is None:
-        advice = "name its folder with --ontologies DIR"
+        advice = Text("name its folder with ", FOLDER)
         diagnostics.append(warning("C011", f"{unknown}, which was not found", span, advice))
         return None
     try:
         ontology = load(recipe, folders=folders)
     except BadInput as problem:
-        advice = f"planlang check {quoted(recipe)} shows more"
+        advice = Text(calling("check", recipe), " shows more")
         diagnostics.append(warning("C011", f"{unknown}: {problem.diagnostics[0].message}", span, advice))
         return None
     if not ontology.documents[0].sha256.startswith(origin.sha256):
-        advice = f"planlang compile {quoted(recipe)} -o {quoted(file)} compiles the plan again"
+        advice = Text(calling("compile", recipe, output=file), " compiles the plan again")
         diagnostics.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
         return None
     reading = read_recipe(Actions(ontology), plan.iri or origin.task)

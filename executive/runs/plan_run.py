@@ -45,7 +45,7 @@ from executive.runs.plan_files import (
     required_of_plan,
     without_module,
 )
-from executive.runs.remedies import able_robots, absent_things, command_of, performing
+from executive.runs.remedies import able_robots, absent_things, call_of, performing
 from executive.runs.reporting import context_of
 from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
@@ -76,7 +76,7 @@ from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, resto
 from planlang.runs.codec import dump
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
-from planlang.shell import quoted
+from planlang.words import Option, Text
 from sim import PyBulletWorld, Scene
 
 if TYPE_CHECKING:
@@ -145,9 +145,9 @@ class Run:
         modules = recorded.header.get("modules")
         absent = [name for name in modules if name not in self.registry.identity] if isinstance(modules, dict) else []
         if absent:
-            advice = " ".join(f"--modules {quoted(name)}" for name in absent)
+            advice = Text("add ", Option("modules", absent))
             message = "the trace was written with further process modules"
-            raise BadInput([error("X022", message, Span(recorded.name), f"add {advice}")])
+            raise BadInput([error("X022", message, Span(recorded.name), advice)])
         if self.source.sha256 != recorded.header.get("plan_sha256"):
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
@@ -241,7 +241,7 @@ class Run:
         return bool(assessment.missing) and not self.options.force
 
     def _bind_robot(self, diagnostics: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
-        """Bind the robot, with the models and programs of ``--models`` if any. Appends warnings."""
+        """Bind the robot, with the models and programs that it is given, if any. Appends warnings."""
         options = self.options
         assert options.robot is not None
         robot = self._inputs.once(bind_robot, options.robot, urdf=options.urdf, folders=options.ontologies)
@@ -252,14 +252,14 @@ class Run:
         return with_given_parts(robot, given), given
 
     def _advise_trust(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
-        """Advise --trust-map for a robot without a camera that lacks something for the plan."""
+        """Advise a robot without a camera that lacks something for the plan to trust the map."""
         if not assessment.missing or robot.camera is not None or self.options.trust_map:
             return []
         options = self.options
-        trusting = command_of(
+        trusting = call_of(
             replace(options, trust_map=True), options.start, options.bindings or {}, forced=options.force, folders=True
         )
-        advice = f"--trust-map takes the poses in the map as seen: {trusting}"
+        advice = Text(Option("trust_map", True), " takes the poses in the map as seen: ", trusting)
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assemble(
@@ -342,8 +342,8 @@ class Run:
         kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
         message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
         actions = performing(missing, by_hand=self.options.plan is not None)
-        message += f"\n    help: {actions}" if actions is not None else ""
-        advice = next((f"{one.message}; {one.help}" for one in self.found if one.code == "X013"), actions)
+        message = Text(message, "\n    help: ", actions) if actions is not None else message
+        advice = next((Text(one.message, "; ", one.help or "") for one in self.found if one.code == "X013"), actions)
         failure = Failure(kinds[0].__name__, "\n".join(map(str, missing)), advice=advice)
         seed = self.options.seed
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
@@ -458,14 +458,12 @@ class Run:
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
         task = options.task if options.recipe is None else local_name(self.plan.iri or "") if several else None
-        command = command_of(replace(options, task=task), header["start"], bindings, forced=forced)
+        command = Text(call_of(replace(options, task=task), header["start"], bindings, forced=forced))
         return replace(
             context_of(self.source, self._compiled, options.recipe, self.registry.actions, options.ontologies),
             facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
             notes=[one for one in notes if one not in options.notes],
-            remedies=dict.fromkeys(
-                ("Camera",) if advice else (), "; ".join(f"{one.message}; {one.help}" for one in advice)
-            ),
+            remedies={"Camera": Text(advice[0].message, "; ", advice[0].help or "")} if advice else {},
         )
 
     def _user_line(self, problem: Exception) -> str | None:

@@ -1,4 +1,4 @@
-"""Command lines as advice for a run that cannot begin: another thing, another environment, another robot."""
+"""Calls as advice for a run that cannot begin: another thing, another environment, another robot."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from planlang.failures import AmbiguousPerception, PlanFailure
 from planlang.files import Bundled, bundled
 from planlang.ontology import expand, load
 from planlang.recipe.actions import read_library
-from planlang.shell import joined
+from planlang.words import Blank, Call, Option, Text, calling
 
 
-def performing(missing: Sequence[Missing], *, by_hand: bool) -> str | None:
+def performing(missing: Sequence[Missing], *, by_hand: bool) -> Text | None:
     """Advice for the action classes among ``missing``, which no module performs; None if there are none.
 
     In a plan written ``by_hand`` the compiler cannot expand an action of the library.
@@ -30,13 +30,11 @@ def performing(missing: Sequence[Missing], *, by_hand: bool) -> str | None:
     classes = [one.name for one in missing if one.kind is FindingKind.ACTION]
     if not classes:
         return None
-    advice = "name process modules of your own with --modules FILE.py"
+    advice = Text("name process modules of your own with ", Option("modules", Blank("FILE.py")))
     stated = _library_files() if by_hand else {}
     if expanded := [f"{cls} ({stated[cls]})" for cls in classes if cls in stated]:
-        advice += (
-            f"; planlang compile expands {', '.join(expanded)} in a recipe, a plan written by hand performs the steps"
-            " of it (planlang list actions)"
-        )
+        expands = f" expands {', '.join(expanded)} in a recipe, a plan written by hand performs the steps of it ("
+        advice = Text(advice, "; ", calling("compile"), expands, calling("list", "actions"), ")")
     return advice
 
 
@@ -52,51 +50,49 @@ def _library_files() -> dict[str, str]:
     return files
 
 
-def command_of(
+def call_of(
     options: RunOptions,
     start: Sequence[float] | None,
     bindings: Mapping[str, str],
     *,
     forced: bool = False,
     folders: bool = False,
-) -> str:
-    """Write the command line of a run.
+) -> Call:
+    """The call of a run.
 
     ``bindings`` are the parameters that differ from the plan's defaults; a ``forced`` run lacks something. Without
-    ``folders``, files that are not bundled are given by name only, so that the line can be passed on.
+    ``folders``, files that are not bundled are given by name only, so that the call can be passed on.
     """
-    words = ["planlang", "run"]
-    words += [_named(path, Bundled.RECIPE, folders) for path in (options.plan or options.recipe,) if path is not None]
-    words += ["--task", options.task] if options.task is not None else []
-    for option, kind, path in (
-        ("--robot", Bundled.ROBOT, options.robot),
-        ("--environment", Bundled.ENVIRONMENT, options.environment),
-        *(("--environment", Bundled.ENVIRONMENT, path) for path in options.additions),
-    ):
-        words += [] if path is None else [option, _named(path, kind, folders)]
-    if folders:  # a page leaves these out
-        words += ["--urdf", str(options.urdf)] if options.urdf is not None else []
-        words += [word for path in options.ontologies for word in ("--ontologies", str(path))]
-        words += [word for code in options.accepted for word in ("--accept", code)]
-    words += [] if start is None else [f"--start={','.join(f'{number:g}' for number in start)}"]
-    words += ["--seed", str(options.seed)] if options.seed or start is not None else []
-    words += [] if options.schedule is None else ["--schedule", str(options.schedule)]
-    words += [word for name, value in bindings.items() for word in ("--set", f"{name}={value}")]
-    for setting in in_header():
-        values, option = getattr(options, setting) or (), f"--{setting.replace('_', '-')}"
-        stated = () if values is True else [one if folders else _last(one) for one in values]
-        words += [option] if values is True else [word for one in stated for word in (option, str(one))]
-    return joined([*words, *(["--force"] if forced else [])])
+    plan = options.plan or options.recipe
+    maps = [path for path in (options.environment, *options.additions) if path is not None]
+    settings = {name: getattr(options, name) or None for name in in_header()}
+    given = {
+        "task": options.task,
+        "robot": None if options.robot is None else _named(options.robot, Bundled.ROBOT, folders),
+        "environment": [_named(path, Bundled.ENVIRONMENT, folders) for path in maps] or None,
+        **({"urdf": options.urdf, "ontologies": [*options.ontologies] or None} if folders else {}),
+        "accept": [*options.accepted] or None if folders else None,
+        "start": None if start is None else tuple(map(float, start)),
+        "seed": options.seed if options.seed or start is not None else None,
+        "schedule": options.schedule,
+        "set": dict(bindings) or None,
+        **{
+            name: [one if folders else _last(one) for one in value] if isinstance(value, list | tuple) else value
+            for name, value in settings.items()
+        },
+        "force": forced,
+    }
+    return calling("run", *([] if plan is None else [_named(plan, Bundled.RECIPE, folders)]), **given)
 
 
 def _last(value: object) -> str:
     return value.name if isinstance(value, Path) else str(value)
 
 
-def _named(path: Path, kind: Bundled, folders: bool) -> str:
+def _named(path: Path, kind: Bundled, folders: bool) -> str | Path:
     if path.parent == kind.folder:
         return path.name.partition(".")[0]
-    return str(path) if folders else path.name
+    return path if folders else path.name
 
 
 def absent_things(
@@ -106,7 +102,7 @@ def absent_things(
     semantic_map: SemanticMap,
     options: RunOptions,
 ) -> Iterator[Diagnostic]:
-    """Yield an error for each parameter that means no thing of the map, or several, with a command line as advice.
+    """Yield an error for each parameter that means no thing of the map, or several, with a call as advice.
 
     ``failures`` explains each such parameter; ``bound`` has all parameters. The advice is, in this order, a thing of
     the map, or an addition to the map. If the map is bundled, a bundled environment with all things of the plan comes
@@ -119,28 +115,30 @@ def absent_things(
     }
     things = [what for value in bound.values() for what in things_of(value)]
     sets = {parameters[name].setting: names[0] for name, names in fitting.items() if names}
-    here = _command(options, {**(options.bindings or {}), **sets})
+    here = _call(options, {**(options.bindings or {}), **sets})
     is_bundled = options.environment is not None and options.environment.parent == Bundled.ENVIRONMENT.folder
     rooms = environments_for(lambda one: all(_is_there(one, what) for what in things)) if is_bundled else ()
     elsewhere = _elsewhere(options, rooms)
     for name, failure in failures.items():
         things_that_fit = fitting.get(name, [])
-        advice = here + _others(things_that_fit) if things_that_fit else elsewhere
+        advice = Text(here, _others(things_that_fit)) if things_that_fit else elsewhere
         if elsewhere and not isinstance(failure, AmbiguousPerception):
             advice = elsewhere
         if not advice:
             cls = next((what.type for what in things_of(bound[name]) if not _is_there(semantic_map, what)), "thing")
             if is_bundled or options.environment is None:
-                added = _command(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
-                advice = f"where MAP has a {local_name(cls)} with its pose (docs/reference/formats.md): {added}"
+                added = _call(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
+                where = f"where MAP has a {local_name(cls)} with its pose (docs/reference/formats.md): "
+                advice = Text(where, added)
             else:
                 where = options.environment.name
-                advice = f"add a {local_name(cls)} with its pose to {where}, or name a thing of {where} in the recipe"
+                thing = f"a {local_name(cls)} with its pose to {where}"
+                advice = Text(f"add {thing}, or name a thing of {where} in the recipe")
         yield error("X031", str(failure), help=advice)
 
 
 def able_robots(options: RunOptions, can: Callable[[Robot], bool]) -> Iterator[Diagnostic]:
-    """Yield a note with the command for a bundled robot that can run the plan, if there is one."""
+    """Yield a note with the call for a bundled robot that can run the plan, if there is one."""
     able = []
     for name in Bundled.ROBOT.names():
         file = Bundled.ROBOT.find(name)
@@ -151,25 +149,25 @@ def able_robots(options: RunOptions, can: Callable[[Robot], bool]) -> Iterator[D
             continue
     if able:
         other = replace(options, robot=Bundled.ROBOT.find(able[0]), urdf=None, start=None)
-        command = _command(other, options.bindings or {}) + _others(able)
-        yield note("X032", f"{', '.join(able)} lack{'s' if len(able) == 1 else ''} nothing for the plan", help=command)
+        advice = Text(_call(other, options.bindings or {}), _others(able))
+        yield note("X032", f"{', '.join(able)} lack{'s' if len(able) == 1 else ''} nothing for the plan", help=advice)
 
 
-def _command(options: RunOptions, bindings: Mapping[str, str]) -> str:
-    return command_of(options, options.start, bindings, forced=options.force, folders=True)
+def _call(options: RunOptions, bindings: Mapping[str, str]) -> Call:
+    return call_of(options, options.start, bindings, forced=options.force, folders=True)
 
 
 def _others(names: Sequence[str]) -> str:
     return f" (or {', '.join(names[1:])})" if names[1:] else ""
 
 
-def _elsewhere(options: RunOptions, environments: Sequence[str]) -> str:
-    """Command for the first of some bundled environments; "" if there is none."""
+def _elsewhere(options: RunOptions, environments: Sequence[str]) -> Text:
+    """The call for the first of some bundled environments; "" if there is none."""
     if not environments:
-        return ""
+        return Text()
     there = Bundled.ENVIRONMENT.find(environments[0])
     moved = replace(options, environment=there, additions=(), start=None)
-    return _command(moved, options.bindings or {}) + _others(environments)
+    return Text(_call(moved, options.bindings or {}), _others(environments))
 
 
 def _fitting(parameter: PlanParameter, failure: PlanFailure, value: Bound, semantic_map: SemanticMap) -> list[str]:

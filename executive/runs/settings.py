@@ -22,8 +22,6 @@ class InHeader:
     """Key of a setting in the header of a trace; a run that resumes the trace must have the same value."""
 
     key: str
-    called: str
-    """Name of the setting in messages about a difference."""
     taken: bool = True
     """True if a resumed run takes the value from the header by default."""
 
@@ -32,7 +30,7 @@ Urdf = Annotated[Path | None, typer.Option(metavar="FILE", help="The robot's URD
 Modules = Annotated[
     list[Path] | None,
     typer.Option(metavar="FILE.py", help="Also load the process modules of this Python file; repeatable."),
-    InHeader("modules", "the list of --modules files", taken=False),
+    InHeader("modules", taken=False),
 ]
 
 
@@ -54,12 +52,12 @@ class SituationSettings:
             help="Folder of the recognition models (and programs and maps) that the robot has; it recognises no other "
             "classes. Repeatable.",
         ),
-        InHeader("given", "--models", taken=False),
+        InHeader("given", taken=False),
     ] = None
     trust_map: Annotated[
         bool,
         typer.Option("--trust-map", help="Take the map's poses as seen; needs no camera."),
-        InHeader("trusts_map", "--trust-map"),
+        InHeader("trusts_map"),
     ] = False
     unknown: Annotated[
         list[str] | None,
@@ -68,9 +66,9 @@ class SituationSettings:
             help="Hide the pose of this thing, or of the things of this class, from the robot; all: of everything "
             "except rooms. Repeatable.",
         ),
-        InHeader("unknown", "--unknown"),
+        InHeader("unknown"),
     ] = None
-    ignore_unread: Annotated[bool, _IGNORE_UNREAD, InHeader("ignores_unread", "--ignore-unread")] = False
+    ignore_unread: Annotated[bool, _IGNORE_UNREAD, InHeader("ignores_unread")] = False
     schedule: Annotated[
         int | None,
         typer.Option(min=0, metavar="K", help="Run concurrent tasks in another order, which K determines."),

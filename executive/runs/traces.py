@@ -22,11 +22,11 @@ from planlang.outputs import named
 from planlang.records import dataclass
 from planlang.report.tree import decision_text
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
-from planlang.runs.codec import load
-from planlang.runs.recorded_run import SPANS
+from planlang.runs.codec import SCHEMA, load
+from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
 from planlang.runs.trace import Listener
-from planlang.shell import quoted
+from planlang.words import Blank, Option, Text, calling
 
 
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
@@ -153,7 +153,8 @@ class TraceHeader:
     def plan(self, trace: str) -> str:
         """The bundled recipe. Raises BadInput for any other plan, whose file the user has to name."""
         if self.recipe is None:
-            advice = f"planlang run FILE --resume {quoted(Path(trace))}, or planlang replay {quoted(Path(trace))} FILE"
+            file, path = Blank("FILE"), Path(trace)
+            advice = Text(calling("run", file, resume=path), ", or ", calling("replay", path, file))
             message = f"the plan {self.name} of the trace is not bundled: name its file"
             raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe
@@ -170,11 +171,18 @@ def recorded_run(path: Path) -> RecordedRun:
 
 
 def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Read a trace of planlang run and its header. Raises BadInput as :func:`recorded_run` does."""
+    """Read the trace of a run and its header, to repeat the run. Raises BadInput as :func:`recorded_run` does.
+
+    Also for a trace of an older schema, with the versions of planlang that wrote and that read it.
+    """
     recorded = recorded_run(path)
+    try:
+        recorded.check_repeatable()
+    except OlderTrace as older:
+        raise BadInput([_written_before(recorded, older)]) from None
     if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
-        advice = "planlang run PLAN --trace run.jsonl writes one"
-        message = "this trace was not written by planlang run: its header names no plan"
+        advice = Text(calling("run", Blank("PLAN"), trace="run.jsonl"), " writes one")
+        message = "this is not the trace of a run in a world: its header names no plan"
         raise BadInput([error("X020", message, Span(str(path)), advice)])
     return recorded, TraceHeader.of(recorded)
 
@@ -232,15 +240,16 @@ def _repeatable(repetition: Repetition, span: Span, *, looks_on: bool) -> Repeti
     recorded = repetition.recorded
     if recorded.outcome == "failed" and not looks_on:
         message = "this run has failed, and would fail again: there is nothing to resume"
-        raise BadInput([error("X021", message, span, "planlang run PLAN --seed 1 runs it in another world")])
+        advice = Text(calling("run", Blank("PLAN"), seed=1), " runs it in another world")
+        raise BadInput([error("X021", message, span, advice)])
     if (line := repetition.skipped) is not None:
         message = "the run was continued here without its earlier steps, and cannot be repeated from its start"
-        advice = "add --world-as-left if world and robot are still as the trace left them"
+        advice = Text("add ", Option("world_as_left", True), " if world and robot are still as the trace left them")
         raise BadInput([error("X023", message, Span(recorded.name, line.number), advice)])
     if (line := repetition.lost) is not None:
         message = f"a result from outside was not stored, and its call must not be repeated: {line.record['lost']}"
-        advice = "let calls in threads and modules that work once return JSON values (docs/guides/resuming.md)"
-        raise BadInput([error("X024", message, Span(recorded.name, line.number), advice)])
+        help = "let calls in threads and modules that work once return JSON values (docs/guides/resuming.md)"
+        raise BadInput([error("X024", message, Span(recorded.name, line.number), help)])
     return repetition
 
 
@@ -253,12 +262,13 @@ def different(recorded: RecordedRun, difference: Different, header: Mapping[str,
 
 def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Diagnostic]:
     """Raise BadInput with the differences if a trace is of another run; return warnings about versions."""
-    settings = {one.key: one.called for one in in_header().values()}
+    settings = {one.key: Option(name) for name, one in in_header().items()}
     now = {key: header[key] for key in AGREE if key in header} | {key: header.get(key) for key in settings}
     span, problems = Span(recorded.name), []
     for key, (before, after) in differences(recorded.header, now).items():
-        name = (AGREE | settings)[key]
-        problems.append(error("X022", f"{name} differs: {_short(before)} in the trace, {_short(after)} now", span))
+        name = AGREE.get(key) or settings[key]
+        message = Text(name, f" differs: {_short(before)} in the trace, {_short(after)} now")
+        problems.append(error("X022", message, span))
     if problems:
         raise BadInput(problems)
     other = _other_versions(recorded, header)
@@ -280,6 +290,19 @@ def sha256(path: Path) -> str:
 def damaged(name: str, damage: DamagedTrace) -> Diagnostic:
     """Error for a file that is not a trace, or damaged."""
     return error("X020", f"not a trace, or damaged: {damage}", Span(name, damage.line))
+
+
+def _written_before(recorded: RecordedRun, older: OlderTrace) -> Diagnostic:
+    """Error for a trace that an older planlang wrote, in which the run cannot be resumed or replayed."""
+    stated, now = recorded.header.get("versions"), versions()["planlang"]
+    before = str(stated["planlang"]) if isinstance(stated, dict) and "planlang" in stated else "an older version"
+    message = (
+        f"planlang {before} wrote this trace with schema {older.schema}; planlang {now} repeats only schema {SCHEMA}"
+    )
+    advice = (
+        "it can be shown, reported and exported; to repeat it, use the planlang that wrote it, or run the plan again"
+    )
+    return error("X033", message, Span(recorded.name, 1), advice)
 
 
 def _short(value: object) -> str:

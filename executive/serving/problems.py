@@ -24,6 +24,7 @@ from planlang.knowledge.entries import (
     Refused,
     Unreachable,
 )
+from planlang.words import COMMAND_LINE
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -84,6 +85,7 @@ class Problem(Exception):
 
 def diagnostic_json(diagnostic: Diagnostic) -> dict[str, Any]:
     """Diagnostic as JSON data, with file, line and column as separate values."""
+    diagnostic = diagnostic.said(COMMAND_LINE)  # who asks a server has the command line, or a browser
     span = diagnostic.span or Span("", 0, 0)
     return {
         "severity": diagnostic.severity.value,

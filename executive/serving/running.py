@@ -23,6 +23,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from executive.serving.rates import network
 from planlang.diagnostics import BadInput, error
+from planlang.words import Option, Text
 
 PATIENCE = 10
 """Time for pending requests at shutdown [s]."""
@@ -69,7 +70,11 @@ def _listening(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except OSError as problem:
         reason = (problem.strerror or str(problem)).partition(" (while")[0]
-        advice = "choose another --port; 0 takes any free one" if problem.errno == errno.EADDRINUSE else None
+        advice = (
+            Text("choose another ", Option("port"), "; 0 takes any free one")
+            if problem.errno == errno.EADDRINUSE
+            else None
+        )
         message = f"cannot listen at {host}, port {port}: {reason}"
         raise BadInput([error("K005", message, help=advice)]) from None
 

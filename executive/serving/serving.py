@@ -53,7 +53,7 @@ def _serving(request: Request) -> Serving:
     return cast(Serving, request.app.state.serving)
 
 
-_bearer = HTTPBearer(auto_error=False, description="A key that the operator made by planlang serve --new-key AUTHOR")
+_bearer = HTTPBearer(auto_error=False, description="A key that the operator of the server made")
 
 
 def _optional_author(

@@ -29,6 +29,7 @@ from planlang.knowledge.places import places
 from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.records import dataclass
+from planlang.words import COMMAND_LINE, Blank, Text, calling, said
 
 MOST_WORDS, LONGEST_WORD = 500, 200
 """Names and labels indexed for an entry, and characters of one."""
@@ -79,9 +80,12 @@ def as_here(diagnostic: Diagnostic, vocabulary: Vocabulary) -> Diagnostic:
             text = re.sub(rf"(?<![\w./-]){re.escape(folder)}/", "ontologies/", text)
         return text.replace(f"{bundled('ontologies')}/", "ontologies/")
 
-    advice = diagnostic.help and (named(diagnostic.help).removesuffix(GO_ON).removesuffix("; ") or None)
+    diagnostic = diagnostic.said(COMMAND_LINE)  # who uploads has a browser, or the command line
+    advice = diagnostic.help and (
+        named(diagnostic.help).removesuffix(said(GO_ON, COMMAND_LINE)).removesuffix("; ") or None
+    )
     if diagnostic.code in IMPORTS:
-        advice = "this server has only the bundled ontologies and those of planlang serve --ontologies"
+        advice = "this server has only the bundled ontologies, and those that its operator added"
     span = diagnostic.span and diagnostic.span._replace(file=named(diagnostic.span.file))
     return replace(diagnostic, message=named(diagnostic.message), span=span, help=advice)
 
@@ -124,10 +128,10 @@ def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syn
     syntax = Syntax.__members__.get(detected.name)
     if syntax is None:
         advice = (
-            "convert a world to a map in Manchester syntax with planlang convert; for a robot, upload its self-model "
+            "convert a world to a map in Manchester syntax; for a robot, upload its self-model "
             "and attach the URDF to it"
             if detected in (documents.Syntax.URDF, documents.Syntax.GRID)
-            else "convert it first: planlang convert FILE --syntax manchester"
+            else Text("convert it first: ", calling("convert", Blank("FILE"), syntax="manchester"))
         )
         raise BadInput([error("K014", f"{detected.value} cannot be uploaded", Span(stem), advice)])
     file = stem.replace("/", "_")[:100] + syntax.suffix

@@ -19,6 +19,7 @@ from typing import TypeVar, cast
 from executive.processes.workers import Ending, Limits, Source, Worker
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.words import Option, Text
 
 T = TypeVar("T")
 
@@ -130,9 +131,9 @@ def nothing(_: object) -> None:
 
 def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
     limit = f"{limits.seconds} s" if is_late else f"{limits.memory / 1e6:g} MB of memory"
-    advice = "split the upload into smaller parts"
+    advice: str = "split the upload into smaller parts"
     if is_late:
-        advice += ", or ask the operator for a higher limit: planlang serve --check-seconds"
+        advice = Text(advice, ", or ask the operator for a higher limit: ", Option("check_seconds"))
     return error("K015", f"the check takes more than {limit}", help=advice)
 
 

@@ -25,6 +25,7 @@ from planlang.files import read_file
 from planlang.outputs import MARK, unwritable, write_text
 from planlang.records import dataclass
 from planlang.runs.schema import FLAG, NUMBER, TEXT, TEXTS, wrong_entry
+from planlang.words import Blank, Text, calling
 
 LARGEST = 1_000_000_000
 """Largest file that can be read [bytes]."""
@@ -222,9 +223,13 @@ def _parse(line: bytes, path: Path, number: int) -> Row:
     return row
 
 
+WRITTEN = calling("sweep", Blank("RECIPE"), output=Blank("FILE"))
+"""Writes the file of a sweep."""
+
+
 def _invalid(path: Path, line: int) -> Diagnostic:
     message = "this is not the file of a sweep" if line == 1 else "this line of a sweep is damaged"
-    return error("C030", message, Span(str(path), line), "write one with planlang sweep RECIPE --output FILE")
+    return error("C030", message, Span(str(path), line), Text("write one with ", WRITTEN))
 
 
 def _line(value: Mapping[str, Any]) -> str:

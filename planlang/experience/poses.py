@@ -18,6 +18,7 @@ from planlang.experience.traces import LATEST, LONGEST, roles_of
 from planlang.files import encoding_of, read_file
 from planlang.outputs import MARK
 from planlang.records import dataclass
+from planlang.words import Blank, Text, calling
 
 MAP = "map"
 """Frame of the environment, in which the poses of the base and of bodies are expressed."""
@@ -60,13 +61,14 @@ def transforms_in(records: Iterable[Mapping[str, Any]]) -> Iterator[Transform]:
                 yield from _pose(step, thing_of[node], value, "perception")
             case {"event": "belief", "name": str(name), "pose": dict(pose)}:
                 yield from _pose(step, name, pose, "belief")
-            case {"event": "completed", "left": {"belief": dict(belief), **left}}:
+            case {"event": "completed", "left": dict(left)}:
                 yield from _base(step, left.get("base"))
-                yield from _believed(step, belief)
+                yield from _believed(step, left.get("belief"))
 
 
-def _believed(step: int, belief: Mapping[str, Any]) -> Iterator[Transform]:
+def _believed(step: int, left: object) -> Iterator[Transform]:
     """Yield the believed poses of moved things in the map, and of held things in the frame of the hand."""
+    belief = left if isinstance(left, dict) else {}
     poses, held = belief.get("poses"), belief.get("held")
     in_hands = held if isinstance(held, dict) else {}
     for name, pose in poses.items() if isinstance(poses, dict) else ():
@@ -169,7 +171,7 @@ def read_log(path: Path, header: Mapping[str, Any]) -> list[Transform]:
         raise BadInput([error("K081", "a pose has an impossible time", Span(str(path)))])
     differing = [key for key in IDENTITY if head.get(key) != header.get(key)]
     if differing:
-        advice = "planlang run PLAN --trace run.jsonl --poses poses.jsonl writes both"
+        advice = Text(calling("run", Blank("PLAN"), trace="run.jsonl", poses="poses.jsonl"), " writes both")
         message = f"the poses belong to another run: {', '.join(differing)} differ"
         raise BadInput([error("K081", message, Span(str(path)), advice)])
     return transforms

@@ -13,6 +13,7 @@ from planlang.knowledge.database import Connection, damaged, typed
 from planlang.knowledge.entries import Unusable
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.outputs import named, replace
+from planlang.words import Blank, Text, calling
 
 
 def back_up(store: Path, target: Path) -> tuple[int, int]:
@@ -23,7 +24,11 @@ def back_up(store: Path, target: Path) -> tuple[int, int]:
     Raises BadInput if there is no store, if it is damaged, or if the copy cannot be written.
     """
     if not os.path.isfile(store):
-        advice = "name the file of planlang serve --store; the guide knowledge.md says how to back up other stores"
+        advice = Text(
+            "name the file of ",
+            calling("serve", store=Blank("FILE")),
+            "; the guide knowledge.md says how to back up other stores",
+        )
         raise BadInput([error("K001", f"there is no knowledge base {named(store)}", help=advice)])
     entries = 0
 

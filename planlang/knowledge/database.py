@@ -10,9 +10,7 @@ from typing import Any, Self
 from planlang.knowledge.entries import Full, Unusable
 
 _NO_ROOM = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_WRITE)
-RESTORE = (
-    "restore it from a backup, which planlang backup makes; sqlite3 FILE .recover saves what can still be read of it"
-)
+RESTORE = "restore it from a backup; sqlite3 FILE .recover saves what can still be read of it"
 _ADVICE = {
     sqlite3.SQLITE_BUSY: "another program has locked it: end that, or wait",
     sqlite3.SQLITE_LOCKED: "another program has locked it: end that, or wait",

@@ -19,6 +19,7 @@ from planlang.files import read_file
 from planlang.knowledge.answers import NotAsAgreed, as_json, read_as
 from planlang.outputs import replace
 from planlang.records import dataclass
+from planlang.words import Blank, Option, Text
 
 PULLED = "pulled"
 """Kind of the cache entries with the origins of programs, by SHA-256."""
@@ -58,6 +59,10 @@ def origins(folder: Path) -> dict[str, Origin]:
         raise BadInput([error("K035", f"the record of downloads is damaged: {path}: {problem}", help=advice)]) from None
 
 
+ELSEWHERE = Text(Option("output", Blank("FOLDER")), " names another folder, ")
+"""Advice about a file that would be overwritten."""
+
+
 def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> list[Diagnostic]:
     """Report files that would be overwritten although they are not as downloaded, before or now."""
     before = {} if force else origins(folder)
@@ -67,10 +72,10 @@ def check_free(folder: Path, names: Mapping[str, Origin], *, force: bool) -> lis
         if path.is_dir():
             problems.append(error("C004", f"{path} is a folder"))
         elif path.is_symlink() and not force:
-            advice = "-o FOLDER names another folder, --force replaces the link by a file"
+            advice = Text(ELSEWHERE, Option("force", True), " replaces the link by a file")
             problems.append(error("C005", f"{path} is a symbolic link", help=advice))
         elif path.exists() and not force and not is_as_pulled(path, origin, before.get(name)):
-            advice = "-o FOLDER names another folder, --force overwrites it"
+            advice = Text(ELSEWHERE, Option("force", True), " overwrites it")
             problems.append(error("C005", f"{path} exists with different content", help=advice))
     return problems
 

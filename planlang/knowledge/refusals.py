@@ -7,18 +7,30 @@ from planlang.knowledge.answers import Declined, KeyNeeded, NoAnswer, NotAsAgree
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
 from planlang.knowledge.entries import Changed, EntryExists, NoSuchEntry, NotTheAuthor, Refused
+from planlang.words import Blank, Option, Text, calling
 
 KEY = "PLANLANG_KEY"
 """Environment variable with the author's key."""
-HOW_TO_MAKE_A_KEY = "on the server, planlang serve --store FILE --new-key AUTHOR creates one"
-_NO_ADDRESS = "give the address of a server; planlang serve --store FILE starts one for the store in a file"
-_SILENT = "check the address, and that planlang serve is running there"
+HOW_TO_MAKE_A_KEY = Text(
+    "on the server, ", calling("serve", store=Blank("FILE"), new_key=Blank("AUTHOR")), " creates one"
+)
+_NO_ADDRESS = Text(
+    "give the address of a server; ", calling("serve", store=Blank("FILE")), " starts one for the store in a file"
+)
+_SILENT = Text("check the address, and that ", calling("serve"), " is running there")
 _PROXY = "correct the variable, unset it, or list the host of the server in NO_PROXY"
 _ADVICE: dict[type[Refused], str] = {
-    KeyNeeded: f"give your key by --key-file FILE or {KEY}; {HOW_TO_MAKE_A_KEY}",
-    NoSuchEntry: "planlang search lists the entries",
-    EntryExists: "--update uploads the next revision of your own entry; another --name creates a new entry",
-    NotTheAuthor: "only its author can change it; without --update you push an entry of your own",
+    KeyNeeded: Text("give your key by ", Option("key_file", Blank("FILE")), f" or {KEY}; ", HOW_TO_MAKE_A_KEY),
+    NoSuchEntry: Text(calling("search"), " lists the entries"),
+    EntryExists: Text(
+        Option("update", True),
+        " uploads the next revision of your own entry; another ",
+        Option("name"),
+        " creates a new entry",
+    ),
+    NotTheAuthor: Text(
+        "only its author can change it; without ", Option("update", True), " you push an entry of your own"
+    ),
     Changed: "pull the entry, apply your changes again, then push it",
 }
 

@@ -12,7 +12,7 @@ from types import FunctionType, ModuleType
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in
 from planlang.language.source import PlanSource
-from planlang.shell import quoted
+from planlang.words import Text, calling
 
 
 def load_plan(source: PlanSource, name: str | None = None) -> ModuleType:
@@ -63,5 +63,5 @@ def _advice(source: PlanSource) -> str | None:
     """How to update a plan that an earlier version compiled; None for a plan written by hand."""
     if source.header is None:
         return None
-    command = f"planlang compile {quoted(Path(source.header.recipe))} -o {quoted(source.path)}"
-    return f"an earlier version compiled this plan: compile it again, {command}"
+    again = calling("compile", Path(source.header.recipe), output=source.path)
+    return Text("an earlier version compiled this plan: compile it again, ", again)

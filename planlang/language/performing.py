@@ -192,7 +192,7 @@ def _unresolvable(action: Action, executive: Executive) -> ActionUnresolvable:
     """Failure of an action without a module, with a suggestion if its class is misspelt, or what to register."""
     failure, cls = ActionUnresolvable(designator=str(action)), local_name(action.type)
     classes = {cls for module in executive.modules for cls in module.actions}
-    advice = f"; in a test, script.performs({cls!r}) adds it; in a run, a module in --modules FILE.py performs it"
+    advice = f"; in a test, script.performs({cls!r}) adds it; in a run, a process module that is added to it does"
     failure.message = f"{failure}{did_you_mean(cls, classes, alike=0.8) or advice}"
     return failure
 

@@ -56,9 +56,11 @@ _REPLAY = Usage("replay", {"plan": "serve", "recorded": "recorded"})
 def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     """Run a plan on the recorded inputs of an earlier run, and compare them up to the first difference.
 
-    Raises ValueError if the run cannot be replayed: it was not ``resumable``, or it was in real time.
+    Raises ValueError if the run cannot be replayed: it was not ``resumable``, it was in real time, or an older planlang
+    wrote it.
     """
     _REPLAY.branch("plan", plan)
+    recorded.check_repeatable()
     header = recorded.header
     rate, seed, schedule = header.get("rate"), header.get("seed"), header.get("schedule")
     if header.get("resumable") is not True:

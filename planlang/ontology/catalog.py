@@ -15,7 +15,10 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import decode, read_file
 from planlang.ontology.terms import resolve
 from planlang.ontology.xml_text import EntityTable, explain
+from planlang.words import Blank, Option, Text
 
+FOLDER = Option("ontologies", Blank("DIR"))
+"""Adds a folder in which imports are searched."""
 NAME = "catalog-v001.xml"
 LARGEST = 4_000_000
 """Greatest size of a catalog [bytes]."""
@@ -92,7 +95,7 @@ class Catalogs:
         except (OSError, ValueError):
             is_there = False
         if not self._is_allowed(path):
-            advice = f"allow it with --ontologies DIR, where DIR is the folder of {path.name}"
+            advice: str = Text("allow it with ", FOLDER, f", where DIR is the folder of {path.name}")
             self._warn(f"the entry for {iri or path.name} leads outside the allowed folders", span, advice)
         elif not is_there:
             advice = f"put {path.name} there, or correct the entry"

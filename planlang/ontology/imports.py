@@ -11,12 +11,13 @@ from urllib.parse import unquote
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.files import ONTOLOGIES, bundled, read_file
-from planlang.ontology.catalog import Catalogs
+from planlang.ontology.catalog import FOLDER, Catalogs
 from planlang.ontology.moved_names import HOST, OLD_HOST, canonical
 from planlang.ontology.terms import OWL, RDF, RDFS, VOCABULARIES
 from planlang.package_paths import file_places
 from planlang.records import dataclass
 from planlang.spelling import similar
+from planlang.words import Text
 
 LARGEST_BESIDE = 64_000_000
 """Size of all files together that are searched for the IRI of an import [bytes]."""
@@ -41,6 +42,7 @@ VOCABULARY_FILES: dict[str, str | None] = {
     "primitives": "primitives.omn",
     "recovery": "recovery.omn",
     "searching": "searching.omn",
+    "moving": "moving.omn",
     "computable": None,
     "comp_spatial": None,
     "comp_temporal": None,
@@ -319,16 +321,17 @@ def _unresolved(
     target: str, path: tuple[str, ...], span: Span, *, remote: bool, escaped: bool, near: str
 ) -> Diagnostic:
     if remote:
-        advice = (
-            f"{near}put a file that states this IRI beside this one, name its folder with --ontologies DIR, or map the "
-            "IRI to a file in catalog-v001.xml; nothing is fetched from the network"
+        advice = Text(
+            f"{near}put a file that states this IRI beside this one, name its folder with ",
+            FOLDER,
+            ", or map the IRI to a file in catalog-v001.xml; nothing is fetched from the network",
         )
         return warning("O031", f"an import of an unknown address is ignored: {target}", span, advice)
     name = path[-1] if path else target
     if escaped:
-        advice = f"allow it with --ontologies DIR, where DIR is the folder of {name}"
+        advice = Text("allow it with ", FOLDER, f", where DIR is the folder of {name}")
         return warning("O032", f"an import from outside the allowed folders is ignored: {target}", span, advice)
-    advice = f"put {name} beside this file, or add its folder with --ontologies DIR"
+    advice = Text(f"put {name} beside this file, or add its folder with ", FOLDER)
     if target.startswith("package:"):
         advice += "; packages are found above this file, and in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
     return warning("O030", f"import not found: {target}", span, advice)

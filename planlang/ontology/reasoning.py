@@ -36,6 +36,7 @@ from planlang.ontology.ontology import Ontology
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
+from planlang.words import Option, Text
 
 MEMORY = 2000
 """Memory limit of a reasoner [MB]."""
@@ -92,6 +93,10 @@ def reason(ontology: Ontology, reasoner: Reasoner = Reasoner.HERMIT, seconds: fl
 class _Stopped(Exception):
     """A reasoner exceeded its time limit, or failed; the message says which."""
 
+    def __init__(self, message: str, advice: Text | None = None) -> None:
+        super().__init__(message)
+        self.advice = advice
+
 
 @dataclass(frozen=True, slots=True)
 class _Reasoning:
@@ -111,7 +116,9 @@ class _Reasoning:
             found += self._unsatisfiable(self._written("classes", facts=False))
             found += self._inconsistent(self._written("all", facts=True))
         except _Stopped as stopped:
-            raise BadInput([*self.given.notes, *found, error("O063", str(stopped), self._document())]) from None
+            raise BadInput(
+                [*self.given.notes, *found, error("O063", str(stopped), self._document(), stopped.advice)]
+            ) from None
         return found
 
     def _written(self, name: str, *, facts: bool) -> Path:
@@ -200,14 +207,15 @@ class _Reasoning:
 
     def _run(self, classpath: Sequence[str], main: str, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
         command = ["java", f"-Xmx{MEMORY}M", "-cp", os.pathsep.join(classpath), main, *arguments]
-        late = f"{self.reasoner.title} took more than {self.seconds:g} s; allow more with --reason-seconds"
+        late = f"{self.reasoner.title} took more than {self.seconds:g} s"
+        more = Text("allow more with ", Option("reason_seconds"))
         left = self.end - time.monotonic()
         if left <= 0:
-            raise _Stopped(late)
+            raise _Stopped(late, more)
         try:
             return subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=left, check=False)
         except subprocess.TimeoutExpired:
-            raise _Stopped(late) from None
+            raise _Stopped(late, more) from None
         except OSError as problem:
             raise _Stopped(f"java cannot be started: {problem}") from None
 

@@ -14,6 +14,7 @@ from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Absence, Filler, Parameter, Place, Recipe, RecipeSet, Slot, Step, Thing
 from planlang.recipe.order import callees_first
 from planlang.recipe.slots import fitting_parameters, in_words, parameter_for, requires_filler
+from planlang.words import Blank, Option, Text
 
 
 @check("R061", "R062", unless=("R022", "R023"))
@@ -122,7 +123,8 @@ class _Supply:
         if not iris:
             missing = f"states no {thing.slot.property}"
         who = f"`{owner.name}`" if owner is recipe else f"`{owner.name}` of `{recipe.name}`"
-        advice = f"{_advice(owner, thing.slot)}, or pass it when the plan runs: --set {thing.name}=X"
+        passed = Option("set", {thing.name: Blank("X")})
+        advice = Text(_advice(owner, thing.slot), ", or pass it when the plan runs: ", passed)
         message = f"{who} {missing}; it becomes a parameter of the plan"
         self.diagnostics[warning("R062", message, self._where(owner), advice)] = None
 

@@ -39,6 +39,7 @@ from planlang.recipe.readers import created_individuals, loose_parts, tasks_of
 from planlang.recipe.statements import KINDS, Statements, SubAction, facts, is_word
 from planlang.records import dataclass
 from planlang.spelling import guess
+from planlang.words import Option, Text
 
 _TYPE = "http://www.w3.org/1999/02/22-rdf-syntax-ns#type"
 
@@ -81,7 +82,7 @@ def choose_task(actions: Actions, wanted: str | None = None) -> str:
         what, advice = _no_recipe(ontology)
         raise BadInput([error("R001", f"no class or individual of this file states sub-actions{what}", span, advice)])
     names = ", ".join(local_name(task) for task in tops or stated)
-    advice = f"choose one with --task: {names}"
+    advice = Text("choose one with ", Option("task"), f": {names}")
     if tops:
         raise BadInput([error("R002", f"this file has {len(tops)} tasks", span, advice)])
     message = "every task of this file is a sub-action of another one, so there is no top task"

@@ -17,6 +17,7 @@ from planlang.report.tree import lanes_of, marks_of, nodes_of, pose_text, shown
 from planlang.report.wording import Wording
 from planlang.runs.run_tree import RunTree
 from planlang.visible import visible
+from planlang.words import COMMAND_LINE, said
 
 if TYPE_CHECKING:
     from planlang.compiler.drawing.task_graph import TaskGraph
@@ -88,7 +89,8 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
     context = context or Context()
     tree, rate = run.tree, run.tree.rate
     end = round(run.last / rate, 4)
-    failures = Failures(tree, run.reasons, context.remedies)
+    remedies = {part: said(advice, COMMAND_LINE) for part, advice in context.remedies.items()}
+    failures = Failures(tree, run.reasons, remedies)
     wording = Wording(context.labels, context.vocabulary)
     nodes = nodes_of(tree, context.labels, failures.index)
     sources = [source for source in (context.plan, context.recipe) if source is not None]
@@ -106,7 +108,10 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
         "schema": SCHEMA,
         "title": shown(name, 120),
         "outcome": _outcome(run, failures),
-        "facts": {key: shown(value, 200) for key, value in {**_facts(run, end), **context.facts}.items()},
+        "facts": {
+            key: shown(said(value, COMMAND_LINE) if isinstance(value, str) else value, 200)
+            for key, value in {**_facts(run, end), **context.facts}.items()
+        },
         "rate": rate,
         "end": end,
         "nodes": nodes,
@@ -136,6 +141,7 @@ def _visible(data: Any) -> Any:
 
 
 def _note(one: Diagnostic) -> dict[str, str]:
+    one = one.said(COMMAND_LINE)  # what a page advises is copied into a shell
     entry = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
     return entry | ({"help": shown(one.help)} if one.help else {})
 

@@ -40,8 +40,10 @@ from planlang.plan_failure import PlanFailure, Where, attach_cleanup
 
 DEEPEST = 50
 """Maximum nesting of lossless values, well below Python's recursion limit."""
-SCHEMA = 4
-"""Version of the trace format. From 3 on, a random stream is stored by the number of its ``draws``."""
+SCHEMA = 5
+"""Version of the trace format. From 5 on, a state that was left is stored as what differs from that at the start."""
+OLDEST = 4
+"""Oldest version that is read; only a run of :data:`SCHEMA` can be repeated."""
 PLAIN = frozenset({str, int, bool, type(None)})
 """Classes of values that are written to JSON as they are."""
 LONGEST = 256

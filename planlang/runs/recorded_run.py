@@ -18,7 +18,7 @@ from typing import Any
 from planlang.files import encoding_of, open_regular
 from planlang.kernel.schedule import parse_draws
 from planlang.records import dataclass
-from planlang.runs.codec import SCHEMA, Exact, load, load_failure
+from planlang.runs.codec import OLDEST, SCHEMA, Exact, load, load_failure
 from planlang.runs.schema import DEEPEST, LATEST, is_deep, mistake
 
 LONGEST_LINE = 20_000_000
@@ -31,6 +31,14 @@ class DamagedTrace(ValueError):
     def __init__(self, message: str, line: int) -> None:
         super().__init__(message)
         self.line = line
+
+
+class OlderTrace(DamagedTrace):
+    """An older planlang wrote a trace: it can be read, but the run can be neither resumed nor replayed."""
+
+    def __init__(self, schema: int) -> None:
+        super().__init__(f"its schema is {schema}: only a trace of schema {SCHEMA} can be resumed or replayed", 1)
+        self.schema = schema
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +107,11 @@ class RecordedRun:
             if line.event == "ended" and line.path == root:
                 return str(line.record.get("status"))
         return None
+
+    def check_repeatable(self) -> None:
+        """Raise OlderTrace if the records are of an older schema, which readers know and a repetition does not."""
+        if (schema := int(self.header["schema"])) != SCHEMA:
+            raise OlderTrace(schema)
 
     @staticmethod
     def read(path: str | os.PathLike[str]) -> RecordedRun:
@@ -177,16 +190,16 @@ def _check_header(record: Mapping[str, Any]) -> None:
     if record["event"] != "header":
         raise DamagedTrace("a trace begins with its header", 1)
     schema, versions = record.get("schema"), record.get("versions")
-    if schema == SCHEMA:
-        return
     if type(schema) is not int:
         raise DamagedTrace(f"schema has to be a number: that of this version of planlang is {SCHEMA}", 1)
+    if OLDEST <= schema <= SCHEMA:
+        return
     version = versions.get("planlang") if isinstance(versions, dict) else None
     age = "an older" if schema < SCHEMA else "a newer"
     written = "" if version is None else f"; its header names planlang {version}"
     raise DamagedTrace(
-        f"the trace has schema {schema}, that of {age} planlang, and this one reads only schema {SCHEMA}{written}: run "
-        "the plan again, or read the trace where it was written",
+        f"the trace has schema {schema}, that of {age} planlang, and this one reads only schemas {OLDEST} to {SCHEMA}"
+        f"{written}: run the plan again, or read the trace where it was written",
         1,
     )
 
@@ -243,6 +256,8 @@ class Past:
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
+        """Raises OlderTrace, and DamagedTrace if a completed step cannot be read."""
+        recorded.check_repeatable()
         self.recorded = recorded
         self.done: dict[str, Done] = {}
         self.again: tuple[str, ...] = ()

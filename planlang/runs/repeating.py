@@ -43,10 +43,11 @@ def agree(recorded: Any, found: Any) -> bool:
 class Repetition:
     """The records of an interrupted run that are repeated: all before an interrupt from outside, if there was one.
 
-    Raises DamagedTrace if the result of a call to the outside cannot be read.
+    Raises OlderTrace, and DamagedTrace if the result of a call to the outside cannot be read.
     """
 
     def __init__(self, recorded: RecordedRun) -> None:
+        recorded.check_repeatable()
         interrupts = (index for index, line in enumerate(recorded.lines) if line.event in FROM_OUTSIDE)
         self.recorded = recorded
         self.kept: Sequence[Line] = recorded.lines[: next(interrupts, len(recorded.lines))]

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.commands.run import options_of
-from executive.processes.calls import Limits
+from executive.processes.workers import Limits
 from executive.runs.options import Outcome
 from executive.sweeps import Row
 from executive.sweeps import run as sweep

@@ -5,8 +5,12 @@
     python -m tests.benchmarks.equal_bytes --checkout ../main --checkout .  two checkouts
     ... --short                                                             eight scenarios, in a minute or two
     ... --seeds 0,3 carry wipe                                              other worlds; scenarios with such names
+    ... --but-schema                                                        equal but for schema and revision numbers
 
 The first checkout is the one to compare with. Scenarios and their files are those of this checkout, whatever runs them.
+With --but-schema, numbers of schemas and revisions and names of resources are left out, and a state that was left may
+be told whole or as what differs from the start.
+
 What differs is listed with the first line that does. Exit code 1 if something differs, 0 if all bytes are equal.
 """
 
@@ -14,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import re
 import subprocess
@@ -21,8 +26,10 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 from tests.support.scenarios import TOP, Scenario, at_home, scenarios
 
@@ -91,12 +98,53 @@ def traces_of(
     return {name: folder / name for name in runs}
 
 
-def differences(before: Traces, after: Traces) -> Iterator[tuple[str, str]]:
+def differences(before: Traces, after: Traces, *, but_schema: bool) -> Iterator[tuple[str, str]]:
     """Yield the runs whose traces differ, each with the first line that does, as it was and as it is."""
     for name in before:
-        old, new = before[name].read_bytes(), after[name].read_bytes()
+        old, new = (one[name].read_text(encoding="utf-8", errors="replace") for one in (before, after))
+        if but_schema and old != new:
+            old, new = without_schema(old, new)
         if old != new:
-            yield name, first_difference(old.decode("utf-8", "replace"), new.decode("utf-8", "replace"))
+            yield name, first_difference(old, new)
+
+
+def without_schema(old: str, new: str) -> tuple[str, str]:
+    """Rewrite two traces so that they are equal if they differ only in what a schema decides, and in revisions."""
+    before, after = ([_plain(json.loads(line)) for line in text.splitlines() if line[:1] == "{"] for text in (old, new))
+    start: dict[tuple[str, str], Any] = {}
+    for was, now in zip(before, after, strict=False):
+        whole, told = was.get("left"), now.get("left")
+        if not (isinstance(whole, dict) and isinstance(told, dict)):
+            continue
+        for part, table in whole.items():
+            if isinstance(table, dict):
+                told_of = told.setdefault(part, {})
+                # what is not told is as it was at the start, so that it is the same wherever it is not told
+                missing = {key: start.setdefault((part, key), table[key]) for key in table if key not in told_of}
+                told_of |= missing
+            elif part not in told:
+                told[part] = start.setdefault((part, ""), table)
+    return "\n".join(map(_sorted, before)), "\n".join(map(_sorted, after))
+
+
+_sorted = partial(json.dumps, sort_keys=True)
+
+
+def _plain(record: dict[str, Any]) -> dict[str, Any]:
+    """Leave out of a record what a schema or the count of changes decides."""
+    if record.get("asked") == "revision":
+        record.pop("value", None)
+    if "resources" in record:
+        record["resources"] = len(record["resources"])
+    plain: dict[str, Any] = json.loads(json.dumps(record), object_hook=_without_revision)
+    return plain
+
+
+def _without_revision(entries: dict[str, Any]) -> dict[str, Any]:
+    place = entries.get("where")
+    if isinstance(place, list) and len(place) == 4:  # path, file, line and revision
+        entries["where"] = place[:3]
+    return {key: value for key, value in entries.items() if key not in ("schema", "revision")}
 
 
 def first_difference(old: str, new: str) -> str:
@@ -124,6 +172,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run, save and compare what was asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("names", nargs="*", help="parts of names of scenarios (default: all)")
+    parser.add_argument("--but-schema", action="store_true", help="ignore schema, resources and revision numbers")
     parser.add_argument("--short", action="store_true", help=f"{len(SHORT)} scenarios")
     parser.add_argument("--seeds", default="0", help="seeds, with commas between them (default: 0)")
     parser.add_argument("--checkout", type=Path, action="append", help="one, or two to compare (default: this)")
@@ -148,7 +197,7 @@ def main(words: Sequence[str] | None = None) -> int:
             columns.append(traces_of(checkout, runs, folder.resolve(), pool))
         if len(columns) == 1:
             return 0
-        found = list(differences(*columns))
+        found = list(differences(*columns, but_schema=given.but_schema))
         for name, where in found:
             print(f"{name}: {where}")
         print(f"{len(runs) - len(found)} of {len(runs)} traces are equal")

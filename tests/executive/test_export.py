@@ -115,7 +115,7 @@ def test_a_file_that_is_no_trace_a_time_without_zone_and_a_strange_file_in_the_f
     run: Path, tmp_path: Path
 ) -> None:
     trace, folder = tmp_path / "run.jsonl", tmp_path / "neem"
-    trace.write_text('{"step": 0, "event": "header", "schema": 4}\n')
+    trace.write_text('{"step": 0, "event": "header", "schema": 5}\n')
     words = ("export", trace, "--to", "neem", "-o", folder)
     assert [one["code"] for one in planlang(*words)["diagnostics"]] == ["X020"]
     assert not folder.exists()

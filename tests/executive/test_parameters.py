@@ -1,4 +1,4 @@
-"""Parameters of plans: what --set binds them to, and what is said of those that have to be set."""
+"""Parameters of plans: what the option set binds them to, and what is said of those that have to be set."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_a_place_may_be_told_by_a_phrase(put: Plan[..., object], room: SemanticM
     [
         ("Put.toLocation", "on the", "P003", None),
         ("Put.toLocation", "on the refrigerator", "P008", None),
-        ("Put.toLocation", "cabinet3", "X005", "did you mean --set Put.toLocation=cabinet"),
+        ("Put.toLocation", "cabinet3", "X005", 'did you mean set={"Put.toLocation": "cabinet'),
         ("Tell.recipient", "bed1", "X006", "Tell.recipient may be patient1"),
         ("Tell.recipient", "on the bed", "X005", None),
         ("thing", "patient1", "X006", f"thing may be {PLACED}"),
@@ -126,7 +126,7 @@ def test_a_place_may_be_told_by_a_phrase(put: Plan[..., object], room: SemanticM
             "Put.toLocatoin",
             "bed1",
             "X004",
-            "did you mean --set Put.toLocation=bed1? its parameters: cup,",
+            'did you mean set={"Put.toLocation": "bed1"}? its parameters: cup,',
         ),
         (
             "Fetch.objectActedOn",
@@ -150,13 +150,13 @@ def test_all_that_is_not_set_is_told_with_what_of_the_map_fits(put: Plan[..., ob
     with pytest.raises(BadInput) as caught:
         bound_parameters(put, {}, room, [])
     found = caught.value.diagnostics
-    assert [(one.code, one.message.partition("--set ")[2]) for one in found] == [
-        ("X014", "Put.toLocation=X"),
-        ("X014", "Tell.recipient=X"),
-        ("X014", "thing=X"),
+    assert [(one.code, one.message.partition("needs ")[2]) for one in found] == [
+        ("X014", 'set={"Put.toLocation": X}'),
+        ("X014", 'set={"Tell.recipient": X}'),
+        ("X014", 'set={"thing": X}'),
     ]
     assert [one.help for one in found] == [
-        f'Put.toLocation may be {PLACED}; or a phrase such as --set Put.toLocation="on the table"',
+        f'Put.toLocation may be {PLACED}; or a phrase such as set={{"Put.toLocation": "on the table"}}',
         "Tell.recipient may be patient1",
         f"thing may be {PLACED}",
     ]
@@ -168,7 +168,7 @@ def test_all_that_is_not_set_is_told_with_what_of_the_map_fits(put: Plan[..., ob
         ("DrinkingBottle", ("note", "bottle1, its only DrinkingBottle", None)),
         (
             "Cabinet-PieceOfFurniture",
-            ("warning", "nearest to the robot, of cabinet1, cabinet2", "choose one: --set thing=cabinet1"),
+            ("warning", "nearest to the robot, of cabinet1, cabinet2", 'choose one: set={"thing": "cabinet1"}'),
         ),
         ("Refrigerator", None),
     ],
@@ -233,7 +233,7 @@ def test_what_can_be_grasped_is_proposed_to_steps_that_handle_it(
 @pytest.mark.parametrize(
     ("step", "advice"),
     [
-        ("PickingUpAnObject", "nothing in the map is graspable; add a map with such a thing: --environment MAP"),
+        ("PickingUpAnObject", "nothing in the map is graspable; add a map with such a thing: environment=MAP"),
         ("LookingForSomething", "LookingForSomething.objectActedOn may be bed1, cabinet1"),
     ],
 )
@@ -252,7 +252,7 @@ def test_what_is_to_be_taken_is_no_furniture_and_nothing_is_done_to_joints(
 @pytest.mark.parametrize(
     ("kind", "needed"),
     [
-        ("float", "a number, such as --set amount=30; times are in seconds"),
+        ("float", 'a number, such as set={"amount": 30}; times are in seconds'),
         ("str", "give the parameter a default in the plan"),
     ],
 )

@@ -128,13 +128,13 @@ def test_a_thing_of_a_class_beside_that_of_the_recipes_individual_will_do_with_a
         (
             {"botle": "bottle2"},
             "X004",
-            "did you mean --set bottle=bottle2? its parameters: bottle, any_bottle, patient",
+            'did you mean set={"bottle": "bottle2"}? its parameters: bottle, any_bottle, patient',
         ),
         (
             {"bottle": "botle1"},
             "X005",
-            "did you mean --set bottle=bottle1? bottle may be bottle1, cup2, bottle2; the map also has room1, bed1,"
-            " patient1, bedside_table1, cabinet1, cabinet2, chair1, door1, visitor1",
+            'did you mean set={"bottle": "bottle1"}? bottle may be bottle1, cup2, bottle2; the map also has room1, '
+            "bed1, patient1, bedside_table1, cabinet1, cabinet2, chair1, door1, visitor1",
         ),
         ({"any_bottle": "cup2"}, "X006", "any_bottle may be bottle1, bottle2"),
         ({"patient": "bed1"}, "X006", "patient may be patient1, visitor1"),
@@ -153,9 +153,9 @@ def test_of_a_thing_that_another_bundled_environment_has_that_is_told(tmp_path: 
     with pytest.raises(BadInput) as caught:
         bound(tmp_path, room, bottle="cup2", patient="visitor7")
     cup, visitor = (one.help or "" for one in caught.value.diagnostics)
-    there = cup.partition("; cup2 is in a bundled environment: --environment ")[2].split(" or ")
+    there = cup.partition("; cup2 is in a bundled environment: environment=")[2].split(" or ")
     assert {"visiting_hours", "ward_office"} <= {*there}
-    assert "--environment" not in visitor
+    assert "environment=" not in visitor
 
 
 def test_a_thing_without_a_place_is_not_said_to_be_missing(tmp_path: Path, room: SemanticMap) -> None:
@@ -299,7 +299,7 @@ def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_p
     assert (refused.outcome, refused.failures) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
     assert refused.message.startswith("ActionUnresolvable: action ")
     assert "no process module is registered" in refused.message
-    assert "--modules FILE.py" in refused.message
+    assert "modules=FILE.py" in refused.message
 
 
 def test_an_action_of_the_library_in_a_plan_by_hand_is_refused_with_its_recipe(tmp_path: Path) -> None:

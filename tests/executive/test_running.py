@@ -37,6 +37,7 @@ from planlang.files import Bundled, bundled
 from planlang.ontology import load
 from planlang.report import Told
 from planlang.testing import Script, ScriptedExecutive
+from planlang.words import COMMAND_LINE, said
 from sim import PyBulletWorld
 from tests.executive.conftest import BUNDLED, Served
 from tests.support.examples import some
@@ -215,7 +216,7 @@ def test_a_room_without_free_floor_has_no_place_to_start(tmp_path: Path) -> None
     with pytest.raises(BadInput) as caught:
         run_plan_file(replace(BUNDLED, environment=path))
     assert [diagnostic.code for diagnostic in caught.value.diagnostics] == ["X003"]
-    assert "--start" in (caught.value.diagnostics[0].help or "")
+    assert "start=X,Y,YAW" in (caught.value.diagnostics[0].help or "")
 
 
 # Maps that do not fit
@@ -230,7 +231,7 @@ def test_a_map_without_a_bottle_is_refused_with_what_there_is(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("environment", "changes", "said"),
+    ("environment", "changes", "advice"),
     [
         (None, (("knowrob:Patient", "knowrob:Person"), ("patient1", "guest7")), "--set patient=guest7"),
         ("day_room", (), "--environment hospital_room (or visiting_hours)"),
@@ -238,14 +239,15 @@ def test_a_map_without_a_bottle_is_refused_with_what_there_is(tmp_path: Path) ->
     ids=["a person of another class", "a bundled room without persons"],
 )
 def test_what_would_do_is_a_command(
-    tmp_path: Path, environment: str | None, changes: tuple[tuple[str, str], ...], said: str
+    tmp_path: Path, environment: str | None, changes: tuple[tuple[str, str], ...], advice: str
 ) -> None:
     path = changed_map(tmp_path, *changes) if environment is None else Bundled.ENVIRONMENT.find(environment)
     with pytest.raises(BadInput) as caught:
         run_plan_file(replace(BUNDLED, environment=path))
     (problem,) = caught.value.diagnostics
     where = f"--environment {path} " if environment is None else ""
-    assert (problem.code, problem.help) == ("X031", f"planlang run serve_a_drink --robot amigo {where}{said}")
+    command = f"planlang run serve_a_drink --robot amigo {where}{advice}"
+    assert (problem.code, said(problem.help or "", COMMAND_LINE)) == ("X031", command)
 
 
 @pytest.mark.long

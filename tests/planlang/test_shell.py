@@ -11,6 +11,7 @@ from planlang.compiler import compile_recipe
 from planlang.diagnostics import BadInput
 from planlang.outputs import write_plan
 from planlang.shell import joined
+from planlang.words import COMMAND_LINE, said
 
 WORDS = (
     "plan.py", "my plans/plan.py", 'a "plan".py', "it's.py", "$HOME.py", "`id`.py", "wow!.py", "a\nb.py", "a\tb\\.py",
@@ -37,4 +38,4 @@ def test_advice_quotes_the_names_of_files(tmp_path: Path) -> None:
     plan.write_text(source + "\nEDITED = True\n", encoding="utf-8")
     with pytest.raises(BadInput) as caught:
         write_plan(plan, source + "\n", force=False)
-    assert f"planlang check '{plan}'" in str(caught.value.diagnostics[0].help)
+    assert f"planlang check '{plan}'" in said(caught.value.diagnostics[0].help or "", COMMAND_LINE)

@@ -25,6 +25,7 @@ from planlang.designators import Action
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,
+    DesignatorFailure,
     EnvironmentManipulationFailure,
     GraspMissed,
     GraspSlipped,
@@ -269,7 +270,8 @@ class Containers(HandWork):
 
     name = "container"
     actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
-    failures = (EnvironmentManipulationFailure, *HandWork.failures)
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+    # beside those of looking, which LookingFirst declares for all modules
 
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.

@@ -22,10 +22,13 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
+    DesignatorFailure,
     DeviceUnresponsive,
     EnvironmentManipulationFailure,
     HandleNotReachable,
+    ManipulationFailure,
     ManipulationPoseUnreachable,
+    NavigationFailure,
     ObjectUnresolvable,
     PlanFailure,
     StateUnknown,
@@ -51,7 +54,8 @@ class Devices(HandWork):
 
     name = "device"
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
-    failures = (EnvironmentManipulationFailure, *HandWork.failures)
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+    # beside those of looking, which LookingFirst declares for all modules
     by_hand = True
     """The simulator switches a device when the hand really moves its control."""
 

@@ -170,7 +170,7 @@ async def found_in_places(platform: Platform, searching: Action, what: Object) -
     if platform.robot.camera is None:
         raise ObjectNowhereToBeFound(
             f"the place of {what} is unknown, and a robot without a camera cannot search for it; "
-            "use --trust-map, and do not name it with --unknown"
+            "have it trust a map in which the place is known"
         )
     search = platform.searches.begin(str(what), what, _search_space(searching))
     while (name := await _search_next(platform, search)) is None:

@@ -24,13 +24,17 @@ from executive.robots.arm_pair import ArmPair
 from planlang.designators import Action, Location, Object, resting_on
 from planlang.failures import (
     ActionUnresolvable,
+    DesignatorFailure,
     GraspMissed,
+    GripperFailure,
     HandsLacking,
+    LookingFailure,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
     NavigationFailure,
     ObjectNotFound,
+    PerceptionFailure,
     PlanFailure,
     TooHeavy,
 )
@@ -66,6 +70,14 @@ class TwoHands(HandWork):
         "PuttingDownAnObject",
         "LoweringAnObject",
         "ReleasingGraspOfSomething",
+    )
+    failures = (
+        ManipulationFailure,
+        GripperFailure,
+        NavigationFailure,
+        PerceptionFailure,
+        LookingFailure,
+        DesignatorFailure,
     )
 
     async def execute(self, action: Action) -> str:

@@ -30,7 +30,7 @@ def save_graph(graph: TaskGraph, path: Path) -> None:
     width, height = (float(root.attrib[name]) for name in ("width", "height"))
     if width * height > LARGEST:
         message = f"the graph needs a picture of {width:.0f} x {height:.0f} pixels, more than {LARGEST}"
-        raise BadInput([error("C014", message, help="write it as SVG: give --graph a name that ends in .svg")])
+        raise BadInput([error("C014", message, help="write it as SVG: give it a name that ends in .svg")])
     sheet = Sheet(width, height)
     for element, kinds, corner in _elements(root, (), (0.0, 0.0)):
         style = _style(element.tag, kinds)

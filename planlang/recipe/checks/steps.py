@@ -20,6 +20,7 @@ from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, kept, nearest_action
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
+from planlang.words import Text, calling
 
 MOST_ABOVE = 2
 """Number of superclasses in the advice on a module: one for classes farther up would do very different things."""
@@ -110,7 +111,8 @@ def abstract_steps(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         elif unknown != step.iri:  # otherwise it is a sub-action, which is reported as such
             message = f"nothing performs `{step.name}`: `{local_name(unknown)}` ({unknown}) is not defined"
             near = nearest_action(checked.ontology, unknown)
-            advice = f"did you mean {near}?" if near else "name a class of actions (planlang list actions)"
+            listed = Text("name a class of actions (", calling("list", "actions"), ")")
+            advice = f"did you mean {near}?" if near else listed
             yield error("R020", message, step.span, advice, near)
 
 

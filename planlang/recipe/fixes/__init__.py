@@ -14,6 +14,7 @@ from typing import NamedTuple
 from planlang.diagnostics import Declaration, Span
 from planlang.recipe.preconditions import Unmet
 from planlang.records import dataclass
+from planlang.words import Option, Text
 
 SAFE = ("O012", "O013", "O016", "O042", "O043", "R010", "R011", "R013", "R014", "R020", "R024", "R030", "R033", "R038",
         "R046", "R049", "R050", "R051", "R057", "R058")  # fmt: skip
@@ -25,7 +26,7 @@ ACCEPTABLE = ("O016", "R010", "R011", "R020", "R033", "R034", "R038", "R039", "R
 
 WITHOUT = {
     "R001": "the file does not state the task",
-    "R002": "`--task` chooses one",
+    "R002": Text("`", Option("task"), "` chooses one"),
     "R003": "the file does not state their task",
     "R004": "the file does not state the steps",
     "R005": "other tools may depend on the words that the file uses",

@@ -211,7 +211,7 @@ def _editable(state: _State) -> Editable:
         case Syntax.MANCHESTER:
             return ManchesterText(state.text, state.file)
         case syntax:
-            raise CannotEdit(f"planlang does not edit {syntax.value}; planlang convert writes another syntax")
+            raise CannotEdit(f"planlang does not edit {syntax.value}; convert it to another syntax")
 
 
 def _applied(text: str, edits: Iterable[Edit]) -> str:

@@ -24,7 +24,7 @@ NODES = (
 
 
 def records() -> Iterator[dict[str, Any]]:
-    yield {"event": "header", "step": 0, "rate": 30, "schema": 4}
+    yield {"event": "header", "step": 0, "rate": 30, "schema": 5}
     moments = [(begin, 0, node) for node, _, _, _, begin, _, _ in NODES]
     moments += [(end, 1, -node) for node, _, _, _, _, end, _ in NODES]
     for step, _, number in sorted(moments):

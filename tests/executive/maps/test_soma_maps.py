@@ -177,7 +177,7 @@ def test_what_a_soma_map_states_and_cannot_be_read_is_an_error(kind: str, tmp_pa
     (problem,) = [one for one in bad.value.diagnostics if one.code == "M033"]
     assert "thing1" in problem.message
     assert problem.help is not None
-    assert "--ignore-unread" in problem.help
+    assert "ignore_unread=True" in problem.help
 
 
 def test_what_lies_outside_the_folders_of_a_map_is_not_read_as_its_mesh(tmp_path: Path) -> None:

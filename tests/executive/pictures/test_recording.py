@@ -32,7 +32,7 @@ def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
 ) -> None:
     monkeypatch.setattr(drawn, "find_spec", lambda name: None)
     (problem,) = missing()
-    assert (problem.code, problem.help) == ("C012", "pip install 'rerun-sdk>=0.32', or leave out --record")
+    assert (problem.code, problem.help) == ("C012", "pip install 'rerun-sdk>=0.32', or leave out record")
 
 
 def test_what_is_drawn_is_known_without_the_viewer() -> None:

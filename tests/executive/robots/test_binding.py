@@ -87,7 +87,7 @@ def test_the_real_urdf_of_amigo_can_be_given(corpus: Path) -> None:
 def test_another_robot_needs_its_urdf(corpus: Path, name: str) -> None:
     if name.startswith("PR2") and any(distributions(name="example-robot-data")):
         pytest.skip("the extra pr2 is installed, which has its URDF")
-    with pytest.raises(BadInput, match="--urdf"):
+    with pytest.raises(BadInput, match="give urdf=FILE"):
         bind_robot(corpus / "robots" / name)
 
 

@@ -78,7 +78,7 @@ def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) 
     for endless, limit in ((spin, "1 s"), (fill, "200 MB of memory")):
         with pytest.raises(BadInput, match=f"K015 .* takes more than {limit}") as refused:
             workers.call(endless)
-        assert ("--check-seconds" in str(refused.value.diagnostics[0].help)) == (endless is spin)
+        assert ("check_seconds" in str(refused.value.diagnostics[0].help)) == (endless is spin)
         assert workers.call(count) == 1
     workers.close()
 

@@ -82,7 +82,7 @@ def test_what_is_not_stated_is_a_keyword_without_default_of_which_a_warning_tell
     plan = compiled(Serve=steps("PickUp"), PickUp="k:PickingUpAnObject")
     assert parameters(plan) == {"pick_up_object_acted_on": inspect.Parameter.empty}
     (advice,) = found(plan, "R062")
-    assert advice.endswith("--set PickUp.objectActedOn=X")
+    assert advice.endswith('set={"PickUp.objectActedOn": X}')
     with pytest.raises(TypeError, match="missing 1 required keyword-only argument: 'pick_up_object_acted_on'"):
         run_plan(main(plan))
 
@@ -135,7 +135,7 @@ def test_of_several_things_around_a_step_none_is_chosen(compiled: Any) -> None:
     plan = compiled(Serve=steps("Clear"), Clear=several, PickUp="k:PickingUpAnObject")
     assert list(parameters(plan)) == ["cup", "plate", "clear_pick_up_object_acted_on"]
     (advice,) = found(plan, "R062")
-    assert advice.endswith("--set Clear.PickUp.objectActedOn=X")
+    assert advice.endswith('set={"Clear.PickUp.objectActedOn": X}')
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_a_task_asks_for_what_its_steps_leave_open(tmp_path_factory: Any, statin
     path = tmp_path_factory.mktemp("slots") / "recipe.omn"
     path.write_text(written({"Serve": steps(*classes), **classes}), encoding="utf-8")
     plan = compile_recipe(path)
-    asked = {one.rsplit("--set ", 1)[1].removesuffix("=X") for one in found(plan, "R062")}
+    asked = {one.rsplit('set={"', 1)[1].removesuffix('": X}') for one in found(plan, "R062")}
     assert asked == {f"Put{n}.{name}" for n, names in enumerate(stating) for name in set(STATED) - names}
     empty = [name for name, default in parameters(plan).items() if default is inspect.Parameter.empty]
     assert len(empty) == len(asked)

@@ -165,7 +165,7 @@ def test_a_narrative_has_the_same_bytes_each_time_and_times_since_it_began() -> 
 def test_texts_of_any_characters_come_back(name: str, message: str, result: Any) -> None:
     failure = {"type": name, "message": message, "where": name, "siblings": {message: name}}
     events = [
-        {"step": 0, "event": "header", "schema": 4, "plan": name or "p", "rate": 30, "robot": message},
+        {"step": 0, "event": "header", "schema": 5, "plan": name or "p", "rate": 30, "robot": message},
         {"step": 0, "event": "started", "node": 1, "parent": None, "kind": name, "name": message, "action": message},
         {"step": 7, "event": "ended", "node": 1, "status": "failed", "result": result, "failure": failure},
     ]
@@ -227,7 +227,7 @@ def test_the_class_of_an_action_is_in_the_namespace_of_the_recipe_around_it() ->
     assert (f"{BASE}#action5", expand("LookingForSomething")) in kinds
 
 
-HEADER = {"step": 0, "event": "header", "schema": 4, "plan": "p", "rate": 30}
+HEADER = {"step": 0, "event": "header", "schema": 5, "plan": "p", "rate": 30}
 ROOT = {"step": 0, "event": "started", "node": 1, "parent": None, "kind": "branch", "name": "p"}
 
 

@@ -341,7 +341,7 @@ def test_every_parameter_refuses_what_makes_no_sense_with_wrong_and_right_code(
     use: Callable[[Any], Any], sensible: set[str], inside: bool, executive: Any, tmp_path: Any, monkeypatch: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "x").write_text('{"step": 0, "event": "header", "schema": 4, "rate": 240}\n')
+    (tmp_path / "x").write_text('{"step": 0, "event": "header", "schema": 5, "rate": 240}\n')
     problems: list[str] = []
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")

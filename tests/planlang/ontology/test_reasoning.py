@@ -124,7 +124,7 @@ def test_without_java_it_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 @needs_reasoner
 def test_a_reasoner_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     begun = time.monotonic()
-    with pytest.raises(BadInput, match="--reason-seconds"):
+    with pytest.raises(BadInput, match="reason_seconds"):
         reason(load(written(tmp_path, "")), seconds=0.2)
     assert time.monotonic() - begun < 20
 

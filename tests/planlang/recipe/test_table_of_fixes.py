@@ -9,6 +9,7 @@ import pytest
 
 from planlang.recipe.fixes import ACCEPTABLE, SAFE, WITHOUT
 from planlang.recipe.fixes.fixing import fix_recipe
+from planlang.words import COMMAND_LINE, said
 from tests.support.codes import CODES
 from tests.support.examples import some
 
@@ -47,7 +48,9 @@ def table() -> str:
     ]
     for code in sorted({*SAFE, *ACCEPTABLE, *WITHOUT}):
         unasked, asked = ("yes" if code in codes else "" for codes in (SAFE, ACCEPTABLE))
-        lines.append(f"| `{code}` | {CODES[code]} | {unasked} | {asked} | {WITHOUT.get(code, '')} |")
+        lines.append(
+            f"| `{code}` | {CODES[code]} | {unasked} | {asked} | {said(WITHOUT.get(code, ''), COMMAND_LINE)} |"
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -46,7 +46,7 @@ def test_the_header_tells_plan_iri_rate_seed_schedule_and_what_the_caller_knows(
     assert trace.events[0] == {
         "step": 0,
         "event": "header",
-        "schema": 4,
+        "schema": 5,
         "plan": "serve",
         "iri": "http://example.org/r#Serve",
         "rate": 30,

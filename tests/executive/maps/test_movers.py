@@ -1,0 +1,36 @@
+"""Robots of a map drive on the routes that it states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from executive.maps import SemanticMap, scene_of
+from executive.maps.movers import SPEED
+from planlang.diagnostics import Diagnostic
+
+Write = Callable[..., str]
+Read = Callable[..., SemanticMap]
+
+
+@pytest.mark.parametrize(
+    ("facts", "speed"), [(('routePoints "2 1  3.5 1"', "drivingSpeed 0.4"), 0.4), (('routePoints "2 1 3.5 1"',), SPEED)]
+)
+def test_a_robot_drives_from_where_it_is_to_the_points_of_its_route(
+    map_of: Read, thing: Write, seen: Write, facts: tuple[str, ...], speed: float
+) -> None:
+    scene = scene_of(map_of(thing("porter", "Robot", (0.5, 0.4, 1.0), *facts), seen("porter", (0.0, 1.0, 0.5))))
+    (mover,) = scene.movers
+    assert (mover.body, mover.route, mover.speed) == ("porter", ((0.0, 1.0), (2.0, 1.0), (3.5, 1.0)), speed)
+    assert not scene.body("porter").movable
+
+
+@pytest.mark.parametrize("route", ["2 1 3", "0 1", "two one"])
+def test_a_route_that_leads_nowhere_is_reported_and_the_robot_stands(
+    map_of: Read, thing: Write, seen: Write, route: str
+) -> None:
+    notes: list[Diagnostic] = []
+    frame = thing("porter", "Robot", (0.5, 0.4, 1.0), f'routePoints "{route}"')
+    assert not scene_of(map_of(frame, seen("porter", (0.0, 1.0, 0.5))), notes).movers
+    assert [one.code for one in notes if "porter" in one.message] == ["M002"]
