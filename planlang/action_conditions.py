@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field
 
 from planlang.designators import local_name
-from planlang.ontology import Literal, Ontology, Term
+from planlang.ontology import Literal, Ontology, Term, once_per_ontology
 from planlang.records import dataclass
 
 Named = Callable[[str], Iterable[str]]
@@ -87,25 +87,24 @@ class Declared:
         return {cls: tuple(name for one in ended for name in one.properties) for cls, ended in found if ended}
 
 
+@once_per_ontology
 def declared(ontology: Ontology) -> Declared:
     """Return the declared conditions; an ontology is read once."""
-    if "planlang.conditions" not in ontology.kept:
-        found = ontology.kept["planlang.conditions"] = Declared()
-        for actions, one in _stated(ontology, "Precondition"):
-            for action in actions:
-                found.needs.setdefault(action, []).extend(_patterns(ontology, one, "condition"))
-        for actions, one in _stated(ontology, "Effect"):
-            conditions, given, ends = (_patterns(ontology, one, name) for name in ("condition", "given", "ends"))
-            for action in actions:
-                found.effects.setdefault(action, []).extend((condition, given) for condition in conditions)
-                found.ends.setdefault(action, []).extend(ends)
-        for actions, one in _stated(ontology, "Goal"):
-            goals = _patterns(ontology, one, "condition")
-            found.goals.update((action, goal) for action in actions for goal in goals)
-        for action, goal in found.goals.items():
-            found.effects.setdefault(action, []).append((goal, ()))
-    kept: Declared = ontology.kept["planlang.conditions"]
-    return kept
+    found = Declared()
+    for actions, one in _stated(ontology, "Precondition"):
+        for action in actions:
+            found.needs.setdefault(action, []).extend(_patterns(ontology, one, "condition"))
+    for actions, one in _stated(ontology, "Effect"):
+        conditions, given, ends = (_patterns(ontology, one, name) for name in ("condition", "given", "ends"))
+        for action in actions:
+            found.effects.setdefault(action, []).extend((condition, given) for condition in conditions)
+            found.ends.setdefault(action, []).extend(ends)
+    for actions, one in _stated(ontology, "Goal"):
+        goals = _patterns(ontology, one, "condition")
+        found.goals.update((action, goal) for action in actions for goal in goals)
+    for action, goal in found.goals.items():
+        found.effects.setdefault(action, []).append((goal, ()))
+    return found
 
 
 def texts(ontology: Ontology, subject: str, property_name: str) -> tuple[str, ...]:

@@ -13,6 +13,8 @@ from collections.abc import Container, Iterable, Iterator
 from dataclasses import field, replace
 from itertools import chain, count
 from numbers import Real
+from typing import Any, cast
+from warnings import warn
 
 from planlang.iris import is_called as is_called
 from planlang.iris import label_iris as label_iris
@@ -28,7 +30,7 @@ GRASPS: tuple[str, ...] = ("side", "tilted", "top")
 """Classes of grasps, by the direction from which the hand approaches."""
 
 _OBJECT = Usage("an_object", {"type": '"DrinkingBottle"'}, {"iri": '"http://example.org/room.owl#bottle1"'})
-_RELATION = Usage("Relation", {"name": '"near"', "reference": "table"}, {"within": "0.5", "beyond": "0.1"})
+_RELATION = Usage("Relation", {"name": '"near"', "references": "(table,)"}, {"within": "0.5", "beyond": "0.1"})
 _LOCATION = Usage(
     "a_location",
     {"in_reach_of=": "bottle"},
@@ -88,12 +90,13 @@ class Device(Object):
 class Relation:
     """One conjunct of a location: ``name`` is a key of ``planlang.relations.RELATIONS``.
 
+    It relates to as many ``references`` as the relation has: one, but for ``between`` two.
     ``within`` and ``beyond`` bound the distance of a relation that has one [m]: between the outlines seen from above,
     or for ``above`` the height. A ``negated`` relation holds where the relation, bounds included, does not.
     """
 
     name: str
-    reference: Object | Location
+    references: tuple[Reference, ...]
     within: float | None = None
     beyond: float | None = None
     negated: bool = False
@@ -104,7 +107,18 @@ class Relation:
         for bound, length in (("within", self.within), ("beyond", self.beyond)):
             if length is not None and amount(length) is None:
                 raise _RELATION.wrong(bound, length, "a finite length >= 0 [m]", WrongValue)
-        _RELATION.instance("reference", self.reference, (Object, Location), "an object or a location")
+        if isinstance(self.references, Reference):
+            warn(f"write Relation({self.name!r}, (reference,)): a relation may have several", DeprecationWarning, 3)
+            object.__setattr__(self, "references", (self.references,))
+        refers = isinstance(self.references, tuple) and all(isinstance(one, Reference) for one in self.references)
+        if not refers or len(self.references) != (arity := RELATIONS[self.name].arity):
+            raise _RELATION.wrong("references", self.references, f"a tuple of {arity} objects or locations")
+
+    @property
+    def reference(self) -> Reference:
+        """The first of the references, for modules that were written when there was one."""
+        warn("Relation.reference is Relation.references[0]: a relation may have several", DeprecationWarning, 2)
+        return self.references[0]
 
     def __invert__(self) -> Relation:
         """The complement."""
@@ -116,7 +130,7 @@ class Relation:
             bounds += f", beyond {self.beyond!r} m"
         if self.within is not None:
             bounds += f", within {self.within!r} m"
-        return f"{'not ' if self.negated else ''}{self.name}({self.reference}{bounds})"
+        return f"{'not ' if self.negated else ''}{self.name}({', '.join(map(str, self.references))}{bounds})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,13 +180,22 @@ class Location:
             raise ValueError(f"only a location of one relation, without arm and grasp, can be negated; this is {self}")
         return Location((~self.relations[0],))
 
+    def references(self) -> Iterator[Reference]:
+        """Yield what the relations refer to, in their order."""
+        for relation in self.relations:
+            yield from relation.references
+
+    def objects(self) -> Iterator[Object]:
+        """Yield the things that the relations themselves refer to."""
+        return (one for one in self.references() if isinstance(one, Object))
+
     def things(self) -> Iterator[Object]:
         """Yield the things that the location refers to, including those of nested locations."""
-        for relation in self.relations:
-            if isinstance(relation.reference, Location):
-                yield from relation.reference.things()
+        for reference in self.references():
+            if isinstance(reference, Location):
+                yield from reference.things()
             else:
-                yield relation.reference
+                yield reference
 
     def __str__(self) -> str:
         if not self.relations:
@@ -180,6 +203,10 @@ class Location:
         text = " and ".join(str(relation) for relation in self.relations)
         text = f"{text} with {self.device}" if self.device else text
         return f"{text} by a {self.grasp} grasp" if self.grasp else text
+
+
+Reference = Object | Location
+"""What a relation refers to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,13 +347,14 @@ def a_location(
     within: float | str | None = None,
     beyond: float | str | None = None,
     not_: Location | Iterable[Location] = (),
-    **relations: Object | Location | Iterable[Object | Location],
+    **relations: Reference | Iterable[Reference] | Iterable[tuple[Reference, ...]],
 ) -> Location:
     """Describe a location by relations, e.g. ``a_location(in_reach_of=bottle, using=RIGHT_GRIPPER)``.
 
-    A tuple relates to several references. ``within`` and ``beyond`` bound the distance of the one relation in the call
-    that has a distance, in metres or as a text: ``a_location(near=door, within="30 cm")``. Join several bounded
-    relations with ``&``. ``not_`` takes locations of one relation each that must not hold:
+    A tuple relates to several references, each by itself; ``between`` takes two references in a tuple, or a tuple of
+    such pairs. ``within`` and ``beyond`` bound the distance of the one relation in the call that has a distance, in
+    metres or as a text: ``a_location(near=door, within="30 cm")``. Join several bounded relations with ``&``. ``not_``
+    takes locations of one relation each that must not hold:
     ``a_location(in_reach_of=patient, not_=a_location(near=door))``. Raises ValueError for invalid relations and bounds.
     """
     conjuncts: list[Relation] = []
@@ -335,10 +363,8 @@ def a_location(
         if relation is None:
             message = f"unknown relation {keyword!r}; valid relations: {', '.join(RELATIONS)}"
             raise WrongValue(contrast(message, f"a_location({keyword}=bottle)", "a_location(in_reach_of=bottle)"))
-        if isinstance(references, (Object, Location)):
-            references = (references,)
-        _LOCATION.iterable(keyword, references, "an object or a location, or a tuple of them")
-        conjuncts.extend(Relation(relation.name, reference) for reference in references)
+        each = _each(keyword, references) if relation.arity == 1 else _pairs(keyword, references)
+        conjuncts.extend(Relation(relation.name, some) for some in each)
     if within is not None or beyond is not None:
         conjuncts = _bounded(conjuncts, within, beyond)
     if not isinstance(not_, Location):
@@ -350,6 +376,27 @@ def a_location(
         message = "a location needs a relation; a named posture of the robot is a_posture(name)"
         raise WrongValue(contrast(message, "a_location()", "a_location(in_reach_of=bottle)    or    a_posture(name)"))
     return Location(tuple(dict.fromkeys(conjuncts)), name, using, grasp)
+
+
+def _each(keyword: str, given: object) -> Iterator[tuple[Reference, ...]]:
+    """Yield the references of each conjunct of a relation to one thing."""
+    meant = "an object or a location, or a tuple of them"
+    several = (given,) if isinstance(given, Reference) else given
+    _LOCATION.iterable(keyword, several, meant)
+    for one in cast(Iterable[Any], several):
+        _LOCATION.instance(keyword, one, Reference, meant)
+        yield (one,)
+
+
+def _pairs(keyword: str, given: object) -> Iterator[tuple[Reference, ...]]:
+    """Yield the references of each conjunct of a relation to two things."""
+    are_pairs = isinstance(given, tuple) and all(isinstance(one, tuple) for one in given)
+    for pair in cast(tuple[Any, ...], given if are_pairs else (given,)):
+        if not isinstance(pair, tuple) or [isinstance(one, Reference) for one in pair] != [True, True]:
+            code = written(given)
+            message = f"{keyword} of a_location relates to two objects, not {code}"
+            raise WrongValue(contrast(message, f"a_location({keyword}={code})", f"a_location({keyword}=(bed, table))"))
+        yield pair
 
 
 def resting_on(where: Location | Object) -> Location:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology import Literal, Ontology, Term, expand
+from planlang.ontology import Literal, Ontology, Term, expand, once_per_ontology
 from planlang.records import dataclass
 from planlang.units import IncompatibleUnits, stated_number, unit_of_property
 
@@ -115,27 +115,24 @@ def number_of_individual(ontology: Ontology, individual: str, name: str) -> floa
     return _checked(found[-1].object, name, found[-1].span) if found else None
 
 
+@once_per_ontology
 def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
     """Return the declared effects by class of actions; an ontology is read once."""
-    key = "planlang.effects"
-    if key not in ontology.kept:
-        table: dict[str, list[Effects]] = {}
-        for individual in ontology.individuals(expand("ObjectChange")):
-            effects = Effects(
-                ontology.iris(individual, "inputsDestroyed"),
-                ontology.iris(individual, "outputsCreated"),
-                ontology.iris(individual, "turnedOver"),
-                ontology.iris(individual, "toState"),
-                number_of_individual(ontology, individual, "flowRate"),
-                number_of_individual(ontology, individual, "amount"),
-                ontology.iris(individual, "deviceUsed"),
-                ontology.iris(individual, "completes"),
-            )
-            for action in ontology.iris(individual, "byAction"):
-                table.setdefault(action, []).append(effects)
-        ontology.kept[key] = table
-    declared: dict[str, list[Effects]] = ontology.kept[key]
-    return declared
+    table: dict[str, list[Effects]] = {}
+    for individual in ontology.individuals(expand("ObjectChange")):
+        effects = Effects(
+            ontology.iris(individual, "inputsDestroyed"),
+            ontology.iris(individual, "outputsCreated"),
+            ontology.iris(individual, "turnedOver"),
+            ontology.iris(individual, "toState"),
+            number_of_individual(ontology, individual, "flowRate"),
+            number_of_individual(ontology, individual, "amount"),
+            ontology.iris(individual, "deviceUsed"),
+            ontology.iris(individual, "completes"),
+        )
+        for action in ontology.iris(individual, "byAction"):
+            table.setdefault(action, []).append(effects)
+    return table
 
 
 def _each(several: Iterable[Classes]) -> Classes:

@@ -222,8 +222,8 @@ def _inside(value: object) -> str:
             return f"{{{', '.join(f'{written(key)}: {written(item)}' for key, item in value.items())}}}"
         if value.__class__ is list:
             return f"[{', '.join(map(written, value))}]"
-        if value.__class__ is tuple and len(value) > 1:
-            return f"({', '.join(map(written, value))})"
+        if value.__class__ is tuple and value:
+            return f"({', '.join(map(written, value))}{',' if len(value) == 1 else ''})"
         return repr(value)
     except Exception:
         return ""

@@ -163,7 +163,7 @@ def _names_in(filler: object) -> Iterator[str]:
             yield from _names_in(item)
     elif isinstance(filler, Location):
         yield from (filler.name,) if filler.name is not None else ()
-        for relation in filler.relations:
-            yield from _names_in(relation.reference)
+        for reference in filler.references():
+            yield from _names_in(reference)
     elif (name := getattr(filler, "name", None)) is not None:
         yield name

@@ -13,7 +13,7 @@ from planlang.geometry import Array
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from planlang.records import dataclass
 from sim.contact import Query
-from sim.controls import Controls
+from sim.joints import Controls
 from sim.kinematic import KinematicScene
 from sim.movers import Movers
 from sim.outlook import Outlook

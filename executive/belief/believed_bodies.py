@@ -14,9 +14,9 @@ from executive.maps.hollow import room_behind
 from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block, Door
 from planlang.ontology import shorten
 from planlang.protocols import Touch
-from planlang.records import dataclass
 from planlang.state.matter import KG_PER_ML
 from sim import Body, ComfortZone, WorldMirror
 from sim.joints import Articulation, JointKind
@@ -34,98 +34,6 @@ PUSHED = 3.0
 """Distance by which movable furniture that has not been seen may have been pushed [m]: across a room."""
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """Vertical prism over an oriented rectangle; lengths [m], ``yaw`` of its local x in the map [rad]."""
-
-    x: float
-    y: float
-    yaw: float
-    half_x: float
-    half_y: float
-    low: float
-    high: float
-    round: bool = False
-    """True for an upright cylinder."""
-    wall: float = 0.0
-    """Wall thickness of a vessel that is open at the top [m]; 0 for a solid body."""
-    soft: bool = False
-    """True for cloth, which folds between fingers that close on it from above."""
-    axis: float | None = None
-    """Yaw of the axis of a lying cylinder in the map [rad]; None for other bodies."""
-
-    @staticmethod
-    def of(pose: Pose, size: tuple[float, float, float], *, cylinder: bool = False) -> Block:
-        """Fit the smallest prism around a box of extents ``size`` [m], aligned with its most horizontal axis."""
-        rotation = pose.matrix()[:3, :3]
-        half = np.asarray(size) / 2
-        vertical = int(np.argmax(np.abs(rotation[2])))
-        first = (vertical + 1) % 3 if vertical else 1
-        if vertical == 2:
-            first = 0
-        yaw = math.atan2(rotation[1, first], rotation[0, first])
-        along = np.array([math.cos(yaw), math.sin(yaw), 0.0])
-        across = np.array([-math.sin(yaw), math.cos(yaw), 0.0])
-        half_x, half_y = (float(np.abs(axis @ rotation) @ half) for axis in (along, across))
-        half_z = float(np.abs(rotation[2]) @ half)
-        x, y, z = pose.position
-        stands = cylinder and vertical == 2
-        axis = math.atan2(rotation[1, 2], rotation[0, 2]) if cylinder and not stands else None
-        return Block(x, y, yaw, half_x, half_y, z - half_z, z + half_z, stands, axis=axis)
-
-    @property
-    def centre(self) -> Array:
-        """Centre of the prism, (3,)."""
-        return np.array([self.x, self.y, (self.low + self.high) / 2])
-
-    def to_map(self, local: Array) -> Array:
-        """Transform points (n, 2) from the rectangle's frame to the map."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.asarray(local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y]))
-
-    def to_local(self, points: Array) -> Array:
-        """Transform points (n, 2) from the map to the rectangle's frame."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.asarray((points - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
-
-    def distance(self, points: Array) -> Array:
-        """Compute the horizontal distances (n,) of map points (n, 2) from the outline, 0 inside [m]."""
-        if self.round:
-            away = np.hypot(points[:, 0] - self.x, points[:, 1] - self.y) - max(self.half_x, self.half_y)
-            return np.asarray(np.maximum(away, 0.0))
-        outside = np.maximum(np.abs(self.to_local(points)) - np.array([self.half_x, self.half_y]), 0.0)
-        return np.asarray(np.hypot(outside[:, 0], outside[:, 1]))
-
-    def away(self, point: Array) -> float:
-        """Compute the distance of a map point (3,) from the prism, 0 inside [m]."""
-        return float(np.linalg.norm(point - self.nearest(point)))
-
-    def nearest(self, point: Array) -> Array:
-        """Find the point (3,) of the prism that is nearest to a map point (3,)."""
-        half = np.array([self.half_x, self.half_y])
-        local = self.to_local(point[None, :2])
-        clipped = np.clip(local, -half, half)
-        if self.round:
-            clipped = local * min(1.0, self.half_x / max(float(np.linalg.norm(local)), 1e-9))
-        return np.array([*self.to_map(clipped)[0], np.clip(point[2], self.low, self.high)])
-
-    def support(self, direction: float) -> float:
-        """Compute the extent of the prism from its centre in a heading of the map (its support function) [m]."""
-        if self.round:
-            return max(self.half_x, self.half_y)
-        turn = direction - self.yaw
-        return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
-
-    def grid(self, spacing: float, inset: float) -> Array:
-        """Sample map points (n, 2) over the rectangle shrunk by ``inset``, about ``spacing`` apart; at least one."""
-        axes = []
-        for half in (self.half_x, self.half_y):
-            reach = max(half - inset, 0.0)
-            axes.append(np.linspace(-reach, reach, 2 * round(reach / spacing) + 1))
-        mesh = np.stack(np.meshgrid(axes[0], axes[1], indexing="ij"), -1).reshape(-1, 2)
-        return self.to_map(mesh)
-
-
 def handles_of(body: Body, pose: Pose) -> tuple[Block, ...]:
     """Compute the blocks of a body's handles with the body at a pose."""
     return tuple(Block.of(pose @ one.pose, one.size) for one in body.handles)
@@ -135,20 +43,6 @@ def _nearest(distances: Mapping[str, float], within: float) -> str | None:
     """Find the nearest body; None if none is ``within`` [m]."""
     nearest = min(distances, key=lambda name: distances[name], default=None)
     return nearest if nearest is not None and distances[nearest] <= within else None
-
-
-@dataclass(frozen=True, slots=True)
-class Door:
-    """Leaf on a vertical hinge: position of the hinge and width [m], heading of the closed leaf from the hinge [rad].
-
-    Maps do not state which way it opens, so it is assumed to sweep both sides.
-    """
-
-    name: str
-    x: float
-    y: float
-    width: float
-    heading: float
 
 
 class BelievedBodies(ScenePart):
@@ -278,6 +172,10 @@ class BelievedBodies(ScenePart):
     def hands(self, name: str) -> int:
         """Look up how many hands it takes to hold a body."""
         return self._world.scene.body(name).hands
+
+    def is_held(self, name: str) -> bool:
+        """Check whether a hand is believed to hold a body."""
+        return name in self._belief.held
 
     def is_movable(self, name: str) -> bool:
         """Check whether a body may stand elsewhere than in the map."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.belief import Belief
-from executive.belief.believed_bodies import BelievedBodies, Block
+from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Gaze
@@ -20,6 +20,7 @@ from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
 from planlang.designators import Device
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.kernel import still_computing
@@ -269,10 +270,6 @@ class RobotArms(ScenePart):
         """List the arms that hold an object together with this one, so that none of them can move alone."""
         names = {name for grip in self._belief.held.values() if arm in grip.arms for name in grip.arms} - {arm}
         return [one for one in self.all if one.name in names]
-
-    def is_held(self, body: str) -> bool:
-        """Check whether a hand is believed to hold a body."""
-        return any((held := self.held(arm.name)) is not None and held.name == body for arm in self.all)
 
     def grasped_at(self, body: str) -> Array:
         """Compute the tip pose (4, 4) in the map at which a held body was grasped."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from executive.belief.belief import Belief
-from executive.belief.believed_bodies import MEANT, Block, handles_of
+from executive.belief.believed_bodies import MEANT, handles_of
 from executive.belief.floor import CELL, Floor
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid, QuickCheck
@@ -23,6 +23,7 @@ from executive.robots import Gripper, Robot
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import moved
 from planlang.kernel import still_computing
 from planlang.protocols import Configuration, Contact, Touch

@@ -299,7 +299,7 @@ class Enabling:
 
     def _recognises(self, model: str, classes: Sequence[str]) -> str | None:
         assert self.robot.model is not None
-        targets = self.robot.model.ontology.values(model, MODEL_OF, subproperties=True)
+        targets = self.robot.model.ontology.values_below(model, MODEL_OF)
         return f"{local_name(model)} of {self.robot.robot}" if any(one in targets for one in classes) else None
 
     def map(self, things: Sequence[Thing], ontology: Ontology) -> Need:

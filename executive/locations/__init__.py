@@ -10,9 +10,9 @@ and ``validation`` checks each pose exactly. ``base_poses`` knows which base pos
 believed world is queried through ``executive.belief.planning_scene``.
 """
 
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.hand_solutions import HandSolution
 from executive.locations.rejections import Rejections
 from executive.locations.resolver import Resolver
+from planlang.relations.demands import Reach, ReachKind
 
 __all__ = ["HandSolution", "Reach", "ReachKind", "Rejections", "Resolver"]

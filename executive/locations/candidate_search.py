@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Misses
 from executive.locations.base_poses import BasePoses
-from executive.locations.demands import BaseDemand, Reach
+from executive.locations.demands import BaseDemand
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_solutions import (
     OFF_LATTICE,
@@ -35,6 +35,7 @@ from executive.motion import QuickCheck
 from planlang.geometry import Array
 from planlang.protocols import Solution
 from planlang.records import dataclass
+from planlang.relations.demands import Reach
 
 ALIKE = 0.06
 """Distance from a failed base pose, with the hand from the same side, within which others are validated last [m]."""

@@ -9,13 +9,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.believed_bodies import BelievedBodies, Block
+from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import NOT_LOOKED_AT, Rejections
 from executive.locations.standing import floor_near
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 
 MOST_TRIED = 4
 """Number of bodies whose removal is tested."""

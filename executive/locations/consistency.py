@@ -1,8 +1,7 @@
-"""Locations that are meaningless or contradictory, and the bounds that relations imply."""
+"""Locations that are meaningless or contradictory."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import field
 from itertools import permutations
@@ -11,7 +10,8 @@ from typing import Any, ClassVar
 from planlang.designators import Location, Relation
 from planlang.failures import LocationUnresolvable
 from planlang.records import dataclass
-from planlang.relations import RELATIONS, Bounds, Sense, Subject
+from planlang.relations import RELATIONS
+from planlang.relations.demands import Subject
 
 
 @dataclass(eq=False, repr=False)
@@ -51,51 +51,14 @@ def contradictory(location: Location, *why: object) -> LocationMeaningless:
     return meaningless(location, location, " contradicts itself: ", *why)
 
 
-def bounds(within: float | None, beyond: float | None, default: Bounds) -> Bounds:
-    """Return least and greatest distance [m]; a bound that is stated alone moves the other default out of its way."""
-    least = default[0] if beyond is None else beyond
-    most = default[1] if within is None else within
-    if beyond is None and least > most:
-        least = 0.0
-    if within is None and most < least:
-        most = math.inf
-    return least, most
-
-
 def check_consistent(location: Location, subject: Subject) -> None:
-    """Raise LocationMeaningless if a relation is both required and excluded, or if distances exclude each other."""
+    """Raise LocationMeaningless if a relation is both required and excluded, or excludes another one."""
     stated = set(location.relations)
     for relation in location.relations:
         if ~relation in stated:
             required = ~relation if relation.negated else relation
             raise contradictory(location, "it both requires and excludes ", required)
-    distances = {relation: limits for relation in location.relations if (limits := _distances(relation, subject))}
-    for first, second in permutations(distances, 2):
-        if first.reference != second.reference or first.negated:
-            continue
-        (least, most), (other_least, other_most) = distances[first], distances[second]
-        if second.negated:
-            # an excluded area around X contains the required one
-            inside = other_least <= least and most <= other_most
-            if _is_round_about(first, subject) and _is_round_about(second, subject) and inside:
-                raise contradictory(location, ~second, " holds wherever ", first, " does")
-            continue
-        # distances on a side are measured perpendicular to it, others to the nearest point, so these are never longer
-        if least > other_most and (_is_round_about(second, subject) or second.name == first.name):
-            raise contradictory(location, first, " and ", second, " leave no possible distance")
-        if RELATIONS[first.name].is_opposite(RELATIONS[second.name]):
-            raise contradictory(location, first, " and ", second, " are opposite sides")
-
-
-def _distances(relation: Relation, subject: Subject) -> Bounds | None:
-    """Bounds of a relation, stated or usual; None for one without distances."""
-    meaning = RELATIONS[relation.name].meaning(subject)
-    if meaning is None or meaning.bounds is None:
-        return None
-    return bounds(relation.within, relation.beyond, meaning.bounds)
-
-
-def _is_round_about(relation: Relation, subject: Subject) -> bool:
-    """Check whether a relation consists of a distance only."""
-    meant = RELATIONS[relation.name]
-    return meant.sense(subject) is Sense.AREA and not meant.directions
+    for first, second in permutations(location.relations, 2):
+        kind, other = RELATIONS[first.name], RELATIONS[second.name]
+        if not first.negated and (why := kind.excludes(first, second, other, subject)):
+            raise contradictory(location, *why)

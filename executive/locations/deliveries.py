@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.locations.grasp_candidates import (
     APPROACH,
     CLASSES,
@@ -21,6 +20,7 @@ from executive.locations.grasp_candidates import (
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import product, rotated
 from sim import ComfortZone
 from sim.people import LOW

@@ -14,7 +14,6 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
 from executive.locations.questions import Question
@@ -34,6 +33,7 @@ from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, called
 from executive.robots.openings import REMEDY
 from planlang.records import dataclass
+from planlang.relations.demands import Reach, ReachKind
 
 LEAST = 0.01
 """Smallest distance that is reported [m]."""

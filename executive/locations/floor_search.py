@@ -16,10 +16,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import CELL
 from executive.belief.planning_scene import PlanningScene, Unseen
-from executive.locations.areas import FACING, HAIR, Clear, Facing
 from executive.locations.base_poses import MOST_CROWDED, BasePoses
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
@@ -27,6 +25,7 @@ from executive.locations.questions import Question
 from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
 from executive.locations.validation import PLACES, BaseValidator, scored, unmet
 from planlang.geometry import Array
+from planlang.geometry.areas import FACING, HAIR, Block, Clear, Facing
 from planlang.protocols import Solution
 
 AT_ONCE = 60
@@ -180,20 +179,18 @@ class FloorSamples:
 
     def _anchor(self) -> tuple[tuple[float, float], float, float, tuple[float, float]]:
         """Centre, heading and radius [m] of the search, and the point to face, from the most specific demand."""
-        anchors: list[tuple[float, tuple[float, float], float, Block]] = []
+        anchors: list[tuple[float, tuple[float, float], float]] = []
         for name in self.demand.seen:
             block = self.scene.bodies.block(name)
-            anchors.append((min(self.scene.visibility.camera_range()[1], 2.6), (block.x, block.y), block.yaw, block))
+            anchors.append((min(self.scene.visibility.camera_range()[1], 2.6), (block.x, block.y), block.yaw))
         for term in self.demand.areas:
-            if isinstance(term, (Clear, Facing)) or term.negated or math.isinf(term.most):
-                continue
-            x, y, yaw, radius = term.anchor()
-            anchors.append((radius, (x, y), yaw, term.block))
+            if not isinstance(term, (Clear, Facing)) and (circle := term.anchor()) is not None:
+                x, y, yaw, radius = circle
+                anchors.append((radius, (x, y), yaw))
         facing = next((term.block for term in self.demand.areas if isinstance(term, Facing) and not term.negated), None)
         if anchors:
-            radius, middle, yaw, block = min(anchors, key=lambda item: item[0])
-            facing = facing or block
-            return middle, yaw, radius, (facing.x, facing.y)
+            radius, middle, yaw = min(anchors, key=lambda item: item[0])
+            return middle, yaw, radius, middle if facing is None else (facing.x, facing.y)
         x_min, y_min, x_max, y_max = self.floor.bounds
         middle = ((x_min + x_max) / 2, (y_min + y_max) / 2)
         radius = max(x_max - x_min, y_max - y_min) / 2

@@ -15,12 +15,12 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame
 from executive.robots.openings import TIGHT, Fingers, Openings, depths
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import product, rotated
 from planlang.records import dataclass
 

@@ -12,7 +12,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.locations.grasp_candidates import (
     CLASSES,
     OBLIQUE,
@@ -24,6 +23,7 @@ from executive.locations.grasp_candidates import (
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from sim.bodies import SEGMENTS
 
 FROM_ABOVE = (GraspClass.TOP, GraspClass.TILTED)

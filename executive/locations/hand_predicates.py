@@ -11,20 +11,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.consistency import bounds
 from executive.locations.deliveries import held_above, offering, placing
-from executive.locations.demands import (
-    HandTerm,
-    Reach,
-    ReachKind,
-    ThingDemand,
-    area_of_term,
-    hand_terms,
-    in_words,
-    put_demand,
-)
+from executive.locations.demands import ThingDemand, hand_terms, put_demand
 from executive.locations.grasp_candidates import (
     APPROACH,
     CLASSES,
@@ -59,8 +48,10 @@ from executive.robots.arms import ArmModel, Held, called
 from executive.robots.openings import REMEDY
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 from planlang.geometry.matrices import inverse, product, rigid, rotated
-from planlang.relations import HEIGHTS, RELATIONS, Sense
+from planlang.relations import RELATIONS
+from planlang.relations.demands import AtGrip, BeforeGrip, Conjunct, InZone, Over, Reach, ReachKind, Rest
 
 AT_CENTRE = 0.01
 """Largest distance of a grip point from the centre, or from the vertical through it [m]."""
@@ -90,50 +81,51 @@ def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: 
     return all(bool(satisfied(term, points, rotations, arm, scene)[0]) for term in terms)
 
 
-def satisfied(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
+def satisfied(term: Conjunct, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
     """Check for which tip poses, points (n, 3) and rotations (n, 3, 3) in the map, a conjunct holds, (n,)."""
     return np.asarray(_holds(term, points, rotations, arm, scene) != term.negated)
 
 
-def _holds(term: HandTerm, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
-    held = scene.arms.held(arm.name)
+def _holds(term: Conjunct, points: Array, rotations: Array, arm: ArmModel, scene: PlanningScene) -> Mask:
+    held, demand = scene.arms.held(arm.name), RELATIONS[term.name].hand(term, scene.bodies)
     middles = points if held is None else points + held.offsets(rotations)
-    block = scene.bodies.block(term.body)
-    handled = scene.bodies.is_graspable(term.body) or scene.arms.is_held(term.body)
-    meaning = RELATIONS[term.name].hand
-    assert meaning is not None, f"{term.name} means nothing for a hand"
-    if len(arm.openings.jaw) and meaning.sense in (Sense.GRASP_POINT, Sense.REACH, Sense.PRE_GRASP) and held is None:
-        points = points + rotated(rotations, arm.openings.middles(np.array([narrowest(block)]))[0])
-    match meaning.sense:
-        case Sense.REACH if scene.bodies.is_person(term.body):
-            zone = scene.bodies.zone(term.body)
+    match demand:
+        case InZone(person):
+            zone = scene.bodies.zone(person)
             return np.array([zone.contains(point) for point in middles], bool)
-        case Sense.GRASP_POINT:
-            return _is_at(points, block) | _is_at_handle(points, term.body, scene)
-        case Sense.REACH if handled:
-            return _is_at(points, block) | _is_at_handle(points, term.body, scene)
-        case Sense.REACH | Sense.OVER:
-            low, high = bounds(term.within, term.beyond, meaning.bounds) if meaning.bounds else HEIGHTS
-            over = points[:, 2] + arm.lowest(rotations, held) - block.high
-            inside = block.distance(middles[:, :2]) <= 0
-            return np.asarray((over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held))
-        case Sense.SUPPORT | Sense.CONTAINMENT:
-            if held is None or held.name == term.body:
-                return np.zeros(len(points), bool)
-            demand = ThingDemand(term.body) if meaning.sense is Sense.SUPPORT else ThingDemand(None, term.body)
-            offset = held.pose.matrix()[:3, :3]
-            placement, turned = Placement(held.name, demand, scene), rigid(product(rotations, offset), middles)
-            return np.array([placement.holds(Pose.from_matrix(pose)) for pose in turned], bool)
-        case Sense.PRE_GRASP if handled:
-            ahead = points + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
-            raised = max(LIFTS) if scene.arms.is_held(term.body) else 0.0
+        case AtGrip(body):
+            tips = _between_fingers(points, rotations, body, arm, scene)
+            return _is_at(tips, scene.bodies.block(body)) | _is_at_handle(tips, body, scene)
+        case BeforeGrip(body):
+            block = scene.bodies.block(body)
+            tips = _between_fingers(points, rotations, body, arm, scene)
+            ahead = tips + APPROACH * rotated(rotations, np.asarray(arm.frame.approach)) - block.centre
+            raised = max(LIFTS) if scene.bodies.is_held(body) else 0.0
             near = _beside(ahead + block.centre, block) <= AT_POSE
             highest, lowest = max(raised, block.high - block.centre[2]), (block.low - block.centre[2]) / 2
             middle = near & (ahead[:, 2] >= lowest - AT_POSE) & (ahead[:, 2] <= highest + AT_POSE)
-            return np.asarray(middle | _is_at_handle(ahead + block.centre, term.body, scene, raised))
-    assert meaning.bounds is not None, f"{term.name} is no area for a hand"
-    area = area_of_term(term._replace(negated=False), meaning.bounds, scene)
-    return np.asarray(area.score(middles[:, :2]) > 0)
+            return np.asarray(middle | _is_at_handle(ahead + block.centre, body, scene, raised))
+        case Over(body, (low, high)):
+            block = scene.bodies.block(body)
+            over = points[:, 2] + arm.lowest(rotations, held) - block.high
+            inside = block.distance(middles[:, :2]) <= 0
+            return np.asarray((over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held))
+        case Rest(body, inside):
+            if held is None or held.name == body:
+                return np.zeros(len(points), bool)
+            placement = Placement(held.name, ThingDemand(*((None, body) if inside else (body, None))), scene)
+            turned = rigid(product(rotations, held.pose.matrix()[:3, :3]), middles)
+            return np.array([placement.holds(Pose.from_matrix(pose)) for pose in turned], bool)
+        case None:
+            raise AssertionError(f"{term.name} means nothing for a hand")
+    return np.asarray(demand.score(middles[:, :2]) > 0)
+
+
+def _between_fingers(points: Array, rotations: Array, body: str, arm: ArmModel, scene: PlanningScene) -> Array:
+    """Compute where empty fingers would grip a body at tips (n, 3): beside the tip for fingers that swing."""
+    if not len(arm.openings.jaw) or scene.arms.held(arm.name) is not None:
+        return points
+    return points + rotated(rotations, arm.openings.middles(np.array([narrowest(scene.bodies.block(body))]))[0])
 
 
 def _is_at_handle(points: Array, body: str, scene: PlanningScene, raised: float = 0.0) -> Mask:
@@ -208,11 +200,10 @@ def _among(
     """Select the candidates for which the reach's other conjuncts hold."""
     step = candidates.key if not reach.before else 0 if reach.kind is ReachKind.GRASP else -1
     # for PLACE the spots already satisfy the other conjuncts
-    for term in (term for term in reach.also if reach.kind is not ReachKind.PLACE or not RELATIONS[term.name].thing):
+    for term in (term for term in reach.also if reach.kind is not ReachKind.PLACE or not RELATIONS[term.name].of_thing):
         kept = satisfied(term, candidates.points + candidates.offsets[:, step], candidates.rotations, arm, scene)
         if not kept.all():
-            unmet = in_words(term.name, term.body, negated=not term.negated)
-            rejections.add(unmet, int((~kept).sum()))
+            rejections.add(replace(term, negated=not term.negated).words, int((~kept).sum()))
         candidates = candidates.chosen(kept)
     return candidates
 

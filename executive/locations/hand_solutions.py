@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import InverseMaps, blocks
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand, HandPoses, upright
 from executive.locations.grasps_from_above import is_low
 from executive.locations.looking_once import once
@@ -27,6 +26,7 @@ from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, product, rigid, rotated
 from planlang.protocols import Contact
 from planlang.records import dataclass
+from planlang.relations.demands import Reach, ReachKind
 
 FARTHEST = 1.2
 """Largest move of a joint between consecutive poses of a candidate [rad, m]."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.grasp_candidates import LIFT
 from executive.motion import Boxes, clearance_at
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 
 RISES = (0.08, 0.05, 0.03, 0.02, 0.01)
 """Heights by which a thing is raised or lowered, largest first [m]; the last one even if there is less room."""

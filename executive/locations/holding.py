@@ -20,7 +20,6 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import OPPOSED
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandHits, HandSolution, Trial, unblocked
 from executive.locations.rejections import Rejections
@@ -37,6 +36,7 @@ from planlang.ontology.triples import Triples
 from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration, Touch
 from planlang.records import dataclass
+from planlang.relations.demands import Reach, ReachKind
 from sim import Body, BodyShape, PlanningWorld
 
 WIDTHS = tuple(centimetres / 100 for centimetres in range(2, 13))

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_part import Kept
 from executive.locations.base_candidates import InverseMaps, blocks
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Spots, Stage, candidates_of, delivering, spots_of
 from executive.locations.rejections import Rejections
@@ -22,6 +21,7 @@ from executive.robots.arms import ArmModel, Held
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, product, rigid
 from planlang.kernel import still_computing
+from planlang.relations.demands import Reach, ReachKind
 
 UNSERVED = "no grip for what follows"
 """Reason to reject grasps that rule out what the thing is taken for."""

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.standing import Standing
@@ -24,6 +23,7 @@ from executive.maps.semantic_map import MapObject
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 from planlang.ontology import Literal, Ontology, expand
 from planlang.records import dataclass
 from planlang.units import stated_number

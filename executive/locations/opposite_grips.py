@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasp_candidates import HandPoses
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import unblocked
@@ -14,6 +13,7 @@ from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.records import dataclass
+from planlang.relations.demands import Reach, ReachKind
 
 OPPOSITE = 0.25
 """Greatest offset of the midpoint between two grips from the thing's centre, as a share of their distance."""

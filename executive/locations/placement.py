@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.areas import Area
 from executive.locations.demands import ThingDemand
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block, Region
 from planlang.records import dataclass
 
 SPACING = 0.04
@@ -91,7 +89,7 @@ class Placement:
         centres = self._centres(upright, log)
         if not len(centres) and log.counts.total() == before:
             log.add("too small for the object")
-        areas = _areas(demand, upright)
+        areas = [area.of_thing(upright) for area in demand.areas]
         for area in areas:
             in_area = area.score(centres[:, :2]) > 0
             log.refuse(_unmet(area), centres[~in_area])
@@ -140,7 +138,7 @@ class Placement:
         for body, inside, wanted in resting:
             if body is not None and self._rests(block, block.centre[None], body, inside=inside)[0] != wanted:
                 return False
-        if not all(area.holds(pose.position[:2]) for area in _areas(demand, block)):
+        if not all(area.of_thing(block).score(np.array([pose.position[:2]]))[0] > 0 for area in demand.areas):
             return False
         centre, bodies = np.array(pose.position), self.scene.bodies
         return all(bodies.zone(person).contains(centre) == inside for person, inside in demand.people)
@@ -217,7 +215,7 @@ class Placement:
         spacing = max(COARSE_SPACING if demand.areas else SPACING, 2 * math.sqrt(half_x * half_y / MOST_PLACES))
         axes = [np.linspace(-half, half, 2 * math.ceil(half / spacing) + 1) for half in (half_x, half_y)]
         local = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        for area in _areas(demand, upright):
+        for area in (one.of_thing(upright) for one in demand.areas):
             near = area.nearly(block.to_map(local), spacing)
             log.refuse(_unmet(area), block.to_map(local[~near]))
             local = local[near]
@@ -262,19 +260,12 @@ class Placement:
         return z - half - ABOVE_SURFACE + FLAT, z + half, radius
 
 
-def _areas(demand: ThingDemand, block: Block) -> tuple[Area, ...]:
-    """Adapt areas to an object turned as a block: on a side of X its extent towards X counts."""
-    return tuple(
-        replace(area, radius=block.support(area.directions[0])) if area.directions else area for area in demand.areas
-    )
-
-
-def _unmet(area: Area) -> str:
+def _unmet(area: Region) -> str:
     """Reason for rejecting places outside an area."""
     return f"not {area.words}".replace("not not ", "")
 
 
-def _points_at(block: Block, area: Area) -> bool:
+def _points_at(block: Block, area: Region) -> bool:
     """Check whether a block beside a body is longer towards that body than along it."""
     if not area.directions or block.round:
         return False

@@ -23,8 +23,6 @@ from executive.locations.base_candidates import InverseMaps
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
-    Reach,
-    ReachKind,
     base_demand,
     bodies_meant,
     goals_of,
@@ -50,15 +48,17 @@ from executive.locations.questions import (
 )
 from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
-from executive.locations.validation import BaseValidator
+from executive.locations.validation import BaseValidator, unmet
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, action
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
+from planlang.relations.demands import Reach, ReachKind
 from planlang.state import WorldState
 
 MOST_SUPPOSED = 16
@@ -154,6 +154,11 @@ class Resolver:
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
         findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
+        if not found and (excluding := self._excluding(demand, findings, question.log)) is not None:
+            # what is said of the thing to reach would lead astray: it can be reached
+            words = excluding.words.replace("not not ", "")
+            question.log.figures = {unmet(excluding): f"without {words!r} there would be a place"}
+            raise question.log.failure(location)
         is_feasible = None if found else partial(self._is_feasible, location, findings)
         meant = bodies_meant(location, actions_around(), scene)
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
@@ -174,13 +179,17 @@ class Resolver:
         if common.allowance.is_spent:
             log.add(NOT_LOOKED_AT)
             return False
-        validator = self.supposing(scene)._validator
         demand = base_demand(location, scene, self._viewer(location))
-        tried = Question(known=Findings(common.allowance, walled=common.walled))
-        with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-            is_found = next(found, None) is not None
-        log.include(tried.log)
-        return is_found
+        return _has_base(self.supposing(scene)._validator, demand, common, log)
+
+    def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
+        """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
+        areas = [area for area in demand.areas if log.counts[unmet(area)]]
+        for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
+            others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
+            if not common.allowance.is_spent and _has_base(self._validator, others, common, Rejections()):
+                return area
+        return None
 
     def _goals(self, reach: Reach) -> Sequence[Location]:
         """List where the thing will be put or handed over that is grasped."""
@@ -222,7 +231,7 @@ class Resolver:
         """List the bodies to put things on or beside that are known only from the map and may stand elsewhere."""
         belief, bodies = self.scene.belief, self.scene.bodies
         places = [reach for reach in wanted if reach.kind is ReachKind.PLACE]
-        around = [name for reach in places for name in (reach.body, *(term.body for term in reach.also))]
+        around = [name for reach in places for name in reach.bodies()]
         return [
             name
             for name in dict.fromkeys(around if self.scene.visibility.sighted() else ())
@@ -367,7 +376,7 @@ class Resolver:
     def _look(self, location: Location) -> None:
         """Fix the viewpoint of a location's left and right at the present base pose."""
         x, y, _ = self.scene.base()
-        for inner in (location, *(r.reference for r in location.relations if isinstance(r.reference, Location))):
+        for inner in (location, *(one for one in location.references() if isinstance(one, Location))):
             self._viewers.pop(inner, None)
             self._viewers[inner] = x, y
         while len(self._viewers) > MOST_VIEWERS:
@@ -379,9 +388,18 @@ class Resolver:
         return self._viewers.get(location, (x, y))
 
 
+def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings, log: Rejections) -> bool:
+    """Check quickly whether demands have a base pose, and count why others are rejected."""
+    tried = Question(known=Findings(common.allowance, walled=common.walled))
+    with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
+        is_found = next(found, None) is not None
+    log.include(tried.log)
+    return is_found
+
+
 def _names_a_side(location: Location) -> bool:
     """Check whether a location may depend on the viewpoint."""
-    inner = (relation.reference for relation in location.relations if isinstance(relation.reference, Location))
+    inner = (one for one in location.references() if isinstance(one, Location))
     return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
 
 

@@ -14,11 +14,10 @@ from itertools import chain
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.locations.areas import Facing
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.base_poses import BasePoses
 from executive.locations.candidate_search import CandidateSearch, SearchSpec, as_reported
-from executive.locations.demands import BaseDemand, Reach, ReachKind
+from executive.locations.demands import BaseDemand
 from executive.locations.floor_search import FloorSearch
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
@@ -36,7 +35,9 @@ from executive.locations.rejections import (
 from executive.locations.validation import BaseValidator, scored, unmet
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.geometry.areas import Facing
 from planlang.protocols import Solution
+from planlang.relations.demands import Reach, ReachKind
 
 Band = tuple[tuple[float, float], float, float]
 """Centre, and least and greatest distance of base poses from it [m]."""

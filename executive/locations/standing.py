@@ -13,7 +13,6 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import CELL, Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -21,6 +20,7 @@ from executive.locations.base_poses import BasePoses
 from executive.motion.base_path import poses_along
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose, matrices
+from planlang.geometry.areas import Block
 
 SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of a point ahead of the shoulders, as shares of an arm's reach."""

@@ -10,10 +10,9 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.areas import Area, Clear, Facing
 from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import BasePoses
-from executive.locations.demands import ORDER, BaseDemand, Reach, ReachKind, sides
+from executive.locations.demands import ORDER, BaseDemand, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.later_uses import LaterUses
@@ -24,7 +23,9 @@ from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
 from planlang.geometry import Array
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.protocols import Solution
+from planlang.relations.demands import Reach, ReachKind
 
 PLACES = 6
 """Decimals of base poses [m, rad]: few enough that machines agree, enough that the map's origin does not matter."""
@@ -72,7 +73,7 @@ class BaseValidator:
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
         """Select the reaches required from the base: not those for things already in the hand."""
-        free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.arms.is_held(r.body))
+        free = (r for r in demand.reaches if r.kind is not ReachKind.RETREAT and not self.scene.bodies.is_held(r.body))
         return tuple(sorted(free, key=lambda reach: ORDER.index(reach.kind)))
 
     def arms(self, demand: BaseDemand) -> Sequence[ArmModel]:
@@ -342,7 +343,7 @@ class BaseValidator:
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
 
 
-def unmet(term: Area | Facing | Clear) -> str:
+def unmet(term: Region | Facing | Clear) -> str:
     """Reason for rejecting base poses by a conjunct about the floor."""
     return f"not {term.words}".replace("not not ", "")
 

@@ -19,12 +19,9 @@ from executive.maps.measures import Size, read_size, read_transform
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Pose
-from planlang.ontology import Literal, Ontology, expand
+from planlang.ontology import Literal, Ontology, expand, once_per_ontology
 from planlang.ontology.terms import RDF
 from planlang.spelling import similar
-
-_KEPT = "executive.maps.classes"
-_USED = f"{_KEPT} used"
 
 
 def known(ontology: Ontology, cls: str) -> str:
@@ -49,25 +46,28 @@ def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
     iri = expand(cls)
     if ontology.defined(iri):
         return (iri,)
-    if _KEPT not in ontology.kept:
-        names: dict[str, dict[str, None]] = {}
-        for name in ontology.class_names():
-            names.setdefault(local_name(name).lower(), {})[name] = None
-        for triple in ontology.triples(p=expand("alsoCalled")):
-            if isinstance(triple.object, Literal) and isinstance(triple.subject, str):
-                names.setdefault(triple.object.value.lower(), {})[triple.subject] = None
-        short: dict[str, dict[str, None]] = {}
-        for name in ontology.class_names():
-            short.setdefault(local_name(name).lower().partition("-")[0], {})[name] = None
-        ontology.kept[_KEPT] = {key: classes for key, classes in short.items() if len(classes) == 1} | names
-    return tuple(ontology.kept[_KEPT].get(local_name(iri).lower(), (iri,)))
+    return tuple(_classes_by_name(ontology).get(local_name(iri).lower(), (iri,)))
 
 
+@once_per_ontology
+def _classes_by_name(ontology: Ontology) -> dict[str, dict[str, None]]:
+    """Lower-case name -> classes with it: local names, other names, and first parts that only one class has."""
+    names: dict[str, dict[str, None]] = {}
+    for name in ontology.class_names():
+        names.setdefault(local_name(name).lower(), {})[name] = None
+    for triple in ontology.triples(p=expand("alsoCalled")):
+        if isinstance(triple.object, Literal) and isinstance(triple.subject, str):
+            names.setdefault(triple.object.value.lower(), {})[triple.subject] = None
+    short: dict[str, dict[str, None]] = {}
+    for name in ontology.class_names():
+        short.setdefault(local_name(name).lower().partition("-")[0], {})[name] = None
+    return {key: classes for key, classes in short.items() if len(classes) == 1} | names
+
+
+@once_per_ontology
 def _used(ontology: Ontology) -> frozenset[object]:
     """Classes with individuals in the ontology."""
-    if _USED not in ontology.kept:
-        ontology.kept[_USED] = frozenset(triple.object for triple in ontology.triples(p=RDF.type))
-    return frozenset(ontology.kept[_USED])
+    return frozenset(triple.object for triple in ontology.triples(p=RDF.type))
 
 
 def with_known_classes(ontology: Ontology, things: Iterable[str], notes: list[Diagnostic]) -> Ontology:

@@ -80,7 +80,7 @@ def _parts(ontology: Ontology, folder: Path, notes: list[Diagnostic]) -> Iterato
                 message = f"the recognition model {local_name(iri)} is left out: {', '.join(lacking)} is not beside it"
                 notes.append(warning("K042", message, ontology.span(iri), Text(calling("enable"), " downloads both")))
                 continue
-            targets = ontology.values(iri, _PROVIDES, subproperties=True) if _MODEL in classes else ()
+            targets = ontology.values_below(iri, _PROVIDES) if _MODEL in classes else ()
             yield GivenPart(iri, classes, tuple(one for one in targets if isinstance(one, str)), ontology.span(iri))
 
 
@@ -105,7 +105,7 @@ def is_anything(ontology: Ontology, cls: str) -> bool:
 
 def model_files(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """List the file names of a recognition model: the last part of each link."""
-    links = [one.value for one in ontology.values(iri, _FILE, subproperties=True) if isinstance(one, Literal)]
+    links = [one.value for one in ontology.values_below(iri, _FILE) if isinstance(one, Literal)]
     return tuple(dict.fromkeys(link.strip().rpartition("/")[2] for link in links))
 
 

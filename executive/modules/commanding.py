@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief import Belief
-from executive.belief.believed_bodies import MEANT, Block
+from executive.belief.believed_bodies import MEANT
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
@@ -35,6 +35,7 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
+from planlang.geometry.areas import Block
 from planlang.kernel import Fluent, checkpoint, now, sleep, wait_for
 from planlang.language.resources import using
 from planlang.protocols import Motion, MotionState, RobotInterface, Touch, Trajectory

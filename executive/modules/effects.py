@@ -353,6 +353,6 @@ def _objects(action: Action, name: str) -> Iterator[Object]:
     value = action.get(name)
     for part in value if isinstance(value, tuple) else (value,):
         if isinstance(part, Location):
-            yield from (one.reference for one in part.relations if isinstance(one.reference, Object))
+            yield from part.objects()
         elif isinstance(part, Object):
             yield part

@@ -23,7 +23,7 @@ def out_of_arms(detections: Iterable[Detection], scene: PlanningScene) -> list[D
     """
     overlapping = frozenset(_in_arms(scene))
     inside = [one for one in detections if one.name in overlapping and scene.bodies.is_graspable(one.name)]
-    shifted = ((one, _beside(one.name, scene)) for one in inside if not scene.arms.is_held(one.name))
+    shifted = ((one, _beside(one.name, scene)) for one in inside if not scene.bodies.is_held(one.name))
     return [replace(one, pose=pose) for one, pose in shifted if pose is not None]
 
 

@@ -37,7 +37,8 @@ from planlang.geometry import Array, Pose, matrices
 from planlang.language.performing import actions_around, perform
 from planlang.protocols import MotionState, Trajectory
 from planlang.records import dataclass
-from planlang.relations import Sense
+from planlang.relations.beside import InFrontOf
+from planlang.relations.reaching import InCenterOf
 
 if TYPE_CHECKING:
     from executive.locations.next_view import Exploration
@@ -103,7 +104,7 @@ class Arms:
         for what in (one.get("object_acted_on") for one in (action, *actions_around())):
             with suppress(AmbiguousPerception):
                 name = scene.bodies.known(what) if isinstance(what, Object) else None
-                if name is not None and (scene.bodies.is_graspable(name) or scene.arms.is_held(name)):
+                if name is not None and (scene.bodies.is_graspable(name) or scene.bodies.is_held(name)):
                     return name
         return None
 
@@ -153,11 +154,10 @@ class Arms:
         if arm.name not in self.begun:
             return None
         there, base, solution = self.begun[arm.name]
-        following = Sense.PRE_GRASP if solution.reach.kind is ReachKind.RETREAT else Sense.GRASP_POINT
-        if not asks_for(location, "hand", following):
+        if not asks_for(location, InFrontOf if solution.reach.kind is ReachKind.RETREAT else InCenterOf):
             return None
         bind = self._control.scene.bodies.bind
-        bodies = [bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        bodies = [bind(one) for one in location.objects()]
         current = there == self._control.scene.surroundings() and base == self._control.base()
         return solution if current and solution.reach.body in bodies else None
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.areas import Facing
 from executive.locations.demands import base_demand, thing_demand
 from executive.locations.rejections import Validated
 from planlang.designators import Location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
+from planlang.geometry.areas import Facing
 from planlang.geometry.shapes import corners, outline_of
 from planlang.records import dataclass
 from planlang.sheets import FAINT, FINE, INK, PAPER, Colour, Sheet, blended, font, wrapped

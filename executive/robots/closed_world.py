@@ -68,7 +68,7 @@ class ClosedWorld:
             ]
             return tuple(dict.fromkeys(subjects))
         name = prop.term
-        return tuple(dict.fromkeys(v for o in self.ontologies for v in o.values(thing, str(name), subproperties=True)))
+        return tuple(dict.fromkeys(v for o in self.ontologies for v in o.values_below(thing, str(name))))
 
     def satisfies(self, thing: Term, expression: Expression, depth: int = DEEPEST) -> bool | None:
         """Evaluate whether an individual or a literal is in a class or a data range; None if that is unknown."""

@@ -240,21 +240,21 @@ def _unused(stated: Location, used: Location) -> Iterator[Diagnostic]:
     if unused:
         help = "arms and grasps belong to a thing to reach: in reach of the bottle with the left arm from the top"
         yield warning("P011", f"{' '.join(unused)!r} has no effect here, and is ignored", help=help)
-    for one, other in zip(stated.relations, used.relations, strict=True):
-        if isinstance(one.reference, Location) and isinstance(other.reference, Location):
-            yield from _unused(one.reference, other.reference)
+    for one, other in zip(stated.references(), used.references(), strict=True):
+        if isinstance(one, Location) and isinstance(other, Location):
+            yield from _unused(one, other)
 
 
 def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) -> str | None:
     """Advice for a relation that applies to poses of a thing but not of the base, or vice versa."""
     for relation in location.relations:
         meaning = RELATIONS[relation.name]
-        if what is None and meaning.base is None:
-            hints = [Text(Option("of", Blank("THING")), " searches poses of a thing")] if meaning.thing else []
-            if meaning.hand:
+        if what is None and meaning.of_base is None:
+            hints = [Text(Option("of", Blank("THING")), " searches poses of a thing")] if meaning.of_thing else []
+            if meaning.of_hand:
                 hints.append(Text(f'for a hand, write "in reach of a place {write_relation(relation, lexicon)}"'))
             return joined("; ", hints)
-        if what is not None and meaning.thing is None and meaning.base is not None:
+        if what is not None and meaning.of_thing is None and meaning.of_base is not None:
             return Text("leave out ", Option("of"), " to search poses of the base")
     return None
 

@@ -46,7 +46,6 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.remedies import able_robots, absent_things, call_of, performing
-from executive.runs.reporting import context_of
 from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
@@ -454,6 +453,8 @@ class Run:
         header: Mapping[str, Any],
     ) -> Context:
         """Context of a page; ``notes`` are those that a repeated run has, too."""
+        from executive.runs.reporting import context_of  # few runs write a page: eight files of planlang.report
+
         options = self.options
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1

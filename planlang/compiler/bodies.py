@@ -14,6 +14,7 @@ from planlang.compiler.layout import (
     assignment,
     call,
     comment,
+    one_or_several,
     return_statement,
     sequence,
     signature,
@@ -160,7 +161,7 @@ class BodyWriter:
 
     def _target(self, steps: tuple[str, ...]) -> Expression:
         targets = self._targets(steps)
-        return targets[0] if len(targets) == 1 else sequence(targets)
+        return one_or_several(targets)
 
     def _variable(self, step: str) -> str:
         """Variable for the result of a step."""
@@ -381,7 +382,7 @@ class BodyWriter:
         ]
         ends = [Text(quoted(end)) for end in machine.ends]
         more: dict[str, Expression | str] = {"start": quoted(machine.start)}
-        more["end"] = ends[0] if len(ends) == 1 else sequence(ends)
+        more["end"] = one_or_several(ends)
         table = Display("{}", tuple(states.values()), tuple(Text(quoted(name)) for name in states))
         transitions = Display("{}", tuple(target for _, target in cases), tuple(key for key, _ in cases))
         return before, call(self._symbols.use("state_machine"), table, transitions, **more)

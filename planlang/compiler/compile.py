@@ -284,8 +284,9 @@ def _compiled(read: Actions, task: str | None, *, scopes: bool, data_flow: bool)
     diagnostics = (*reading.diagnostics, *check_recoveries(reading.actions.recoveries))
     if reading.recipes is None or has_errors(diagnostics):
         raise BadInput(diagnostics)
-    recipes, actions = canonical(reading.recipes, data_flow=data_flow), reading.actions
-    del reading  # frees the order of the recipe as read, which is as large as that of the canonical one
+    read_recipes = reading.recipes if data_flow else without_data_flow(reading.recipes)
+    recipes, actions = canonical(read_recipes), reading.actions
+    del reading, read_recipes  # frees the order of the recipe as read, which is as large as that of the canonical one
     lowering = Lowering(ontology, recipes, actions, scopes=scopes)
     tree = lowering.tree()
     switches = ((NO_SCOPES, not scopes), (NO_DATA_FLOW, not data_flow))
@@ -308,14 +309,25 @@ Key = tuple[tuple[int, int, str], ...]
 _F = TypeVar("_F", bound=Filler)
 
 
-def canonical(recipes: RecipeSet, *, data_flow: bool = True) -> RecipeSet:
-    """Sort the statements of recipes; without ``data_flow`` drop the data flow between steps.
+def without_data_flow(recipes: RecipeSet) -> RecipeSet:
+    """Drop the data flow between steps, and the orders that follow from it."""
+    changed = {
+        iri: replace(
+            one, orderings=tuple(each for each in one.orderings if each.reason is not Reason.DATA_FLOW), flows=()
+        )
+        for iri, one in recipes.recipes.items()
+    }
+    return replace(recipes, recipes=changed)
+
+
+def canonical(recipes: RecipeSet) -> RecipeSet:
+    """Sort the statements of recipes.
 
     A file is a set of triples without an order, so equal statements have to give equal plans, however they are sorted
     in the file. Where the recipe leaves an order open, names decide, and numbers in them count as numbers. Recipes come
     in order of first use, the task first, by the order of steps.
     """
-    sorted_recipes = {iri: _recipe(recipe, data_flow=data_flow) for iri, recipe in recipes.recipes.items()}
+    sorted_recipes = {iri: _recipe(recipe) for iri, recipe in recipes.recipes.items()}
     in_order: dict[str, Recipe] = {}
     waiting = [recipes.task]
     while waiting:
@@ -337,14 +349,9 @@ def iri_key(iri: str | None) -> tuple[Key, str]:
     return natural(local_name(iri or "")), iri or ""
 
 
-def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
+def _recipe(recipe: Recipe) -> Recipe:
     keys = {step.iri: iri_key(step.iri) for step in recipe.steps}
-    orderings = [
-        ordering
-        for ordering in recipe.orderings
-        if ordering.before in keys and ordering.after in keys and (data_flow or ordering.reason is not Reason.DATA_FLOW)
-    ]
-
+    orderings = [one for one in recipe.orderings if one.before in keys and one.after in keys]
     rank = {iri: number for number, iri in enumerate(sorted(keys, key=keys.__getitem__))}
 
     constraint = Reason.CONSTRAINT.value  # looked up once: most orderings of a large recipe have this reason
@@ -372,7 +379,7 @@ def _recipe(recipe: Recipe, *, data_flow: bool) -> Recipe:
         ),
         flows=tuple(
             sorted(
-                recipe.flows if data_flow else (),
+                recipe.flows,
                 key=lambda one: (iri_key(one.producer), iri_key(one.consumer), one.consumes or "", one.resource or ""),
             )
         ),
@@ -408,8 +415,9 @@ def _filler(filler: _F) -> _F:
     """Filler with the relations of a place, and of places nested in it, sorted by name."""
     if not isinstance(filler, Place):
         return filler
-    relations = [(relation, _filler(reference)) for relation, reference in filler.relations]
-    return replace(filler, relations=tuple(sorted(relations, key=lambda one: (one[0], _filler_key(one[1])))))
+    relations = [(name, tuple(sorted(map(_filler, each), key=_filler_key))) for name, each in filler.relations]
+    ordered = sorted(relations, key=lambda one: (one[0], [*map(_filler_key, one[1])]))
+    return replace(filler, relations=tuple(ordered))
 
 
 def _filler_key(filler: Filler) -> tuple[int, tuple[Key, str], str]:

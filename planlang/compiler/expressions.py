@@ -14,7 +14,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, sequence
+from planlang.compiler.layout import INDENT, WIDTH, Expression, Remark, Sum, Text, call, one_or_several, sequence
 from planlang.compiler.layout import Call as CallExpression
 from planlang.compiler.tree import (
     ActionTerm,
@@ -157,7 +157,7 @@ class Symbols:
     def above(self, cls: str) -> Expression:
         """Direct superclasses of a class that the plan declares."""
         above = [self.stated_class(one) for one in self.stated[cls]]
-        return above[0] if len(above) == 1 else sequence(above)
+        return one_or_several(above)
 
     def class_name(self, cls: str) -> Expression:
         """Expression for the IRI of a class, or for its name in the vocabulary."""
@@ -377,16 +377,15 @@ class Expressions:
         """Call that describes a place by its relations."""
         own = dict(zip(use.place.changeable(), use.arguments, strict=True))
         relations: dict[str, list[Expression]] = {}
-        for relation, reference in use.place.relations:
-            if isinstance(reference, Thing):
-                referred: Value = own.get(reference, reference)
-            else:
-                referred = PlaceUse(reference, tuple(own[thing] for thing in reference.changeable()))
-            relations.setdefault(relation, []).append(self.value(referred))
-        written: dict[str, Expression | str] = {
-            relation: references[0] if len(references) == 1 else sequence(references)
-            for relation, references in relations.items()
-        }
+        for relation, references in use.place.relations:
+            referred = [
+                own.get(one, one)
+                if isinstance(one, Thing)
+                else PlaceUse(one, tuple(own[thing] for thing in one.changeable()))
+                for one in references
+            ]
+            relations.setdefault(relation, []).append(one_or_several([*map(self.value, referred)]))
+        written: dict[str, Expression | str] = {name: one_or_several(each) for name, each in relations.items()}
         if (device := self._symbols.devices.get(use.place.iri)) is not None:
             written["using"] = self._symbols.thing(device)
         return call(self._symbols.use("a_location"), quoted(use.place.name), **written)
@@ -439,7 +438,7 @@ class Expressions:
         written: dict[str, Expression | str] = {}
         for name, fillers in properties:
             values = [self.value(filler) for filler in fillers]
-            written[name] = values[0] if len(values) == 1 else sequence(values)
+            written[name] = one_or_several(values)
         if type in self._symbols.stated_in_place:
             own, below = self._symbols.class_name(type), self._symbols.above(type)
             whole = call(self._symbols.use(maker), own, below=below, **written)
@@ -473,7 +472,7 @@ class Expressions:
     def _recovery(self, failures: Sequence[str], recovery: Recover) -> Expression:
         use = self._symbols.use
         kinds = [Text(use(failure, "planlang.failures")) for failure in failures]
-        arguments: list[Expression | str] = [kinds[0] if len(kinds) == 1 else sequence(kinds)]
+        arguments: list[Expression | str] = [one_or_several(kinds)]
         retries = recovery.attempts if recovery.strategy.function is not None else 0
         if recovery.strategy.origin is not None:
             module, function = recovery.strategy.origin

@@ -125,6 +125,11 @@ def sequence(items: Sequence[Expression], brackets: str = "()") -> Display:
     return Display(brackets, tuple(items))
 
 
+def one_or_several(items: Sequence[Expression]) -> Expression:
+    """Build a tuple display of several expressions; one stays as it is."""
+    return items[0] if len(items) == 1 else sequence(items)
+
+
 def statement(expression: Expression, *, depth: int, before: str = "", after: str = "") -> list[str]:
     """Write a statement, ``before`` + expression + ``after``, indented by ``depth`` levels."""
     return _lines(expression, depth, before, after)

@@ -197,7 +197,7 @@ def _destination(base: Step) -> Place:
     if isinstance(filler, Place):
         return filler
     iri = filler.iri or filler.stated if filler.slot is None else filler.name
-    return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", filler),))
+    return Place(f"{iri.removesuffix(filler.name)}near-{filler.name}", (("in_reach_of", (filler,)),))
 
 
 class Steps:

@@ -108,7 +108,11 @@ class Terms:
         properties: dict[str, tuple[Value, ...]] = {}
         for name, fillers in _ordered(step):
             key = _unclashed(snake_case(local_name(name)), properties)
-            properties[key] = tuple(self._value(recipe, step, name, filler) for filler in fillers)
+            own = (self.use(filler) if isinstance(filler, Place) else filler for filler in fillers)
+            properties[key] = tuple(
+                self._from_others(recipe, step, name, filler, value) or value
+                for filler, value in zip(fillers, own, strict=True)
+            )
         device = self.device(recipe, step)
         if device is not None and "device_used" not in properties:
             properties["device_used"] = (device,)
@@ -179,10 +183,6 @@ class Terms:
             value = self.use(filler) if isinstance(filler, Place) else filler
             properties[key] = (*properties.get(key, ()), value)
         return Described(shorten(description.type), tuple(sorted(properties.items())))
-
-    def _value(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> Value:
-        own = self.use(filler) if isinstance(filler, Place) else filler
-        return self._from_others(recipe, step, property_name, filler, own) or own
 
     def _from_others(
         self, recipe: Recipe, step: Step, property_name: str, filler: Filler, own: _T

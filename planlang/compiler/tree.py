@@ -421,11 +421,7 @@ def _places(value: Value) -> Iterator[str]:
     """Yield the places (IRIs) that a value refers to, directly or through other places."""
     match value:
         case PlaceUse(place):
-            waiting = [place]
-            while waiting:
-                place = waiting.pop()
-                yield place.iri
-                waiting += [reference for _, reference in place.relations if isinstance(reference, Place)]
+            yield from (one.iri for one in place.places())
         case StepResult(_, otherwise) | LatestProduct(_, otherwise):
             yield from _places(otherwise)
         case Described(_, properties):

@@ -73,7 +73,8 @@ class _Writer:
         for declared in _DECLARED:
             self._say(declared, RDF.type, OWL.Class)
         self._say(episode, RDF.type, SOMA.Episode)
-        self._text(episode, RDFS.label, f"{run.plan}: {self._outcome()}")
+        outcome = run.activities[0].state if run.activities else State.RUNNING
+        self._text(episode, RDFS.label, f"{run.plan}: {outcome.value}")
         self._text(episode, EXPERIENCE.planName, run.plan)
         self._text(episode, EXPERIENCE.recipe, run.iri)
         self._text(episode, EXPERIENCE.robot, run.robot)
@@ -99,10 +100,6 @@ class _Writer:
             self._say(self._activity_iri(root.number), SOMA.includesRecord, node)
             self._say(node, RDF.type, DUL.InformationObject)
             self._text(node, SOMA.hasFilePath, file)
-
-    def _outcome(self) -> str:
-        activities = self._experience.activities
-        return (activities[0].state if activities else State.RUNNING).value
 
     def _thing(self, thing: Thing) -> None:
         node = self._named[thing.name] = self._thing_iri(thing)

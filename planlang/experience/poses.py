@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.experience.traces import LATEST, LONGEST, roles_of
+from planlang.experience.traces import LONGEST, roles_of
 from planlang.files import encoding_of, read_file
 from planlang.outputs import MARK
 from planlang.records import dataclass
+from planlang.runs.schema import LATEST
 from planlang.words import Blank, Text, calling
 
 MAP = "map"
@@ -88,15 +89,12 @@ def _base(step: int, base: object) -> Iterator[Transform]:
 
 
 def _pose(step: int, name: str, pose: Mapping[str, Any], by: str, frame: str = MAP) -> Iterator[Transform]:
+    stated = ((pose.get(key), size) for key, size in (("position", 3), ("orientation", 4)))
     position, orientation = (
-        _numbers(_plain(pose.get(key)), size) for key, size in (("position", 3), ("orientation", 4))
+        _numbers(value.get("$tuple") if isinstance(value, dict) else value, size) for value, size in stated
     )
     if position is not None and orientation is not None:
         yield Transform(step, frame, name, position, orientation, by)
-
-
-def _plain(value: object) -> object:
-    return value.get("$tuple") if isinstance(value, dict) else value
 
 
 def _numbers(values: object, size: int) -> tuple[float, ...] | None:

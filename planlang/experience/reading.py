@@ -19,9 +19,10 @@ from planlang.experience.model import (
     Thing,
 )
 from planlang.experience.terms import DESIGNATORS, DUL, EXPERIENCE, SOMA, STATES
-from planlang.experience.traces import MOST_ACTIVITIES, MOST_CAUSES, MOST_STEPS
+from planlang.experience.traces import MOST_ACTIVITIES, MOST_STEPS
 from planlang.ontology.terms import RDF, RDFS, Literal, Term, Triple
 from planlang.ontology.turtle import read_turtle
+from planlang.runs.schema import DEEPEST
 
 _STATES = {iri: state for state, iri in STATES.items()}
 _ABOUTS = {iri: about for about, iri in DESIGNATORS.items()}
@@ -184,7 +185,7 @@ class _Reader:
     def _failure(self, node: str) -> Failure:
         chain = [node]
         while chain[-1] not in self._failures and (causes := self._many(chain[-1], EXPERIENCE.hasCause)):
-            if len(causes) > 1 or len(chain) >= MOST_CAUSES or causes[0] in chain:
+            if len(causes) > 1 or len(chain) >= DEEPEST or causes[0] in chain:
                 self._refuse("a failure has several direct causes, causes itself, or has too many causes", node)
             chain.append(causes[0])
         for one in reversed(chain):

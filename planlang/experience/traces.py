@@ -1,8 +1,10 @@
-"""Activities of a run, from the records of its trace. Traces may be untrusted, so all values are checked."""
+"""Activities of a run, from the records of its trace, which may be untrusted.
+
+:mod:`planlang.runs.schema` has checked the types of what is used here without looking.
+"""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, replace
@@ -26,12 +28,9 @@ from planlang.experience.model import (
 from planlang.records import dataclass
 from planlang.runs.recorded_run import DamagedTrace, checked_records
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
+from planlang.runs.schema import DEEPEST, LATEST
 
 MOST_ACTIVITIES = 100_000
-MOST_CAUSES = 100
-DEEPEST = 200
-LATEST = 2**53
-"""Last possible step of a run: the largest range of integers that floating-point numbers represent exactly."""
 MOST_STEPS = 1e9
 """Maximum number of steps per second."""
 LONGEST = 3e9
@@ -83,10 +82,11 @@ class _Reader:
     def read(self, record: Mapping[str, Any]) -> None:
         event, step, rate = str(record["event"]), int(record["step"]), self._tree.rate
         if event == "header":
-            self._header, rate = record, _number(record.get("rate"))
-            if not 0 < rate <= MOST_STEPS:
+            self._header, rate = record, record["rate"]
+            if rate > MOST_STEPS:
                 raise ValueError("the rate is not a valid number of steps per second")
-            _text(record.get("plan"))
+            if "plan" not in record:
+                raise KeyError("plan")
         if step > min(LATEST, rate * LONGEST):
             raise ValueError(f"step {step} is too late")
         self._find_things(record, step)
@@ -100,24 +100,17 @@ class _Reader:
         number = record["node"]
         if number in self._data:
             return
-        if type(number) is not int or not 0 < number <= LATEST:
-            raise ValueError("a node must be a positive whole number")
         if len(self._data) == MOST_ACTIVITIES:
             raise ValueError(f"more than {MOST_ACTIVITIES:,} nodes")
         parent = record["parent"]
         if parent is not None and (type(parent) is not int or parent not in self._data or parent > number):
             raise ValueError("the parent of a node has not started")
-        _text(record["kind"])
-        _text(record["name"])
         self._data[number] = _NodeData()
 
     def _in_node(self, event: str, step: int, node: TaskNode) -> None:
         data = self._data[node.number]
         if event == "started":
             data.designator = _designator(node.parameters) or data.designator
-        elif event == "ended":
-            State(_text(node.status))
-            failure_of(node.failure) if node.failure is not None else None
         if node.kind == "plan" and event in ("started", "plan"):
             self._resolve(node, step, ResolvedTo.PLAN, _text(node.parameters.get("iri") or node.name))
         elif node.happened and node.happened[-1].event == event:
@@ -126,9 +119,9 @@ class _Reader:
     def _happened(self, data: _NodeData, node: TaskNode, event: Happened) -> None:
         more = dict(event.details)
         if event.event == "request":
-            self._resolve(node, event.step, ResolvedTo.MODULE, _text(more["module"]))
+            self._resolve(node, event.step, ResolvedTo.MODULE, more["module"])
         elif event.event == "solution" and data.designator is not None:
-            base, at = tuple(_number(one) for one in more.pop("base")), ResolvedTo.BASE_POSE
+            base, at = tuple(map(float, more.pop("base"))), ResolvedTo.BASE_POSE
             data.resolutions.append(Resolution(event.step, data.designator, at, base=base, details=more))
         elif event.event in _OCCURRENCES:
             failure = failure_of(more.pop("failure")) if "failure" in more else None
@@ -173,10 +166,13 @@ class _Reader:
     def experience(self) -> Experience:
         header = self._header
         words = {name: text if isinstance(text := header.get(name), str) else None for name in ("iri", "robot", "map")}
-        numbers = {name: _whole(header.get(name)) for name in ("seed", "schedule")}
+        numbers = {
+            name: number if type(number := header.get(name)) is int and abs(number) <= LATEST * LATEST else None
+            for name in ("seed", "schedule")
+        }
         activities = tuple(self._activities())
         return Experience(
-            _text(header.get("plan")),
+            header["plan"],
             self._tree.rate,
             words["iri"],
             numbers["seed"],
@@ -214,34 +210,21 @@ class _Reader:
             )
 
 
-def failure_of(json: object) -> Failure:
-    """Read a failure of a trace, with its causes. Raises ValueError for anything else."""
-    links: list[Mapping[str, Any]] = []
-    while json is not None:
-        if not isinstance(json, dict) or len(links) == MOST_CAUSES:
-            raise ValueError(f"not a failure, or one with more than {MOST_CAUSES} causes")
-        links.append(json)
-        json = json.get("cause")
-    if not links:
-        raise ValueError("a failure is missing")
-    failure: Failure | None = None
-    for link in reversed(links):
-        where = link.get("where")
-        others = tuple(other for relation in ("siblings", "members", "cleanup") for other in _others(link, relation))
-        failure = Failure(
-            _text(link["type"]), _text(link["message"]), None if where is None else _text(where), failure, others
-        )
-    assert failure is not None
-    return failure
-
-
-def _others(link: Mapping[str, Any], relation: str) -> Iterator[tuple[str, str, str]]:
-    others = link.get(relation, ())
-    pairs: Iterable[tuple[object, object]] = (
-        others.items() if isinstance(others, dict) else [("", one) for one in others]
+def failure_of(json: Mapping[str, Any]) -> Failure:
+    """Read a failure of a trace, with its causes."""
+    cause = json.get("cause")
+    others = ((relation, json.get(relation, ())) for relation in ("siblings", "members", "cleanup"))
+    return Failure(
+        json["type"],
+        json["message"],
+        json.get("where"),
+        None if cause is None else failure_of(cause),
+        tuple(
+            (relation, branch, text)
+            for relation, several in others
+            for branch, text in (several.items() if isinstance(several, dict) else (("", one) for one in several))
+        ),
     )
-    for branch, text in pairs:
-        yield relation, _text(branch), _text(text)
 
 
 def roles_of(action: str) -> Iterator[Role]:
@@ -278,13 +261,3 @@ def _text(value: object) -> str:
     if not isinstance(value, str):
         raise ValueError(f"expected a text, not {str(value)[:40]}")
     return value
-
-
-def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"expected a number, not {str(value)[:40]}")
-    return float(value)
-
-
-def _whole(value: object) -> int | None:
-    return value if type(value) is int and abs(value) <= LATEST * LATEST else None

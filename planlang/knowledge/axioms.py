@@ -160,7 +160,10 @@ def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) ->
     for p, stated in ((RDFS.domain, found.domains), (RDFS.range, found.ranges)):
         for triple in ontology.triples(p=p):
             expression = expression_of(ontology, triple.object, triple.span)
-            if isinstance(triple.subject, str) and expression is not None and not _is_data(expression):
+            if expression is None or expression.kind == "facets":
+                continue
+            is_data = str(expression.term).startswith((str(XSD), str(RDFS)))
+            if isinstance(triple.subject, str) and not is_data:
                 stated.setdefault(triple.subject, []).extend(implied_by(expression))
 
 
@@ -172,10 +175,6 @@ def _read_chain(parts: list[str], whole: str, found: Axioms) -> None:
         )  # a name for the composition so far, which is not an IRI
         found.chains.append((first, following, both))
         first = both
-
-
-def _is_data(expression: Expression) -> bool:
-    return expression.kind == "facets" or str(expression.term).startswith((str(XSD), str(RDFS)))
 
 
 def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: Axioms) -> None:

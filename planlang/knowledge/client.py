@@ -226,7 +226,8 @@ class Client:
 
     def subscriptions(self) -> tuple[str, ...]:
         """Fetch the subscribed identifiers."""
-        return tuple(read_as(tuple[str, ...], self._json("/v1/subscriptions", is_kept=False).get("subscriptions")))
+        reply = self._connection.send("GET", "/v1/subscriptions")
+        return tuple(read_as(tuple[str, ...], as_json(reply.body).get("subscriptions")))
 
     def news(self, after: int = 0, *, mine: bool = False) -> tuple[tuple[News, ...], int]:
         """Fetch lines of the feed after number ``after``, oldest first, and the number for the next call.
@@ -234,10 +235,10 @@ class Client:
         ``mine``: only entries that the author subscribed to. One response may not hold all lines.
         """
         params = {"after": str(after), "mine": "true" if mine else "false"}
-        return read_news(self._json("/v1/news", params, is_kept=False))
+        return read_news(as_json(self._connection.send("GET", "/v1/news", params=params).body))
 
-    def _json(self, path: str, params: Mapping[str, str] | None = None, *, is_kept: bool = True) -> Mapping[str, Any]:
-        return as_json(self._connection.get(path, params, is_kept=is_kept).body)
+    def _json(self, path: str, params: Mapping[str, str] | None = None) -> Mapping[str, Any]:
+        return as_json(self._connection.get(path, params).body)
 
     def _put(self, path: str, data: bytes, media_type: str) -> Entry:
         reply = self._connection.send("PUT", path, headers={"Content-Type": media_type}, content=data)

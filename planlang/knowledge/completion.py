@@ -118,11 +118,10 @@ class Completion:
     def above(self, prop: str) -> frozenset[str]:
         """Return a property and its superproperties."""
         if prop not in self._properties:
-            self._properties[prop] = frozenset(reached((prop,), self._directly_above))
+            above = [known.properties_above for known in self._axioms]
+            upper = reached((prop,), lambda one: (up for known in above for up in known.get(one, ())))
+            self._properties[prop] = frozenset(upper)
         return self._properties[prop]
-
-    def _directly_above(self, prop: str) -> Iterator[str]:
-        return (upper for known in self._axioms for upper in known.properties_above.get(prop, ()))
 
     def _follow(self, number: int, label: Concept) -> None:
         """Apply every rule that has the label as a premise."""
@@ -154,14 +153,12 @@ class Completion:
 
     def _in_range(self, prop: str, filler: Concept) -> Concept:
         """Intersect a filler with the ranges of the property and its superproperties."""
-        stated, upward = self._stated_above(filler), sorted(self.above(prop))
+        stated = {*reached((filler,), lambda one: (up for known in self._axioms for up in known.above.get(one, ())))}
+        upward = sorted(self.above(prop))
         ranges = (one for known in self._axioms for upper in upward for one in known.ranges.get(upper, ()))
         found = together((filler, *dict.fromkeys(one for one in ranges if one not in stated)))
         assert found is not None
         return found
-
-    def _stated_above(self, concept: Concept) -> set[Concept]:
-        return {*reached((concept,), lambda one: (up for known in self._axioms for up in known.above.get(one, ())))}
 
     def _link(self, source: int, prop: str, target: int, *, is_first: bool = True) -> None:
         node, filler = self.nodes[source], self.nodes[target]

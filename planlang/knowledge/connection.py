@@ -74,10 +74,10 @@ class Connection:
         """Close the connection."""
         self._http.close()
 
-    def get(self, path: str, params: Mapping[str, str] | None = None, *, is_kept: bool = True) -> Reply:
-        """Send a GET request; if the server does not respond and ``is_kept``, return the cached response."""
+    def get(self, path: str, params: Mapping[str, str] | None = None) -> Reply:
+        """Send a GET request; if the server does not respond, return the cached response, if there is one."""
         address = str(httpx.URL(self.url + path, params=params or {}))
-        if not is_kept or self._cache is None:
+        if self._cache is None:
             return self.send("GET", path, params=params)
         before = _unpacked(self._cache.load(address))
         tag = before.headers.get("etag") if before else None
@@ -135,7 +135,8 @@ class Connection:
         if 200 <= reply.status < 300 or reply.status == 304:
             return reply
         problem = refusal(reply.status, reply.body)
-        if reply.status in _UNANSWERED and not _is_problem(reply):
+        is_problem = reply.headers.get("content-type", "").startswith("application/problem+json")
+        if reply.status in _UNANSWERED and not is_problem:
             if self._proxy is not None:
                 raise ProxyFails(f"{self.url} does not answer, or not through {self._proxy}: status {reply.status}")
             raise NoAnswer(f"{self.url} does not answer: status {reply.status}")
@@ -179,10 +180,6 @@ def checked_url(url: str) -> str:
     if parts.username is not None or parts.query or parts.fragment:
         raise ValueError(_BARE)
     return url.rstrip("/")
-
-
-def _is_problem(reply: Reply) -> bool:
-    return reply.headers.get("content-type", "").startswith("application/problem+json")
 
 
 def _pause(number: int) -> float:

@@ -68,7 +68,7 @@ def parse_question(text: str) -> Expression:
     graph = Graph(list(triples))
     try:
         (stated,) = graph.about(f"urn:{_FILE}", OWL.equivalentClass)
-        expression, _ = Expressions(graph).of(stated)
+        expression = Expressions(graph).of(stated)
     except (CannotSay, ValueError) as problem:
         raise BadInput([error("K003", f"this is no question: {problem}", Span(_FILE), _ADVICE)]) from None
     return expression

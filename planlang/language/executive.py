@@ -92,7 +92,11 @@ class RecordedExecutive:
             self._modules.setdefault(id(module), RecordedModule(module, self._recorded))
             for module in self._executive.modules
         ]
-        self._recorded.answer("modules", lambda: list(map(_described, modules)))
+        described = [
+            [one.name, [*map(str, one.actions)], [f"{kind.__module__}.{kind.__qualname__}" for kind in one.failures]]
+            for one in modules
+        ]
+        self._recorded.answer("modules", lambda: described)
         return modules
 
     def ancestors(self, action_type: str) -> Sequence[str]:
@@ -152,8 +156,3 @@ class RecordedExecutive:
 
         while (answer := self._recorded.next_answer(question, following)) is not None:
             yield answer
-
-
-def _described(module: RecordedModule) -> list[Any]:
-    failures = [f"{kind.__module__}.{kind.__qualname__}" for kind in module.failures]
-    return [module.name, list(map(str, module.actions)), failures]

@@ -329,5 +329,5 @@ def _reference(location: Location) -> str:
     while isinstance(reference, Location):
         if not reference.relations:
             return str(location)
-        reference = reference.relations[0].reference
+        reference = reference.relations[0].references[0]
     return reference.name

@@ -13,7 +13,18 @@ Pellet. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction
-from planlang.ontology.ontology import Ontology, load
+from planlang.ontology.ontology import Ontology, load, once_per_ontology
 from planlang.ontology.terms import BNode, Literal, Term, Triple, expand, shorten
 
-__all__ = ["BNode", "Literal", "Ontology", "Restriction", "Term", "Triple", "expand", "load", "shorten"]
+__all__ = [
+    "BNode",
+    "Literal",
+    "Ontology",
+    "Restriction",
+    "Term",
+    "Triple",
+    "expand",
+    "load",
+    "once_per_ontology",
+    "shorten",
+]

@@ -5,12 +5,20 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from enum import Enum
 
 from planlang.ontology.terms import OWL, PREFIXES, RDF, XSD, BNode, Literal, Term, Triple
 
 AXIOM = OWL.Axiom
 ANNOTATION = OWL.Annotation
 _SOURCE, _PROPERTY, _TARGET = (OWL + name for name in ("annotatedSource", "annotatedProperty", "annotatedTarget"))
+
+
+class Sorting(Enum):
+    """What a written graph is sorted by: terms, so that equal graphs give equal texts, or positions in the file."""
+
+    TERMS = "terms"
+    FILE = "file"
 
 
 class CannotSay(Exception):
@@ -23,8 +31,8 @@ class Graph:
     ``written`` holds the triples that have been written; the others are lost.
     """
 
-    def __init__(self, triples: Iterable[Triple], *, by_file: bool = False) -> None:
-        self.triples = labelled(triples, by_file=by_file)
+    def __init__(self, triples: Iterable[Triple], *, order: Sorting = Sorting.TERMS) -> None:
+        self.triples = labelled(triples, order=order)
         self.written: dict[Triple, None] = {}
         self._about: dict[str | BNode, list[Triple]] = {}
         self._with: dict[BNode, list[Triple]] = {}
@@ -40,6 +48,12 @@ class Graph:
                 if len(sources) == len(properties) == len(targets) == 1:
                     key = (sources[0].object, properties[0].object, targets[0].object)
                     self._annotated.setdefault(key, []).append(subject)
+
+    @property
+    def header(self) -> Triple | None:
+        """The triple that declares the ontology, of one with a name if there is any."""
+        headers = [one for one in self.triples if one.predicate == RDF.type and one.object == OWL.Ontology]
+        return next((one for one in headers if isinstance(one.subject, str)), next(iter(headers), None))
 
     def subjects(self) -> tuple[str | BNode, ...]:
         """All subjects, in order."""
@@ -68,22 +82,28 @@ class Graph:
         """Mark triples as written."""
         self.written.update(dict.fromkeys(triples))
 
-    def unwrite(self, number: int) -> None:
-        """Unmark all but the first ``number`` written triples, after a failed attempt to write something."""
-        while len(self.written) > number:
-            self.written.popitem()
+    def attempt(self, triple: Triple, write: Callable[[], list[str]]) -> list[str]:
+        """Texts of what a triple states, which marks it as written; nothing if the syntax cannot express it."""
+        before = len(self.written)
+        try:
+            texts = write()
+        except CannotSay:
+            while len(self.written) > before:
+                self.written.popitem()
+            return []
+        self.write(triple)
+        return texts
 
     def rest(self) -> Iterator[Triple]:
         """Yield the triples that have not been written."""
         return (triple for triple in self.triples if triple not in self.written)
 
-    def items(self, triple: Triple) -> tuple[list[Term], list[Triple]]:
-        """Read the RDF list that is a triple's object: its items, and the triples of its cells.
+    def items(self, triple: Triple) -> list[Triple]:
+        """The triples of the items of the RDF list that is a triple's object; its cells are marked as written.
 
         Raises CannotSay if the list is broken, cyclic or shared.
         """
-        items: list[Term] = []
-        used: list[Triple] = []
+        items: list[Triple] = []
         cell, seen = triple.object, set[Term]()
         while cell != RDF.nil:
             if not isinstance(cell, BNode) or cell in seen or len(self.uses(cell)) != 1:
@@ -92,20 +112,19 @@ class Graph:
             first, rest = self.one(cell, RDF.first), self.one(cell, RDF.rest)
             if first is None or rest is None:
                 raise CannotSay("a list with a cell that lacks its item or its end")
-            used += (first, rest, *(t for t in self.about(cell, RDF.type) if t.object == RDF.List))
-            items.append(first.object)
+            self.write(first, rest, *(t for t in self.about(cell, RDF.type) if t.object == RDF.List))
+            items.append(first)
             cell = rest.object
-        return items, used
+        return items
 
-    def annotations(self, triple: Triple) -> list[BNode]:
-        """Nodes that annotate a triple."""
-        return self._annotated.get((triple.subject, triple.predicate, triple.object), [])
-
-    def notes(self, node: BNode) -> tuple[list[Triple], list[Triple]]:
-        """Split the triples of an annotating node into annotations and links to the annotated triple."""
-        links = (RDF.type, _SOURCE, _PROPERTY, _TARGET)
-        triples = self.about(node)
-        return [t for t in triples if t.predicate not in links], [t for t in triples if t.predicate in links]
+    def annotations(self, triple: Triple, kind: str) -> Iterator[list[Triple]]:
+        """Yield the annotations of a triple, for each node of a kind that has some; they are marked as written."""
+        for node in self._annotated.get((triple.subject, triple.predicate, triple.object), []):
+            stated = self.about(node)
+            notes = [one for one in stated if one.predicate not in (RDF.type, _SOURCE, _PROPERTY, _TARGET)]
+            if notes and self.has(node, RDF.type, kind):
+                self.write(*stated)
+                yield notes
 
 
 MOST_ROUNDS = 60
@@ -115,10 +134,8 @@ MOST_TIES = 200
 """Ties between equally coloured nodes that are broken by choosing one."""
 
 
-def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple]:
+def labelled(triples: Iterable[Triple], *, order: Sorting = Sorting.TERMS) -> list[Triple]:
     """Sort triples without duplicates, and label their blank nodes b1, b2, ... in order of use.
-
-    With ``by_file`` the triples keep the order of their positions in the file.
 
     IRIs come before literals, these before blank nodes. The order depends on the graph only, not on labels or the
     order of the triples. It is computed by colour refinement; ties are broken by the input order, which in real files
@@ -148,7 +165,7 @@ def labelled(triples: Iterable[Triple], *, by_file: bool = False) -> list[Triple
         subject = label(triple.subject)
         assert not isinstance(subject, Literal)
         result.append(Triple(subject, triple.predicate, label(triple.object), triple.span))
-    return sorted(result, key=lambda triple: triple.span) if by_file else result
+    return sorted(result, key=lambda triple: triple.span) if order is Sorting.FILE else result
 
 
 def differences(before: Iterable[Triple], after: Iterable[Triple]) -> tuple[list[Triple], list[Triple]]:

@@ -176,12 +176,8 @@ _FORMS = {
 def malformed(triples: Triples) -> list[Diagnostic]:
     """Find incomplete restrictions, broken lists and literals that do not match their datatype."""
     kinds = (_restrictions(triples), _lists(triples), _values(triples))
-    return [diagnostic for kind in kinds for diagnostic in _bounded(kind)]
-
-
-def _bounded(diagnostics: Iterable[Diagnostic]) -> list[Diagnostic]:
-    every = list(diagnostics)
-    return counted(every[:MOST_WARNINGS], len(every) - MOST_WARNINGS)
+    found = [list(kind) for kind in kinds]
+    return [one for every in found for one in counted(every[:MOST_WARNINGS], len(every) - MOST_WARNINGS)]
 
 
 def _by_subject(triples: Triples, rows: Iterable[int], subjects: set[int]) -> list[list[Triple]]:

@@ -12,7 +12,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.files import decode, position_of
 from planlang.ontology.bson import is_bson
-from planlang.ontology.canonical import differences, labelled
+from planlang.ontology.canonical import Sorting, differences, labelled
 from planlang.ontology.checks import malformed, repair
 from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax, syntax_of
 from planlang.ontology.functional_writer import functional
@@ -49,30 +49,30 @@ class Converted:
 
 
 def write(
-    triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str], *, by_file: bool = False
+    triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str], *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph; also return the triples that the syntax cannot express. Equal graphs give equal texts.
 
-    With ``by_file`` statements keep the order of their positions, and unused prefixes are kept.
+    In the order of the file, unused prefixes are kept, too.
     """
     given = list(triples)
     own = next((t.subject for t in given if t.predicate == RDF.type and t.object == OWL.Ontology), None)
     name = own if isinstance(own, str) else None
     match target:
         case Target.MANCHESTER:
-            return manchester(given, prefixes, by_file=by_file)
+            return manchester(given, prefixes, order=order)
         case Target.TURTLE:
-            return turtle(given, prefixes, name, by_file=by_file), []
+            return turtle(given, prefixes, name, order=order), []
         case Target.NTRIPLES:
-            return ntriples(labelled(given, by_file=by_file)), []
+            return ntriples(labelled(given, order=order)), []
         case Target.FUNCTIONAL:
-            return functional(given, prefixes, by_file=by_file)
+            return functional(given, prefixes, order=order)
         case Target.OWLXML:
             from planlang.ontology.owlxml_writer import owlxml  # which imports lark, in 20 ms
 
-            return owlxml(given, prefixes, by_file=by_file)
+            return owlxml(given, prefixes, order=order)
         case Target.RDFXML:
-            return rdfxml(given, prefixes, name, by_file=by_file)
+            return rdfxml(given, prefixes, name, order=order)
 
 
 def excerpt(triples: Iterable[Triple], target: Target, prefixes: Mapping[str, str]) -> str:
@@ -88,7 +88,7 @@ def convert(path: Path, target: Target, value: Callable[[Literal], Literal] | No
     with the file; diagnostics list statements that are lost or expressed differently, and the mistakes that were
     repaired on reading. Raises BadInput if the file cannot be read.
     """
-    return convert_content(read_bytes(path), path, target, value, by_file=True)
+    return convert_content(read_bytes(path), path, target, value, order=Sorting.FILE)
 
 
 def convert_content(
@@ -97,12 +97,9 @@ def convert_content(
     target: Target,
     value: Callable[[Literal], Literal] | None = None,
     *,
-    by_file: bool = False,
+    order: Sorting = Sorting.TERMS,
 ) -> Converted:
-    """Convert the content of a file, which need not exist (any more), as :func:`convert` does.
-
-    Without ``by_file`` statements are sorted, so that equal graphs give equal texts.
-    """
+    """Convert the content of a file, which need not exist (any more), as :func:`convert` does."""
     file = str(path)
     base = base_of(path)
     parsed = read_syntax(content, file, base=base, label="b")
@@ -112,8 +109,8 @@ def convert_content(
         triples = [
             replace(one, object=value(one.object)) if isinstance(one.object, Literal) else one for one in triples
         ]
-    beside = _beside(content, file, parsed.prefixes, target) if by_file else []
-    text, lost = write(triples, target, parsed.prefixes, by_file=by_file)
+    beside = _beside(content, file, parsed.prefixes, target) if order is Sorting.FILE else []
+    text, lost = write(triples, target, parsed.prefixes, order=order)
     again = read_syntax(text.encode(), "the text", base=base, label="b").triples if text.strip() else ()
     compared = _compared(triples, lost, again, target, Span(file))
     diagnostics = (*parsed.diagnostics, *repairs, *malformed(parsed.triples), *compared, *beside)

@@ -254,12 +254,7 @@ def is_bundled(path: Path) -> bool:
     if path.suffix != ".omn":
         return False
     real = path.resolve()
-    return any(real.is_relative_to(folder) for folder in _own_folders())
-
-
-@cache
-def _own_folders() -> tuple[Path, ...]:
-    return bundled("ontologies").resolve(), bundled("recipes").resolve()
+    return any(real.is_relative_to(bundled(folder).resolve()) for folder in ("ontologies", "recipes"))
 
 
 def stated(path: Path) -> tuple[str, ...]:

@@ -116,66 +116,67 @@ class Words:
 
 
 class Expressions:
-    """Reads expressions from a graph. Raises CannotSay for a blank node that is no expression."""
+    """Reads expressions from a graph, and marks their triples as written.
+
+    Raises CannotSay for a blank node that is no expression.
+    """
 
     def __init__(self, graph: Graph, data_properties: Container[Term] = ()) -> None:
         self._graph = graph
         self._data_properties = data_properties
 
-    def of(self, triple: Triple) -> tuple[Expression, list[Triple]]:
-        """Read the expression that is a triple's object; also return its triples, including this one."""
-        used = [triple]
-        return self._read(triple.object, triple, used, DEEPEST), used
+    def of(self, triple: Triple) -> Expression:
+        """Read the expression that is a triple's object."""
+        self._graph.write(triple)
+        return self._read(triple.object, triple, DEEPEST)
 
-    def about(self, subject: str | BNode, at: Triple) -> tuple[Expression, list[Triple]]:
-        """Read the expression stated of a subject; also return its triples."""
-        used: list[Triple] = []
-        return self._node(subject, at, used, DEEPEST), used
+    def about(self, subject: str | BNode, at: Triple) -> Expression:
+        """Read the expression stated of a subject."""
+        return self._node(subject, at, DEEPEST)
 
-    def _read(self, term: Term, at: Triple, used: list[Triple], depth: int) -> Expression:
+    def _read(self, term: Term, at: Triple, depth: int) -> Expression:
         if not isinstance(term, BNode):
             return Expression("name", at.span, term)
         if len(self._graph.uses(term)) != 1:
             raise CannotSay("an expression that is used twice")
-        return self._node(term, at, used, depth)
+        return self._node(term, at, depth)
 
-    def _node(self, node: str | BNode, at: Triple, used: list[Triple], depth: int) -> Expression:
+    def _node(self, node: str | BNode, at: Triple, depth: int) -> Expression:
         if depth == 0:
             raise CannotSay("expressions nested too deep")
         graph = self._graph
         if (prop := graph.one(node, OWL.onProperty)) is not None:
-            used += (prop, *self._types(node, (OWL.Restriction,)))
-            return self._restriction(node, self._read(prop.object, prop, used, depth - 1), at, used, depth)
+            graph.write(prop, *self._types(node, (OWL.Restriction,)))
+            return self._restriction(node, self._read(prop.object, prop, depth - 1), at, depth)
         if (base := graph.one(node, OWL.inverseOf)) is not None and isinstance(base.object, str):
-            used.append(base)
+            graph.write(base)
             return Expression("inverse", at.span, parts=(Expression("name", at.span, base.object),))
         if (base := graph.one(node, OWL.onDatatype)) is not None and isinstance(base.object, str):
-            used += (base, *self._types(node, (RDFS.Datatype,)))
-            return self._facets(node, base.object, at, used)
+            graph.write(base, *self._types(node, (RDFS.Datatype,)))
+            return self._facets(node, base.object, at)
         forms = [(kind, triple) for form, kind in FORMS.items() for triple in graph.about(node, form)]
         if len(forms) != 1:
             raise CannotSay("a blank node that is no expression")
         kind, triple = forms[0]
         types = self._types(node, (OWL.Class, RDFS.Datatype))
-        used += (triple, *types)
+        graph.write(triple, *types)
         data = any(one.object == RDFS.Datatype for one in types)
         if kind == "not":
-            return Expression(kind, at.span, parts=(self._read(triple.object, triple, used, depth - 1),), data=data)
-        items, cells = graph.items(triple)
-        used += cells
+            return Expression(kind, at.span, parts=(self._read(triple.object, triple, depth - 1),), data=data)
+        items = [item.object for item in graph.items(triple)]
         if not items:
             raise CannotSay(f"no members of {kind}")
         if len(items) == 1 and kind != "one of":
-            return self._item(items[0], at, used, depth, kind)  # equivalent, and the syntax has no junction of one
-        parts = tuple(self._item(item, at, used, depth, kind) for item in items)
+            return self._item(items[0], at, depth, kind)  # equivalent, and the syntax has no junction of one
+        parts = tuple(self._item(item, at, depth, kind) for item in items)
         return Expression(kind, at.span, parts=parts, data=data)
 
-    def _item(self, item: Term, at: Triple, used: list[Triple], depth: int, kind: str) -> Expression:
+    def _item(self, item: Term, at: Triple, depth: int, kind: str) -> Expression:
         if kind == "one of":
             return Expression("name", at.span, item)
         if isinstance(item, Literal):
             raise CannotSay("a value among classes")
-        return self._read(item, at, used, depth - 1)
+        return self._read(item, at, depth - 1)
 
     def _types(self, node: str | BNode, kinds: tuple[str, ...]) -> list[Triple]:
         """Triples that declare a blank node as one of these kinds of expression; at most one."""
@@ -183,15 +184,13 @@ class Expressions:
             return []
         return [triple for triple in self._graph.about(node, RDF.type) if triple.object in kinds][:1]
 
-    def _restriction(
-        self, node: str | BNode, prop: Expression, at: Triple, used: list[Triple], depth: int
-    ) -> Expression:
+    def _restriction(self, node: str | BNode, prop: Expression, at: Triple, depth: int) -> Expression:
         graph = self._graph
         fillers = [t for t in graph.about(node) if t.predicate in _FILLERS]
         numbers = [t for t in graph.about(node) if t.predicate in _NUMBERS]
         if len(fillers) + len(numbers) != 1 or prop.kind not in ("name", "inverse"):
             raise CannotSay("a restriction with no filler, or with several")
-        used += fillers + numbers
+        graph.write(*fillers, *numbers)
         data = prop.term in self._data_properties
         if fillers:
             (triple,) = fillers
@@ -209,7 +208,7 @@ class Expressions:
                 )
             if isinstance(triple.object, Literal):
                 raise CannotSay("a value where a class belongs")
-            filler = self._read(triple.object, triple, used, depth - 1)
+            filler = self._read(triple.object, triple, depth - 1)
             return Expression(kind, at.span, parts=(prop, filler), data=data or filler.is_range)
         (triple,) = numbers
         text = triple.object.value if isinstance(triple.object, Literal) else ""
@@ -220,26 +219,24 @@ class Expressions:
         if ("ualified" in triple.predicate) != (len(qualifiers) == 1):
             raise CannotSay("a cardinality with no class, or with several")
         for qualifier in qualifiers:
-            used.append(qualifier)
-            parts.append(self._read(qualifier.object, qualifier, used, depth - 1))
+            graph.write(qualifier)
+            parts.append(self._read(qualifier.object, qualifier, depth - 1))
             data = data or qualifier.predicate == OWL.onDataRange
         kind = _NUMBERS[triple.predicate]
         return Expression(kind, at.span, parts=tuple(parts), number=int(text), data=data)
 
-    def _facets(self, node: str | BNode, base: str, at: Triple, used: list[Triple]) -> Expression:
+    def _facets(self, node: str | BNode, base: str, at: Triple) -> Expression:
         graph = self._graph
         listed = graph.one(node, OWL.withRestrictions)
         if listed is None:
             raise CannotSay("a datatype without its restrictions")
-        used.append(listed)
-        items, cells = graph.items(listed)
-        used += cells
+        graph.write(listed)
         facets: list[tuple[str, Literal]] = []
-        for item in items:
-            stated = graph.about(item) if isinstance(item, BNode) else []
+        for item in graph.items(listed):
+            stated = graph.about(item.object) if isinstance(item.object, BNode) else []
             if len(stated) != 1 or stated[0].predicate not in _FACETS or not isinstance(stated[0].object, Literal):
                 raise CannotSay("an unknown facet")
-            used += stated
+            graph.write(*stated)
             facets.append((stated[0].predicate, stated[0].object))
         if not facets:
             raise CannotSay("a datatype without restrictions")
@@ -266,7 +263,7 @@ def expression_of(ontology: Ontology, term: Term, span: Span) -> Expression | No
     graph = Graph(triples)
     try:
         (root,) = graph.about(_ROOT)
-        return Expressions(graph).of(root)[0]
+        return Expressions(graph).of(root)
     except CannotSay:
         return None
 

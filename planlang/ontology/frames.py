@@ -193,15 +193,15 @@ class Frames:
     def entity_annotations(self, children: Children) -> None:
         self._out.annotate(self._subject, children[0], OWL.Axiom)
 
-    def _annotated(self, children: Children) -> tuple[list[Annotation], Any]:
+    def annotated_iri(self, children: Children) -> tuple[list[Annotation], Any]:
         return (children[0] if isinstance(children[0], list) else [], children[-1])
 
-    annotated_description = annotated_iri = annotated_property = annotated_individual = characteristic = _annotated
+    annotated_description = annotated_property = annotated_individual = characteristic = annotated_iri
 
-    def _items(self, children: Children) -> Children:
+    def annotations(self, children: Children) -> Children:
         return children
 
-    annotations = descriptions = iris = properties = individuals = characteristic_list = facts = _items
+    descriptions = iris = properties = individuals = characteristic_list = facts = annotations
 
     # the document
 

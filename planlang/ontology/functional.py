@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Any
 
 from lark import Token, UnexpectedInput
@@ -50,16 +49,12 @@ def read_functional(content: bytes | str, file: str, *, base: str, label: str = 
     return Parsed(reader.structures.out.triples, reader.structures.warnings, reader.names.prefixes)
 
 
-def _shown(word: str, parts: Sequence[str]) -> str:
-    return f"{word}({' '.join(parts)})"
-
-
 class _Reader:
     """Callbacks of the grammar's rules."""
 
     def __init__(self, text: str, file: str, base: str, label: str) -> None:
         self.names = Names.of(base, "Prefix({}:=<{}>)")
-        self.structures = Structures(file, label, self.names, _shown)
+        self.structures = Structures(file, label, self.names, lambda word, parts: f"{word}({' '.join(parts)})")
         self._text = text
         self._file = file
         self._head: Span | None = None

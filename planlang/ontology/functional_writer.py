@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
-from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph
+from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Sorting
 from planlang.ontology.canonical import Names as Prefixes
 from planlang.ontology.expression_text import Expressions, Words
 from planlang.ontology.expressions import Expression
@@ -38,15 +38,14 @@ _SEVERAL = {
 
 
 def functional(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph; also return the triples that functional syntax cannot express.
 
-    The same graph gives the same text. With ``by_file`` axioms keep the order of their positions, and unused prefixes
-    are kept.
+    Equal graphs give equal texts if sorted. In the order of the file, unused prefixes are kept, too.
     """
-    graph = Graph(triples, by_file=by_file)
-    return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
+    graph = Graph(triples, order=order)
+    return _Writer(graph, prefixes, order=order).text(), list(graph.rest())
 
 
 class _FunctionalWords(Words):
@@ -78,12 +77,11 @@ class _FunctionalWords(Words):
 
 
 class _Writer:
-    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, by_file: bool) -> None:
+    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, order: Sorting) -> None:
         self._graph = graph
-        self._by_file = by_file
-        self._declared = prefixes if by_file else None
-        headers = [one for one in graph.triples if one.predicate == RDF.type and one.object == OWL.Ontology]
-        self._header = next((one for one in headers if isinstance(one.subject, str)), next(iter(headers), None))
+        self._order = order
+        self._declared = prefixes if order is Sorting.FILE else None
+        self._header = graph.header
         own = self._header.subject if self._header is not None else None
         self._names = Prefixes(prefixes, own if isinstance(own, str) else None)
         self._words = _FunctionalWords(self._names)
@@ -93,11 +91,17 @@ class _Writer:
 
     def text(self) -> str:
         head = self._head()
-        stated = [(triple.span, text) for triple in self._in_order() for text in self._attempt(triple)]
-        if self._by_file:
+        unwritten = (triple for triple in self._in_order() if triple not in self._graph.written)
+        stated = [
+            (triple.span, text)
+            for triple in unwritten
+            for text in self._graph.attempt(triple, partial(self._statement, triple))
+        ]
+        if self._order is Sorting.FILE:
             stated.sort(key=lambda one: one[0])
         axioms = [text for _, text in stated]
-        axioms = axioms if self._by_file else sorted(axioms, key=lambda text: (not text.startswith("Decl"), text))
+        if self._order is Sorting.TERMS:
+            axioms.sort(key=lambda text: (not text.startswith("Decl"), text))
         prefixes = [f"Prefix({name}:=<{space}>)\n" for name, space in self._names.used(self._declared)]
         standard = {prefix.partition(":=")[0] for prefix in prefixes}
         prefixes += [
@@ -128,24 +132,13 @@ class _Writer:
                 graph.write(*versions)
         for triple in sorted(graph.about(subject), key=lambda one: one.predicate != OWL.imports):  # imports come first
             if triple.predicate == OWL.imports and isinstance(triple.object, str):
-                lines += self._try([triple], partial(self._import, triple.object))
+                lines += graph.attempt(triple, partial(self._import, triple.object))
             elif triple.predicate not in (RDF.type, OWL.versionIRI, OWL.imports):
-                lines += self._try([triple], partial(self._annotation, triple))
+                lines += graph.attempt(triple, partial(self._annotation, triple))
         return "\n".join(lines)
 
     def _import(self, iri: str) -> list[str]:
         return [f"Import({self._words.full(iri)})"]
-
-    def _try(self, triples: Sequence[Triple], write: Callable[[], list[str]]) -> list[str]:
-        """Write triples and mark them as written; nothing if the syntax cannot express them."""
-        before = len(self._graph.written)
-        try:
-            texts = write()
-        except CannotSay:
-            self._graph.unwrite(before)
-            return []
-        self._graph.write(*triples)
-        return texts
 
     # annotations
 
@@ -156,13 +149,7 @@ class _Writer:
 
     def _noted(self, triple: Triple, kind: str = AXIOM) -> list[str]:
         """Write the annotations of a triple, for each node that has some, with a space at the end."""
-        written = []
-        for node in self._graph.annotations(triple):
-            notes, links = self._graph.notes(node)
-            if notes and self._graph.has(node, RDF.type, kind):
-                written.append(self._all(notes))
-                self._graph.write(*notes, *links)
-        return written
+        return [self._all(notes) for notes in self._graph.annotations(triple, kind)]
 
     def _all(self, notes: Iterable[Triple]) -> str:
         return "".join(f"{text} " for note in notes for text in self._annotation(note))
@@ -171,10 +158,6 @@ class _Writer:
         return [f"{word}({note}{parts})" for note in self._noted(triple) or [""]]
 
     # axioms
-
-    def _attempt(self, triple: Triple) -> Iterator[str]:
-        if triple not in self._graph.written:
-            yield from self._try([triple], lambda: self._statement(triple))
 
     def _statement(self, triple: Triple) -> list[str]:
         """Write the axiom that a triple states. Raises CannotSay if it is a part of one, or states none."""
@@ -217,12 +200,7 @@ class _Writer:
 
     def _object(self, triple: Triple, word: str, place: int = 1) -> str:
         """Write the object of a triple, which is a part of an axiom at a place. Raises CannotSay if it cannot be."""
-        expression, used = self._expressions.of(triple)
-        if not fits(word, [expression], place):
-            raise CannotSay(f"a part that {word} cannot have")
-        text = self._words.text(expression)
-        self._graph.write(*used)
-        return text
+        return self._part(self._expressions.of(triple), word, place)
 
     def _subject(self, triple: Triple, word: str) -> str:
         """Write the subject of an axiom: a name, or an expression that nothing else uses."""
@@ -230,12 +208,12 @@ class _Writer:
             return self._words.name(triple.subject)
         if self._graph.uses(triple.subject):
             raise CannotSay("an expression that is used twice")
-        expression, used = self._expressions.about(triple.subject, triple)
-        if not fits(word, [expression], 0):
+        return self._part(self._expressions.about(triple.subject, triple), word, 0)
+
+    def _part(self, expression: Expression, word: str, place: int) -> str:
+        if not fits(word, [expression], place):
             raise CannotSay(f"a part that {word} cannot have")
-        text = self._words.text(expression)
-        self._graph.write(*used)
-        return text
+        return self._words.text(expression)
 
     def _of(self, *terms: Term) -> str:
         """Kind of properties among which these are, for the word of an axiom."""
@@ -277,12 +255,10 @@ class _Writer:
         return self._axiom(triple, word, f"{subject} {' '.join(texts)}")
 
     def _members(self, triple: Triple, word: str, least: int) -> list[tuple[str, Term]]:
-        items, cells = self._graph.items(triple)
-        if len(items) < least or any(isinstance(item, Literal) for item in items):
+        items = self._graph.items(triple)
+        if len(items) < least or any(isinstance(item.object, Literal) for item in items):
             raise CannotSay("too few items, or values among them")
-        written = [(self._object(cell, word, -1), cell.object) for cell in cells if cell.predicate == RDF.first]
-        self._graph.write(*cells)
-        return written
+        return [(self._object(item, word, -1), item.object) for item in items]
 
     def _several(self, typed: Triple, word: str) -> list[str]:
         graph, node = self._graph, typed.subject
@@ -290,13 +266,12 @@ class _Writer:
         if len(members) != 1 or not isinstance(node, BNode):
             raise CannotSay("no members, or several lists of them")
         if word == "DifferentIndividuals":
-            items, cells = graph.items(members[0])
+            items = [item.object for item in graph.items(members[0])]
             if any(isinstance(item, Literal) for item in items):
                 raise CannotSay("values among individuals")
             written = [(self._words.term(item), item) for item in items]
-            graph.write(*cells)
         else:
-            word = word.format(self._of(*graph.items(members[0])[0]))
+            word = word.format(self._of(*(item.object for item in graph.items(members[0]))))
             written = self._members(members[0], word, 2)
         if len(written) < 2:
             raise CannotSay("too few items")

@@ -44,13 +44,11 @@ def _told(triples: Triples, wanted: set[int]) -> set[int]:
         if value in wanted:
             (others if predicate == kind else told).add(value)
         if subject in wanted:
-            is_individual = predicate != above and (predicate != kind or not _is_kind(triples.name(value)))
+            cls = triples.name(value) or ""
+            is_kind = cls.startswith((OWL, RDF, RDFS)) and cls.endswith(("Class", "Property"))
+            is_individual = predicate != above and (predicate != kind or not is_kind)
             (told if is_individual else others).add(subject)
     return told - others
-
-
-def _is_kind(cls: str | None) -> bool:
-    return cls is not None and cls.startswith((OWL, RDF, RDFS)) and cls.endswith(("Class", "Property"))
 
 
 def _standing(standing: Mapping[str, str], name: str) -> str:

@@ -229,7 +229,7 @@ class ImportMap:
         """
         if not path:
             return
-        names = _names(path[-1])
+        names = dict.fromkeys((path[-1], *(_stem(path[-1]) + suffix for suffix in _SUFFIXES)))
         parents = path[:-1]
         yield from (beside.joinpath(*parents, name) for name in names)
         yield from (Path("/", *parents, name) for name in names if ".." not in parents)
@@ -275,10 +275,6 @@ def _split(target: str) -> tuple[str, tuple[str, ...]]:
         rest = rest.partition("/")[2]
     rest = _TEMPLATE.sub("", unquote(rest.partition("#")[0]).replace("\\", "/"))
     return scheme, tuple([part for part in rest.split("/") if part not in ("", ".")][-LONGEST_PATH:])
-
-
-def _names(name: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys((name, *(_stem(name) + suffix for suffix in _SUFFIXES))))
 
 
 def _stem(name: str) -> str:

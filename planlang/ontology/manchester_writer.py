@@ -2,41 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field
 from functools import partial
 
-from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names
+from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names, Sorting
 from planlang.ontology.expression_text import FORMS, Expressions, Words
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
 
 def manchester(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph; also return the triples that Manchester syntax cannot express.
 
-    The same graph gives the same text. Undeclared entities get a frame, which declares them. With ``by_file`` frames
-    and their items keep the order of their positions, and unused prefixes are kept.
+    Equal graphs give equal texts if sorted. In the order of the file, unused prefixes are kept, too. Undeclared
+    entities get a frame, which declares them.
     """
-    graph = Graph(triples, by_file=by_file)
-    return _Writer(graph, prefixes, by_file=by_file).text(), list(graph.rest())
+    graph = Graph(triples, order=order)
+    return _Writer(graph, prefixes, order=order).text(), list(graph.rest())
 
 
 class _Writer:
-    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, by_file: bool) -> None:
+    def __init__(self, graph: Graph, prefixes: Mapping[str, str], *, order: Sorting) -> None:
         self._graph = graph
-        self._by_file = by_file
-        self._declared = prefixes if by_file else None
-        self._ontology = next(
-            (
-                t
-                for t in graph.triples
-                if t.predicate == RDF.type and t.object == OWL.Ontology and isinstance(t.subject, str)
-            ),
-            next((t for t in graph.triples if t.predicate == RDF.type and t.object == OWL.Ontology), None),
-        )
+        self._order = order
+        self._declared = prefixes if order is Sorting.FILE else None
+        self._ontology = graph.header
         own = self._ontology.subject if self._ontology is not None else None
         self._names = Names(prefixes, own if isinstance(own, str) else None)
         self._words = Words(self._names)
@@ -54,19 +47,17 @@ class _Writer:
         for subject in subjects:
             if isinstance(subject, BNode) and (self._ontology is None or subject != self._ontology.subject):
                 self._blank_node(subject)
-        keys = list(self._frames) if self._by_file else sorted(self._frames, key=self._place)
-        frames = [self._frames[key].text(by_file=self._by_file) for key in keys]
+        keys = list(self._frames) if self._order is Sorting.FILE else sorted(self._frames, key=self._place)
+        frames = [self._frames[key].text(order=self._order) for key in keys]
         several = [text for text in (*found, *self._pairs) if text]
-        several = several if self._by_file else sorted(several)
-        parts = [self._prefixes(), header, *frames, *several]
+        several = several if self._order is Sorting.FILE else sorted(several)
+        prefixes = "".join(f"Prefix: {name}: <{space}>\n" for name, space in self._names.used(self._declared))
+        parts = [prefixes, header, *frames, *several]
         return "\n".join(part for part in parts if part)
 
     def _place(self, key: tuple[str, str | BNode]) -> tuple[int, bool, str]:
         word, subject = key
         return list(FRAMES.values()).index(word), isinstance(subject, BNode), str(subject)
-
-    def _prefixes(self) -> str:
-        return "".join(f"Prefix: {name}: <{space}>\n" for name, space in self._names.used(self._declared))
 
     # the ontology
 
@@ -85,28 +76,16 @@ class _Writer:
         lines = [line]
         for triple in self._graph.about(subject, OWL.imports):
             if isinstance(triple.object, str):
-                lines += self._attempt([triple], partial(_import, triple))
+                lines += self._graph.attempt(triple, partial(_import, triple))
         notes = [
             note
             for triple in self._graph.about(subject)
             if triple.predicate not in (RDF.type, OWL.imports, OWL.versionIRI)
-            for text in self._attempt([triple], partial(self._joined, triple))
-            for note in text.split("\0")
+            for note in self._graph.attempt(triple, partial(self._annotation, triple))
         ]
         if notes:
             lines.append(section("Annotations", notes))
         return "\n".join(lines) + "\n"
-
-    def _attempt(self, triples: list[Triple], write: Callable[[], str]) -> Iterator[str]:
-        """Yield the text of triples and mark them as written; nothing if the syntax cannot express them."""
-        before = len(self._graph.written)
-        try:
-            text = write()
-        except CannotSay:
-            self._graph.unwrite(before)
-            return
-        self._graph.write(*triples)
-        yield text
 
     # annotations
 
@@ -115,18 +94,9 @@ class _Writer:
         words = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
         return [note + words for note in self._notes(triple, kind)] or [words]
 
-    def _joined(self, triple: Triple) -> str:
-        return "\0".join(self._annotation(triple))
-
     def _notes(self, triple: Triple, kind: str = AXIOM) -> list[str]:
         """Write ``Annotations: ...`` for each node that annotates a triple."""
-        written = []
-        for node in self._graph.annotations(triple):
-            annotations, links = self._graph.notes(node)
-            if annotations and self._graph.has(node, RDF.type, kind):
-                written.append(self._noted(annotations))
-                self._graph.write(*annotations, *links)
-        return written
+        return [self._noted(annotations) for annotations in self._graph.annotations(triple, kind)]
 
     def _noted(self, notes: list[Triple]) -> str:
         """Write ``Annotations: ...`` and a space; empty without annotations."""
@@ -154,7 +124,7 @@ class _Writer:
         if not any(t.predicate == RDF.type and t.object in FRAMES for t in triples):  # a frame would declare it
             for triple in triples:
                 if triple.predicate in PAIRS:
-                    self._pairs += self._attempt([triple], partial(self._pair, subject, triple))
+                    self._pairs += self._graph.attempt(triple, partial(self._pair, subject, triple))
             triples = [triple for triple in triples if triple not in self._graph.written]
             if not triples:
                 return
@@ -165,16 +135,13 @@ class _Writer:
             )
             if word is not None:
                 frame = self._frame(word, subject)
-                for noted in self._attempt([triple], partial(self._head, triple)):
-                    frame.heads = noted.split("\0")
+                name = self._words.term(triple.subject)
+                frame.heads = self._graph.attempt(triple, partial(self._annotated, triple, name)) or frame.heads
         for word in words:
             self._frame(word, subject)
         for triple in triples:
             if triple not in self._graph.written:
                 self._statement(triple, words)
-
-    def _head(self, triple: Triple) -> str:
-        return "\0".join(self._annotated(triple, self._words.term(triple.subject)))
 
     def _words_of(self, subject: str | BNode, triples: list[Triple]) -> tuple[str, ...]:
         """Choose the kinds of frames of a subject: from its declarations, else from the statements about it."""
@@ -216,7 +183,14 @@ class _Writer:
             self._put(triple, words, places, name, lambda: self._expression(triple))
         elif predicate in LISTS:
             name, place, between = LISTS[predicate]
-            self._put(triple, words, (place,), name, lambda: self._list(triple, between))
+            least = 2 if between == " o " else 1
+            self._put(
+                triple,
+                words,
+                (place,),
+                name,
+                lambda: self._annotated(triple, self._members(triple, between, at_least=least)),
+            )
         elif predicate in FORMS:
             self._put(triple, words, ("Class",), "EquivalentTo", lambda: self._direct(triple))
         elif not predicate.startswith(LANGUAGES) or predicate in ANNOTATING:
@@ -241,8 +215,8 @@ class _Writer:
         word = next((word for word in words if word in places), None)
         if word is None:
             return
-        for text in self._attempt([triple], lambda: "\0".join(write())):
-            self._frame(word, triple.subject).sections.setdefault(section, []).extend(text.split("\0"))
+        if texts := self._graph.attempt(triple, write):
+            self._frame(word, triple.subject).sections.setdefault(section, []).extend(texts)
 
     def _expression(self, triple: Triple) -> list[str]:
         text = self._plain(triple)
@@ -254,35 +228,21 @@ class _Writer:
             return self._words.term(triple.object)
         if isinstance(triple.object, Literal):
             raise CannotSay("a value where a name belongs")
-        expression, used = self._expressions.of(triple)
-        text = self._words.text(expression)
-        self._graph.write(*used)
-        return text
+        return self._words.text(self._expressions.of(triple))
 
     def _direct(self, triple: Triple) -> list[str]:
         """Write ``owl:intersectionOf`` and the like that are stated of a named class, as in OWL 1."""
-        expression, used = self._expressions.about(triple.subject, triple)
-        text = self._words.text(expression)
-        self._graph.write(*used)
-        return self._annotated(triple, text)
-
-    def _list(self, triple: Triple, between: str) -> list[str]:
-        return self._annotated(triple, self._members(triple, between, at_least=2 if between == " o " else 1))
+        return self._annotated(triple, self._words.text(self._expressions.about(triple.subject, triple)))
 
     def _members(self, triple: Triple, between: str, *, at_least: int) -> str:
-        items, cells = self._graph.items(triple)
-        if len(items) < at_least:
-            raise CannotSay("too few items")
-        written = []
-        for cell in cells:
-            if cell.predicate == RDF.first:
-                if isinstance(cell.object, Literal):
-                    raise CannotSay("a value where a name belongs")
-                expression, used = self._expressions.of(cell)
-                written.append(self._words.text(expression))
-                self._graph.write(*used)
-        self._graph.write(*cells)
-        return between.join(written)
+        items = self._items(triple, at_least)
+        return between.join(self._words.text(self._expressions.of(item)) for item in items)
+
+    def _items(self, triple: Triple, at_least: int) -> list[Triple]:
+        items = self._graph.items(triple)
+        if len(items) < at_least or any(isinstance(item.object, Literal) for item in items):
+            raise CannotSay("too few items, or values among them")
+        return items
 
     def _fact(self, triple: Triple) -> list[str]:
         fact = f"{self._words.name(triple.predicate)} {self._words.term(triple.object)}"
@@ -302,13 +262,13 @@ class _Writer:
         for kind, word in SEVERAL.items():
             for typed in graph.about(node, RDF.type):
                 if typed.object == OWL + kind:
-                    return next(self._attempt([typed], partial(self._several, typed, word)), None)
+                    return next(iter(graph.attempt(typed, partial(self._several, typed, word))), None)
         triples = [triple for triple in graph.about(node) if triple.predicate in PAIRS]
         if not triples or graph.uses(node):
             return None
-        return next(self._attempt(triples[:1], partial(self._pair, node, triples[0])), None)
+        return "\n".join(graph.attempt(triples[0], partial(self._pair, node, triples[0])))
 
-    def _several(self, typed: Triple, word: str) -> str:
+    def _several(self, typed: Triple, word: str) -> list[str]:
         members = [t for t in self._graph.about(typed.subject) if t.predicate in (OWL.members, OWL.distinctMembers)]
         if len(members) != 1:
             raise CannotSay("no members, or several lists of them")
@@ -316,28 +276,22 @@ class _Writer:
         items = names(members[0], ", ", at_least=2)
         notes = [t for t in self._graph.about(typed.subject) if t not in (typed, members[0])]
         self._graph.write(members[0], *notes)
-        return f"{word}: {self._noted(notes)}{items}\n"
+        return [f"{word}: {self._noted(notes)}{items}\n"]
 
     def _individuals(self, triple: Triple, between: str, *, at_least: int) -> str:
-        items, cells = self._graph.items(triple)
-        if len(items) < at_least or any(isinstance(item, Literal) for item in items):
-            raise CannotSay("too few items, or values among them")
-        self._graph.write(*cells)
-        return between.join(map(self._words.term, items))
+        return between.join(self._words.term(item.object) for item in self._items(triple, at_least))
 
-    def _pair(self, subject: str | BNode, triple: Triple) -> str:
+    def _pair(self, subject: str | BNode, triple: Triple) -> list[str]:
         """Write an axiom that relates two entities; the first is a name or an expression."""
         if isinstance(subject, str):
             first = self._words.name(subject)
         elif triple.predicate in (OWL.sameAs, OWL.differentFrom):
             raise CannotSay("an individual has a frame")
         else:
-            expression, used = self._expressions.about(subject, triple)
-            first = self._words.text(expression)
-            self._graph.write(*used)
+            first = self._words.text(self._expressions.about(subject, triple))
         item = self._plain(triple)
         notes = self._notes(triple) or [""]
-        return "\n".join(f"{PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes)
+        return [f"{PAIRS[triple.predicate]}: {note}{first}, {item}\n" for note in notes]
 
     def _negative(self, node: BNode) -> None:
         graph = self._graph
@@ -357,8 +311,8 @@ class _Writer:
         sources = graph.about(node, OWL.sourceIndividual)
         if len(sources) == 1 and not isinstance(sources[0].object, Literal):
             subject = sources[0].object
-            for text in self._attempt(triples, lambda: "\0".join(write())):
-                self._frame("Individual", subject).sections.setdefault("Facts", []).extend(text.split("\0"))
+            if texts := graph.attempt(sources[0], write):
+                self._frame("Individual", subject).sections.setdefault("Facts", []).extend(texts)
 
     def _blank_node(self, node: BNode) -> None:
         for triple in self._graph.about(node):
@@ -366,11 +320,11 @@ class _Writer:
                 self._statement(triple, ("Individual",))
 
 
-def _import(triple: Triple) -> str:
+def _import(triple: Triple) -> list[str]:
     address = triple.object
     if not isinstance(address, str) or set(address) & set(' <>"{}|^`\\\n\r\t'):
         raise CannotSay("an import whose address is no valid IRI")
-    return f"    Import: <{address}>"
+    return [f"    Import: <{address}>"]
 
 
 WIDTH = 120
@@ -453,11 +407,11 @@ class Frame:
     heads: list[str]
     sections: dict[str, list[str]] = field(default_factory=dict)
 
-    def text(self, *, by_file: bool) -> str:
+    def text(self, *, order: Sorting) -> str:
         lines = [f"{self.word}: {head}" for head in self.heads]
         for name in ORDER:
             items = self.sections.get(name, [])
-            items = items if by_file else sorted(items, key=lambda item: (" " in item, item))
+            items = items if order is Sorting.FILE else sorted(items, key=lambda item: (" " in item, item))
             if items:
                 single = name in SINGLE or (self.word, name) == ("Datatype", "EquivalentTo")
                 alone = [item for item in items if single or item.startswith("Annotations: ")]

@@ -53,16 +53,13 @@ def canonical(iri: str) -> str:
 
 def use_canonical_names(triples: Triples) -> Iterator[Diagnostic]:
     """Rename terms of old vocabularies, with a note for each vocabulary at its first use."""
-    old = {number: term for term, number in triples.numbers.items() if isinstance(term, str) and _is_old(term)}
+    names = ((term, number) for term, number in triples.numbers.items() if isinstance(term, str))
+    old = {number: term for term, number in names if term.startswith(_MOVED_FROM) and canonical(term) != term}
     if not old:
         return
     notes = list(_notes(triples, old))
     triples.rename({term: canonical(term) for term in old.values()})
     yield from notes
-
-
-def _is_old(term: str) -> bool:
-    return term.startswith(_MOVED_FROM) and canonical(term) != term
 
 
 def _notes(triples: Triples, old: dict[int, str]) -> Iterator[Diagnostic]:

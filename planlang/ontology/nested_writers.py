@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
-from planlang.ontology.canonical import Names, Subjects, labelled
+from planlang.ontology.canonical import Names, Sorting, Subjects, labelled
 from planlang.ontology.terms import RDF, BNode, Literal, Term, Triple
 
 _ILLEGAL_IN_IRI = re.compile(r'[\x00-\x20<>"{}|^`\\]')
@@ -50,23 +50,23 @@ DEEPEST_IN_TURTLE = 40
 
 
 def turtle(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, order: Sorting = Sorting.TERMS
 ) -> str:
     """Write a graph as Turtle; the same graph gives the same text. ``own`` is the ontology IRI.
 
-    With ``by_file`` statements keep the order of their positions, and unused prefixes are kept.
+    In the order of the file, unused prefixes are kept, too.
     """
-    writer = _TurtleWriter(labelled(triples, by_file=by_file), Names(prefixes, own), by_file=by_file)
+    writer = _TurtleWriter(labelled(triples, order=order), Names(prefixes, own), order=order)
     body = "\n".join(writer.paragraphs())
-    spaces = writer.names.used(prefixes if by_file else None)
+    spaces = writer.names.used(prefixes if order is Sorting.FILE else None)
     head = "".join(f"@prefix {name}: {iri(space)} .\n" for name, space in spaces)
     return "\n".join(part for part in (head, body) if part)
 
 
 class _TurtleWriter:
-    def __init__(self, triples: list[Triple], names: Names, *, by_file: bool) -> None:
+    def __init__(self, triples: list[Triple], names: Names, *, order: Sorting) -> None:
         self.names = names
-        self._by_file = by_file
+        self._order = order
         self._subjects = Subjects(triples)
         self._about = self._subjects.about
         self._inside = self._nested(self._subjects.once)
@@ -93,9 +93,9 @@ class _TurtleWriter:
     def _properties(self, triples: list[Triple], depth: int) -> str:
         """Write ``property value, value ; property value``: rdf:type first, then by property or as in the file."""
         values: dict[str, list[str]] = {}
-        for triple in _sorted(triples, by_file=self._by_file):
+        for triple in _sorted(triples, order=self._order):
             values.setdefault(triple.predicate, []).append(self._value(triple.object, depth))
-        if not self._by_file:
+        if self._order is Sorting.TERMS:
             values = {prop: sorted(texts) for prop, texts in values.items()}
         indent = "\n" + "    " * depth
         parts = (
@@ -132,9 +132,9 @@ class _TurtleWriter:
         return f"{found[0]}:{found[1]}" if found else iri(value)
 
 
-def _sorted(triples: list[Triple], *, by_file: bool) -> list[Triple]:
+def _sorted(triples: list[Triple], *, order: Sorting) -> list[Triple]:
     """Sort the triples of a subject: types first, the others by property, or in the order of the file."""
-    return sorted(triples, key=lambda one: (one.predicate != RDF.type, "" if by_file else one.predicate))
+    return sorted(triples, key=lambda one: (one.predicate != RDF.type, "" if order is Sorting.FILE else one.predicate))
 
 
 DEEPEST_IN_XML = 30
@@ -148,20 +148,20 @@ _SYNTAX = frozenset(RDF + name for name in ("RDF", "ID", "about", "parseType", "
 
 
 def rdfxml(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], own: str | None = None, *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph as RDF/XML; also return the triples that it cannot express.
 
     These have a property whose IRI does not end in an XML name, or a string with characters that XML does not allow.
-    The same graph gives the same text. ``own`` is the ontology IRI, ``by_file`` as in :func:`turtle`.
+    The same graph gives the same text. ``own`` is the ontology IRI.
     """
-    given = labelled(triples, by_file=by_file)
+    given = labelled(triples, order=order)
     lost = [triple for triple in given if not _can_be_written(triple)]
     names = Names(prefixes, own)
-    writer = _RdfXmlWriter([triple for triple in given if _can_be_written(triple)], names, by_file=by_file)
+    writer = _RdfXmlWriter([triple for triple in given if _can_be_written(triple)], names, order=order)
     body = "".join(writer.elements())
     spaces = {"rdf": RDF} | writer.spaces
-    for name, space in names.used(prefixes) if by_file else ():
+    for name, space in names.used(prefixes) if order is Sorting.FILE else ():
         if not name.lower().startswith("xml"):
             spaces.setdefault(name, space)
     named = ((f"xmlns:{name}" if name else "xmlns", space) for name, space in sorted(spaces.items()))
@@ -198,8 +198,8 @@ def _texts(term: Term) -> tuple[str, ...]:
 
 
 class _RdfXmlWriter:
-    def __init__(self, triples: list[Triple], names: Names, *, by_file: bool) -> None:
-        self._by_file = by_file
+    def __init__(self, triples: list[Triple], names: Names, *, order: Sorting) -> None:
+        self._order = order
         self.spaces: dict[str, str] = {}
         self._names = {space: name for name, space in names.known() if name and not name.lower().startswith("xml")}
         self._names[RDF] = "rdf"
@@ -230,7 +230,7 @@ class _RdfXmlWriter:
             yield f"{pad}<{tag}{name}/>\n"
             return
         yield f"{pad}<{tag}{name}>\n"
-        for triple in _sorted(rest, by_file=self._by_file):
+        for triple in _sorted(rest, order=self._order):
             yield from self._property(triple, depth + 1)
         yield f"{pad}</{tag}>\n"
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, wraps
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from planlang.designators import label_iris, local_part
 from planlang.diagnostics import Diagnostic, Span
@@ -34,6 +34,22 @@ from planlang.ontology.triples import Triples
 
 _CLASS_KINDS = frozenset((OWL.Class, RDFS.Class))
 _LANGUAGE = (OWL, RDF, RDFS)
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def once_per_ontology(compute: Callable[Concatenate[Ontology, P], R]) -> Callable[Concatenate[Ontology, P], R]:
+    """Compute a result once for each ontology and further arguments, which must be hashable and have no names."""
+
+    @wraps(compute)
+    def computed(ontology: Ontology, /, *args: P.args, **_: P.kwargs) -> R:
+        key = (compute, *args)
+        if key not in ontology.kept:
+            ontology.kept[key] = compute(ontology, *args, **_)
+        result: R = ontology.kept[key]
+        return result
+
+    return computed
 
 
 def load(
@@ -84,18 +100,12 @@ class Ontology:
         """Folders in which files are searched that are not beside the one that names them."""
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.kept: dict[object, Any] = {}
-        """Results that callers cache for the lifetime of the ontology, under keys of their own."""
+        """Results of :func:`once_per_ontology`."""
         self._main = self.store.ranges[0]
-        self._restrictions: dict[int, tuple[Restriction, ...]] = {}
         self._type = self.store.number(RDF.type)
         self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
         defining = (RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDFS.subPropertyOf)
         self._defining = frozenset(map(self.store.number, defining))
-        self._valid_properties: dict[tuple[str, ...], tuple[str, ...]] = {}
-        self._indices: dict[tuple[str, ...], dict[int, int]] = {}
-        """Names given to :meth:`linked` -> number of a property -> index of its local name among them."""
-        self._properties_named: dict[tuple[str, ...], dict[int, None]] = {}
-        self._types: dict[int, tuple[str, ...]] = {}
         of_reading = (diagnostic for reading in readings for diagnostic in reading.diagnostics)
         self.diagnostics: tuple[Diagnostic, ...] = (
             *of_reading,
@@ -199,18 +209,17 @@ class Ontology:
         iris = (self.store.name(number) for number in self._named(names))
         return tuple(iri for iri in iris if iri is not None)
 
+    @once_per_ontology
     def _named(self, names: tuple[str, ...]) -> dict[int, None]:
-        numbers = self._properties_named.get(names)
-        if numbers is None:
-            used = ((number, self.store.name(number) or "") for number in self.store.used)
-            numbers = {number: None for number, iri in used if local_part(iri) in names}
-            self._properties_named[names] = numbers
-        return numbers
+        used = ((number, self.store.name(number) or "") for number in self.store.used)
+        return {number: None for number, iri in used if local_part(iri) in names}
 
-    def values(self, s: str | BNode, p: str, *, subproperties: bool = False) -> tuple[Term, ...]:
+    def values(self, s: str | BNode, p: str) -> tuple[Term, ...]:
         """Values of a property for a subject, in document order, each once."""
-        if not subproperties:
-            return self._values(s, (self._number(p),))
+        return self._values(s, (self._number(p),))
+
+    def values_below(self, s: str | BNode, p: str) -> tuple[Term, ...]:
+        """Values of a property and of its subproperties for a subject, in document order, each once."""
         return self._values(s, frozenset(map(self._number, self.subproperties(p))))
 
     def linked(self, s: str | BNode, *names: str) -> tuple[list[str], ...]:
@@ -222,10 +231,7 @@ class Ontology:
 
         It walks the triples of the subject once, because recipes ask this of each of their ordering constraints.
         """
-        indices = self._indices.get(names)
-        if indices is None:
-            indices = {number: index for index, name in enumerate(names) for number in self._named((name,))}
-            self._indices[names] = indices
+        indices = self._indices(names)
         linked: tuple[list[str], ...] = tuple([[] for _ in names])
         number, store = self._number(s), self.store
         if number is None:
@@ -245,6 +251,11 @@ class Ontology:
         definition = definition if definition >= 0 else first[number]
         return linked, store.span(definition) if definition >= 0 else None
 
+    @once_per_ontology
+    def _indices(self, names: tuple[str, ...]) -> dict[int, int]:
+        """Number of each property with one of these local names -> index of that name."""
+        return {number: index for index, name in enumerate(names) for number in self._named((name,))}
+
     def _values(self, s: str | BNode, predicates: Container[int | None]) -> tuple[Term, ...]:
         store, number = self.store, self._number(s)
         if number is None:
@@ -252,9 +263,9 @@ class Ontology:
         objects = [store.objects[row] for row in store.about(number) if store.predicates[row] in predicates]
         return tuple(map(store.term, dict.fromkeys(objects) if len(objects) > 1 else objects))
 
-    def value(self, s: str | BNode, p: str, *, subproperties: bool = False) -> Term | None:
+    def value(self, s: str | BNode, p: str) -> Term | None:
         """First value of a property, or None."""
-        return next(iter(self.values(s, p, subproperties=subproperties)), None)
+        return next(iter(self.values(s, p)), None)
 
     def iris(self, s: str | BNode, p: str) -> tuple[str, ...]:
         """IRIs among the values of a property, in document order, each once."""
@@ -262,17 +273,11 @@ class Ontology:
 
     # entities
 
+    @once_per_ontology
     def types(self, individual: str | BNode) -> tuple[str, ...]:
         """Named classes stated as types of an individual, except terms of RDF, RDFS and OWL."""
-        number = self._number(individual)
-        if number is None:
-            return ()
-        types = self._types.get(number)
-        if types is None:
-            stated = self._values(individual, (self._type,))
-            types = tuple(cls for cls in stated if isinstance(cls, str) and not cls.startswith(_LANGUAGE))
-            self._types[number] = types
-        return types
+        stated = self._values(individual, (self._type,))
+        return tuple(cls for cls in stated if isinstance(cls, str) and not cls.startswith(_LANGUAGE))
 
     def is_class(self, iri: str) -> bool:
         """Check whether an IRI is declared as a class, or is the subclass, superclass or equivalent of one."""
@@ -287,12 +292,9 @@ class Ontology:
         )
         return frozenset(related.union(self._of_types(self._class_kinds)))
 
+    @once_per_ontology
     def class_names(self) -> tuple[str, ...]:
         """All declared classes in document order."""
-        return self._class_names
-
-    @cached_property
-    def _class_names(self) -> tuple[str, ...]:
         names = map(self.store.name, self._of_types(self._class_kinds))
         return tuple(name for name in names if name is not None)
 
@@ -431,16 +433,11 @@ class Ontology:
 
     # class expressions
 
+    @once_per_ontology
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
         """Restrictions stated of a class itself, in source order; for a blank node those it consists of."""
         number = self._number(cls)
-        if number is None:
-            return ()
-        restrictions = self._restrictions.get(number)
-        if restrictions is None:
-            restrictions = tuple(restrictions_of(self.store, self._class_vocabulary, number))
-            self._restrictions[number] = restrictions
-        return restrictions
+        return () if number is None else tuple(restrictions_of(self.store, self._class_vocabulary, number))
 
     def unread_parts(self, cls: str | BNode) -> list[tuple[BNode, Span]]:
         """List the anonymous superclasses of a class, or the anonymous members of a blank expression, that are no
@@ -482,13 +479,12 @@ class Ontology:
 
         Their subproperties are included.
         """
-        classes = tuple(ancestor for ancestor in self.ancestors(action) if ancestor in self._parameters)
-        properties = self._valid_properties.get(classes)
-        if properties is None:
-            listed = (prop for ancestor in classes for prop in self._parameters[ancestor])
-            every = (sub for prop in listed for sub in self.subproperties(prop))
-            properties = self._valid_properties[classes] = tuple(dict.fromkeys(every))
-        return properties
+        return self._with_subproperties(tuple(one for one in self.ancestors(action) if one in self._parameters))
+
+    @once_per_ontology
+    def _with_subproperties(self, classes: tuple[str, ...]) -> tuple[str, ...]:
+        listed = (prop for cls in classes for prop in self._parameters[cls])
+        return tuple(dict.fromkeys(sub for prop in listed for sub in self.subproperties(prop)))
 
     @cached_property
     def _parameters(self) -> dict[str, list[str]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 from xml.parsers import expat
 
@@ -54,14 +53,12 @@ class _Open(NamedTuple):
     text: list[str]
 
 
-def _shown(word: str, parts: Sequence[str]) -> str:
-    return f"<{word}> with {', '.join(parts)}" if parts else f"<{word}>"
-
-
 class _Handler:
     def __init__(self, parser: expat.XMLParserType, text: str, file: str, base: str, label: str) -> None:
         self.names = Names.of(base, '<Prefix name="{}" IRI="{}"/>')
-        self.structures = Structures(file, label, self.names, _shown)
+        self.structures = Structures(
+            file, label, self.names, lambda word, parts: f"<{word}>{' with ' if parts else ''}{', '.join(parts)}"
+        )
         self.opened: list[_Open] = []
         self.entities = EntityTable(text, file, self._here)
         self._file = file

@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 from lark import Token
 
 from planlang.ontology.axioms import unquoted
+from planlang.ontology.canonical import Sorting
 from planlang.ontology.functional import GRAMMAR, literal_of
 from planlang.ontology.functional_writer import functional
 from planlang.ontology.nested_writers import is_legal
@@ -24,15 +25,14 @@ _OF_NAME = {"DisjointUnion": "Class", "DatatypeDefinition": "Datatype", "Datatyp
 
 
 def owlxml(
-    triples: Iterable[Triple], prefixes: Mapping[str, str], *, by_file: bool = False
+    triples: Iterable[Triple], prefixes: Mapping[str, str], *, order: Sorting = Sorting.TERMS
 ) -> tuple[str, list[Triple]]:
     """Write a graph; also return the triples that OWL/XML cannot express.
 
-    The same graph gives the same text. With ``by_file`` axioms keep the order of their positions, and unused prefixes
-    are kept.
+    Equal graphs give equal texts if sorted. In the order of the file, unused prefixes are kept, too.
     """
     given = list(triples)
-    text, lost = functional([triple for triple in given if is_legal(triple)], prefixes, by_file=by_file)
+    text, lost = functional([triple for triple in given if is_legal(triple)], prefixes, order=order)
     writer = _Writer()
     GRAMMAR.parse(text, writer)
     return writer.text(), [*(triple for triple in given if not is_legal(triple)), *lost]

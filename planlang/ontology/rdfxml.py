@@ -8,15 +8,15 @@ handlers run once per element of large files, so they compare term numbers and i
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from xml.parsers import expat
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import decode
 from planlang.ontology.terms import RDF, BNode, Literal, resolve
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples, counted
-from planlang.ontology.xml_text import EntityTable, explain, must_be_rdf, opening_tag, with_repairs
+from planlang.ontology.xml_text import EntityTable, explain, must_be_rdf, with_repairs
 
 DEEPEST = 100
 """Greatest nesting depth of elements."""
@@ -215,7 +215,7 @@ class _Handler:
     def _start(self, parent: _Frame, tag: str, attributes: list[str], line: int, column: int) -> None:
         frames, kind = self.frames, parent.kind
         if kind == _LITERAL:
-            parent.text.append(opening_tag(tag, attributes, is_outermost=not parent.names))
+            parent.text.append(_opening_tag(tag, attributes, parent))
             frame = _Frame(_LITERAL, parent.base, parent.language, line, column)
             frame.text, frame.names = parent.text, True
             frames.append(frame)
@@ -481,3 +481,12 @@ class _Handler:
 
     def _named_node(self, value: str) -> int:
         return self.triples.number(BNode(f"{self.triples.label}.{value}"))
+
+
+def _opening_tag(tag: str, attributes: Sequence[str], parent: _Frame) -> str:
+    """Write the start tag of an element inside an XML literal again; the outermost one with its namespace."""
+    namespace, _, local = tag.rpartition(" ")
+    parts = [local, *([f"xmlns={quoteattr(namespace)}"] if namespace and not parent.names else [])]
+    pairs = zip(attributes[::2], attributes[1::2], strict=True)
+    parts += (f"{key.rpartition(' ')[2]}={quoteattr(value)}" for key, value in pairs)
+    return f"<{' '.join(parts)}>"

@@ -21,7 +21,7 @@ import re
 import shutil
 import subprocess
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from enum import Enum
 from importlib.util import find_spec
@@ -113,17 +113,17 @@ class _Reasoning:
         """Report each unsatisfiable class, and the contradiction among the individuals, if any."""
         found: list[Diagnostic] = []
         try:
-            found += self._unsatisfiable(self._written("classes", facts=False))
-            found += self._inconsistent(self._written("all", facts=True))
+            found += self._unsatisfiable(self._written("classes", without=self.given.facts))
+            found += self._inconsistent(self._written("all"))
         except _Stopped as stopped:
             raise BadInput(
                 [*self.given.notes, *found, error("O063", str(stopped), self._document(), stopped.advice)]
             ) from None
         return found
 
-    def _written(self, name: str, *, facts: bool) -> Path:
+    def _written(self, name: str, without: Container[int] = ()) -> Path:
         path = self.folder / f"{name}.owl"
-        path.write_text(self.given.text(facts=facts), encoding="utf-8")
+        path.write_text(self.given.text(without), encoding="utf-8")
         return path
 
     # Queries
@@ -295,10 +295,10 @@ class ReasonerInput:
     """Name -> IRI."""
     notes: list[Diagnostic] = field(default_factory=list)
 
-    def text(self, *, facts: bool) -> str:
-        """Write the axioms in RDF/XML, with or without the facts about individuals."""
+    def text(self, without: Container[int] = ()) -> str:
+        """Write the axioms in RDF/XML, without those at these indices."""
         header = Triple("http://planlang/", RDF.type, OWL.Ontology, Span(""))
-        kept = (triple for row, triple in enumerate(self.triples) if facts or row not in self.facts)
+        kept = (triple for row, triple in enumerate(self.triples) if row not in without)
         return rdfxml([header, *kept], {"e": NAMESPACE})[0]
 
 

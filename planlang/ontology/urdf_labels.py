@@ -65,15 +65,11 @@ class Labels:
 
     def mesh(self, file: str) -> Label | None:
         """Label with the box of a mesh, if any."""
-        return _first(_stem(file), self.meshes)
+        return _first(re.split(r"[/\\]", file)[-1].rpartition(".")[0], self.meshes)
 
 
 def _first(name: str, patterns: Mapping[str, Label]) -> Label | None:
     return next((label for pattern, label in patterns.items() if fnmatchcase(name, pattern)), None)
-
-
-def _stem(file: str) -> str:
-    return re.split(r"[/\\]", file)[-1].rpartition(".")[0]
 
 
 def labels_for(urdf: Path, robot: str) -> tuple[Labels, ...]:

@@ -58,14 +58,14 @@ class EntityTable:
         parser.EntityDeclHandler = self.declare
         parser.SkippedEntityHandler = self.skip
 
-    def begin(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
+    def begin(self, name: str, system: str | None, public: str | None, *_: object) -> None:
         """Refuse a document type in another file (expat handler)."""
         if system or public:
             message = f"external document types are not read: {system}"
             raise BadInput([error("O009", message, self._here(), "declare the entities in the file itself")])
 
     def declare(
-        self, name: str, is_parameter: bool, value: str | None, base: str | None, system: str | None, *_: object
+        self, name: str, is_parameter: int, value: str | None, base: str | None, system: str | None, *_: object
     ) -> None:
         """Record an entity; of several declarations the first counts, as in XML (expat handler)."""
         if is_parameter:
@@ -76,7 +76,7 @@ class EntityTable:
             raise BadInput([error("O009", message, self._here(), advice)])
         self._values.setdefault(name, (value, self._here()))
 
-    def skip(self, name: str, is_parameter: bool) -> None:
+    def skip(self, name: str, *_: object) -> None:
         """Refuse an entity that the file does not declare (expat handler)."""
         message = f"the entity &{name}; is not declared in the file"
         raise BadInput([error("O009", message, self._here(), "declare it in the DOCTYPE")])
@@ -194,17 +194,6 @@ def must_be_rdf(tag: str, span: Span) -> None:
     message = f"this is XML, but not RDF: its root element is {local}"
     advice = "the root element of an ontology is rdf:RDF (RDF/XML) or Ontology (OWL/XML)"
     raise BadInput([error("O001", message, span, advice)])
-
-
-def opening_tag(tag: str, attributes: Sequence[str], *, is_outermost: bool) -> str:
-    """Write the start tag of an element inside an XML literal again; the outermost one with its namespace."""
-    from xml.sax.saxutils import quoteattr  # which imports urllib.request, http and ssl, in 30 ms
-
-    namespace, _, local = tag.rpartition(" ")
-    parts = [local, *([f"xmlns={quoteattr(namespace)}"] if is_outermost and namespace else [])]
-    pairs = zip(attributes[::2], attributes[1::2], strict=True)
-    parts += (f"{key.rpartition(' ')[2]}={quoteattr(value)}" for key, value in pairs)
-    return f"<{' '.join(parts)}>"
 
 
 _SECTIONS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}

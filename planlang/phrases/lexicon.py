@@ -10,7 +10,8 @@ from planlang.designators import GRASPS, Device, Object, Person, is_called, loca
 from planlang.ontology import Literal, Ontology, expand, shorten
 from planlang.ontology.terms import RDFS
 from planlang.records import dataclass
-from planlang.relations import RELATIONS, Sense
+from planlang.relations import RELATIONS
+from planlang.relations.looking import SeenFrom
 from planlang.spelling import similar
 
 GRASP_FORMS: dict[str, tuple[str, ...]] = {
@@ -185,9 +186,10 @@ def _speakable(words: str) -> bool:
     return all(_WORD.fullmatch(part) and part not in (*ENDS, *ARTICLES) for part in parts)
 
 
-def forms() -> dict[str, str]:
-    """Map each form to the name of its relation."""
-    return {form: name for name, relation in RELATIONS.items() for form in relation.forms}
+def forms(*arities: int) -> dict[str, str]:
+    """Map each form to the name of its relation; only of relations to so many things, if any are given."""
+    every = ((name, one) for name, one in RELATIONS.items() if not arities or one.arity in arities)
+    return {form: name for name, one in every for form in one.forms}
 
 
 def opposites() -> dict[str, str]:
@@ -202,7 +204,7 @@ def opposites() -> dict[str, str]:
 
 def viewpoints() -> tuple[str, ...]:
     """Forms of viewpoints, such as "seen from", which may follow another relation without "and"."""
-    return tuple(form for form, name in forms().items() if RELATIONS[name].sense("thing") is Sense.VIEWPOINT)
+    return tuple(form for form, name in forms().items() if isinstance(RELATIONS[name], SeenFrom))
 
 
 def pattern(forms: tuple[str, ...]) -> str:

@@ -71,22 +71,23 @@ def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
 
 def parser() -> Lark:
     """Return the parser for all relations registered so far."""
-    return _parser(tuple(forms()), tuple(opposites()))
+    return _parser(tuple(forms(1)), tuple(forms(2)), tuple(opposites()))
 
 
 @cache
-def _parser(said: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
-    """Build the parser for these forms of relations and of complements."""
+def _parser(single: tuple[str, ...], pairs: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
+    """Build the parser for these forms of relations to one thing, of relations to two, and of complements."""
     grammar = Path(__file__).with_name("location.lark").read_text(encoding="utf-8")
     tables = {
-        "RELATION": tuple(form for form in said if not form.startswith("not ")),
+        "RELATION": tuple(form for form in single if not form.startswith("not ")),
+        "PAIR": pairs,
         "OPPOSITE": opposite,
         "LIMIT": tuple(LIMITS),
         "GRASP": tuple(form for some in GRASP_FORMS.values() for form in some),
         "VIEW": viewpoints(),
     }
-    for name, words in tables.items():
-        grammar += f"\n{name}.5: /(?:{pattern(words)})\\b/i"
+    for name, words in tables.items():  # "in between" begins with "in", which is a relation to one thing
+        grammar += f"\n{name}.{6 if name == 'PAIR' else 5}: /(?:{pattern(words)})\\b/i"
     return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
 
 
@@ -122,7 +123,7 @@ class _Reader:
                 elif manner.data == "view":
                     viewer = self.thing(_trees(manner)[-1], manner, named=len(manner.children) == 2)
                     if viewer is not None:
-                        view = Relation(forms()[plain(str(manner.children[0]))], viewer)
+                        view = Relation(forms()[plain(str(manner.children[0]))], (viewer,))
                         relations[view] = None
                 else:
                     other = self.device(manner)
@@ -132,21 +133,23 @@ class _Reader:
         return Location(tuple(relations), None, device, grasp)
 
     def clause(self, tree: Tree[Token], depth: int) -> Relation | None:
-        """Convert a relation with its reference."""
-        said, reference = _trees(tree)
-        before = len(tree.children) > 2
+        """Convert a relation with its references."""
+        said, *references = _trees(tree)
+        before = isinstance(tree.children[0], Token)
         relation = self.said(said)
-        what = self.reference(reference, depth, said)
-        if what is None or relation is None:
+        things = [self.reference(one, depth, said) for one in references]
+        known = tuple(one for one in things if one is not None)
+        if len(known) < len(things) or relation is None:
             return None
-        return replace(relation, reference=what, negated=relation.negated != before)
+        return replace(relation, references=known, negated=relation.negated != before)
 
     def said(self, tree: Tree[Token]) -> Relation | None:
-        """Convert the words of a relation; its reference is a placeholder."""
-        nothing = Object("Thing")
+        """Convert the words of a relation; its references are placeholders."""
+        nothing = (Object("Thing"),)
         match tree.data, tree.children:
             case "relation", [word]:
-                return Relation(forms()[plain(str(word))], nothing)
+                name = forms()[plain(str(word))]
+                return Relation(name, nothing * RELATIONS[name].arity)
             case "opposite", [word]:
                 return Relation(opposites()[plain(str(word))], nothing, negated=True)
             case "near", [_, Token() as length, _]:
@@ -168,7 +171,7 @@ class _Reader:
                 return self._bounded(name, nothing, **bounds)
         raise AssertionError(tree.data)
 
-    def _bounded(self, name: str, what: Object, **bounds: float | None) -> Relation | None:
+    def _bounded(self, name: str, what: tuple[Object, ...], **bounds: float | None) -> Relation | None:
         return None if None in bounds.values() else Relation(name, what, bounds.get("within"), bounds.get("beyond"))
 
     def measure(self, tree: Tree[Token]) -> dict[str, float | None]:
@@ -250,7 +253,7 @@ _ALIKE = 0.7
 _GOES_ON = ("AND", "BUT", "COMMA", "WITH", "GRASP", "RPAR", "$END")
 """Terminals that may follow a noun."""
 SPOKEN: Mapping[str, str] = {
-    **dict.fromkeys(("NOT", "RELATION", "OPPOSITE", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
+    **dict.fromkeys(("NOT", "RELATION", "PAIR", "OPPOSITE", "LIMIT", "WITHIN", "BEYOND"), "a relation"),
     "LENGTH": "a length",
     **dict.fromkeys(("ARTICLE", "WORD"), "a thing"),
     **dict.fromkeys(("A_PLACE", "LPAR"), "a place"),
@@ -395,6 +398,7 @@ _ADVICE = {
     "a place": _THING,
     "a length": "for example: within 30 cm of the door",
     "an arm": "for example: with the right arm",
+    "'and'": "for example: between the bed and the table",
     "'to'": "for example: 30 cm to 1 m left of the bed; at most 1 m left of the bed",
     "a name in <...>": (
         "write names and IRIs after 'called' in brackets: the person called <patient1>; for a thing of the map its "

@@ -48,7 +48,8 @@ def _location(location: Location, lexicon: Lexicon) -> str:
 
 
 def _clause(relation: Relation, lexicon: Lexicon) -> str:
-    return f"{'not ' if relation.negated else ''}{_said(relation)} {_reference(relation.reference, lexicon)}"
+    each = [_reference(one, lexicon) for one in relation.references]
+    return f"{'not ' if relation.negated else ''}{_said(relation)} {' and '.join(each)}"
 
 
 def _said(relation: Relation) -> str:

@@ -188,9 +188,9 @@ def gone_to(filler: Filler) -> Iterator[Thing]:
     if isinstance(filler, Thing):
         yield filler
     elif isinstance(filler, Place):
-        for relation, reference in filler.relations:
-            if isinstance(reference, Thing) and (relation in _HANDLED or reference.kind is Kind.PERSON):
-                yield reference
+        for relation, references in filler.relations:
+            things = (one for one in references if isinstance(one, Thing))
+            yield from (one for one in things if relation in _HANDLED or one.kind is Kind.PERSON)
 
 
 def _with_callers(recipes: Iterable[str], callers: Mapping[str, Sequence[str]]) -> frozenset[str]:

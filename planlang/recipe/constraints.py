@@ -70,11 +70,13 @@ def read_constraint(ontology: Ontology, iri: str, tool: Part | None, world: Part
     parts = [stated_feature(ontology, iri, word, whole) for word, whole in zip(FEATURES, (tool, world), strict=True)]
     numbers = [number_of(ontology, iri, word) for word in LIMITS]
     lower, upper, weight = (number if isinstance(number, float) else None for number in numbers)
-    is_wrong = any(isinstance(number, str) for number in numbers) or _is_above(lower, upper) or (weight or 0.0) < 0.0
+    is_crossed = lower is not None and upper is not None and lower > upper
+    is_wrong = any(isinstance(number, str) for number in numbers) or is_crossed or (weight or 0.0) < 0.0
     if kind is None or parts[0] is None or parts[1] is None or is_wrong:
         return None
-    template = max(_distance(ontology, iri, word) for word in FEATURES)
+    template = max((_stated(ontology, iri, word) or (0,))[0] for word in FEATURES)
     stating = _levels(ontology, iri)[template]
+    comments = (term.value for term in ontology.values(stating, RDFS.comment) if isinstance(term, Literal))
     speeds = (Speed.of_owl_class(ancestor) for ancestor in _levels(ontology, iri))
     frame = _stated(ontology, iri, "refFeature")
     return Constraint(
@@ -88,12 +90,8 @@ def read_constraint(ontology: Ontology, iri: str, tool: Part | None, world: Part
         1.0 if weight is None else weight,
         next((speed for speed in speeds if speed is not None), None),
         frame[1].value if frame is not None and isinstance(frame[1], Literal) else None,
-        ontology.label(stating) or _comment(ontology, stating),
+        ontology.label(stating) or next(comments, None),
     )
-
-
-def _comment(ontology: Ontology, iri: str) -> str | None:
-    return next((term.value for term in ontology.values(iri, RDFS.comment) if isinstance(term, Literal)), None)
 
 
 def kind_of_constraint(ontology: Ontology, iri: str) -> ConstraintKind | None:
@@ -124,10 +122,6 @@ def number_of(ontology: Ontology, iri: str, word: str) -> float | str | None:
         return term.value
 
 
-def _is_above(lower: float | None, upper: float | None) -> bool:
-    return lower is not None and upper is not None and lower > upper
-
-
 def _levels(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """A class and its ancestors, nearest first; for an individual: itself, then its classes and theirs."""
     if ontology.is_class(iri) or not ontology.types(iri):
@@ -150,11 +144,6 @@ def _stated(ontology: Ontology, iri: str, word: str) -> tuple[int, Term] | None:
         if (term := _own_value(ontology, level, word)) is not None:
             return distance, term
     return None
-
-
-def _distance(ontology: Ontology, iri: str, word: str) -> int:
-    stated = _stated(ontology, iri, word)
-    return stated[0] if stated is not None else 0
 
 
 def stated_feature(ontology: Ontology, iri: str, word: str, whole: Part | None = None) -> Part | None:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 
 from planlang.designators import local_name
-from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, Term, expand, once_per_ontology, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import (
@@ -21,7 +21,7 @@ from planlang.recipe.statements import (
     fillings_of,
     is_word,
 )
-from planlang.relations import of_owl_property
+from planlang.relations import RELATIONS, of_owl_property
 from planlang.units import dimension_of, stated_number, unit_of, unit_of_property
 
 OBJECT_PROPERTY = OWL.ObjectProperty
@@ -154,22 +154,19 @@ def takes_things(ontology: Ontology, property_name: str) -> bool:
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
+@once_per_ontology
 def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     """True for a property with a numeric range, its own or inherited, or with a physical dimension.
 
     The dimension follows from the local name, because some recipes have the vocabulary in a namespace of their own. A
     property that the file declares with things or other values has none.
     """
-    key = ("takes numbers", property_name)
-    if key not in ontology.kept:
-        above = ontology.superproperties(property_name)
-        ranges = [range_ for one in above for range_ in ontology.iris(one, RDFS.range)]
-        is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
-        ontology.kept[key] = is_ranged or any(
-            dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
-        )
-    takes: bool = ontology.kept[key]
-    return takes
+    above = ontology.superproperties(property_name)
+    ranges = [range_ for one in above for range_ in ontology.iris(one, RDFS.range)]
+    is_ranged = any(range_.startswith(XSD) and range_.removeprefix(XSD) in NUMERIC for range_ in ranges)
+    return is_ranged or any(
+        dimension_of(local_name(one)) is not None and not _is_declared_otherwise(ontology, one) for one in above
+    )
 
 
 def _is_declared_otherwise(ontology: Ontology, property_name: str) -> bool:
@@ -207,19 +204,27 @@ def read_place(ontology: Ontology, iri: str, seen: frozenset[str] = frozenset())
     An individual is read from its facts, a class from its restrictions. A reference that would close a circle, or that
     is :data:`MOST_PLACES` references away, is dropped. A related thing of unknown kind is read as an object.
     """
-    relations: list[tuple[str, Thing | Place]] = []
+    stated: dict[object, tuple[str, dict[Thing | Place, None]]] = {}
     for relation, term in references(ontology, iri):
-        if not isinstance(term, str) or term in seen | {iri}:
+        if not isinstance(term, str) or (reference := _reference(ontology, term, seen | {iri})) is None:
             continue
-        if is_place(ontology, term):
-            if len(seen) + 1 >= MOST_PLACES:
-                continue
-            relations.append((relation, read_place(ontology, term, seen | {iri})))
-        elif (thing := read_thing(ontology, term)) is not None:
-            relations.append((relation, thing))
-        elif ontology.defined(term) and is_of_unknown_kind(ontology, term):
-            relations.append((relation, _unknown(ontology, term)))
-    return Place(iri, tuple(dict.fromkeys(relations)), ontology.label(iri), _pose(ontology, iri))
+        # what one relation to several things relates to is stated by a fact for each
+        conjunct = relation if RELATIONS[relation].arity > 1 else (relation, reference)
+        stated.setdefault(conjunct, (relation, {}))[1][reference] = None
+    relations = tuple((relation, tuple(those)) for relation, those in stated.values())
+    return Place(iri, relations, ontology.label(iri), _pose(ontology, iri))
+
+
+def _reference(ontology: Ontology, term: str, seen: frozenset[str]) -> Thing | Place | None:
+    """Read what a place relates to; None if it is undefined, or beyond the limits of :func:`read_place`."""
+    if term in seen or (is_place(ontology, term) and len(seen) >= MOST_PLACES):
+        return None
+    if is_place(ontology, term):
+        return read_place(ontology, term, seen)
+    thing = read_thing(ontology, term)
+    if thing is None and ontology.defined(term) and is_of_unknown_kind(ontology, term):
+        return _unknown(ontology, term)
+    return thing
 
 
 def is_relation(property_name: str) -> bool:
@@ -316,11 +321,13 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
     if not ontology.is_class(iri):
         cls = action_class(ontology, iri) or iri
         yield [filling for filling in _facts(ontology, iri) if _may_fill(filling.property)]
-    key = ("fillings", cls)
-    if key not in ontology.kept:
-        ancestors = ontology.ancestors(cls)
-        ontology.kept[key] = [level for ancestor in ancestors if (level := _restricted(ontology, ancestor))]
-    yield from ontology.kept[key]
+    yield from _levels(ontology, cls)
+
+
+@once_per_ontology
+def _levels(ontology: Ontology, cls: str) -> list[list[Filling]]:
+    """Fillings from the restrictions of a class and of its ancestors, nearest first."""
+    return [level for ancestor in ontology.ancestors(cls) if (level := _restricted(ontology, ancestor))]
 
 
 def _may_fill(property_name: str) -> bool:
@@ -328,15 +335,12 @@ def _may_fill(property_name: str) -> bool:
     return not is_word(property_name, *NO_PARAMETERS, *REGISTERED_WORDS)
 
 
+@once_per_ontology
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
     """Fillings from the restrictions of a class; none for classes of the bundled vocabulary, of SOMA and of DUL."""
-    cache: dict[str, list[Filling]] = ontology.kept.setdefault("restricted", {})
-    own = cache.get(cls)
-    if own is None:
-        is_users = (shorten(cls) == cls and not cls.startswith(UPPER)) or ontology.main(cls)
-        every = fillings_of(ontology.restrictions(cls)) if is_users else ()
-        own = cache[cls] = [filling for filling in every if _may_fill(filling.property)]
-    return own
+    is_users = (shorten(cls) == cls and not cls.startswith(UPPER)) or ontology.main(cls)
+    every = fillings_of(ontology.restrictions(cls)) if is_users else ()
+    return [filling for filling in every if _may_fill(filling.property)]
 
 
 def read_parameters(

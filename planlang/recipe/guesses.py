@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Iterable
 from difflib import SequenceMatcher
 
 from planlang.designators import local_name
 from planlang.diagnostics import Rename
-from planlang.ontology import Ontology, expand
+from planlang.ontology import Ontology, expand, once_per_ontology
 from planlang.ontology.terms import RDF
 from planlang.recipe.fillers import is_vocabulary_class
 from planlang.spelling import Spellings
@@ -57,14 +57,16 @@ class Known:
         return Rename(written, self._by_part[similar_parts[0]], is_sure=is_sure)
 
 
+@once_per_ontology
 def classes_of_vocabulary(ontology: Ontology) -> Known:
-    """Classes of the bundled vocabulary, for guesses; made once per ontology."""
-    return kept(ontology, "known vocabulary", lambda: Known(filter(is_vocabulary_class, ontology.class_names())))
+    """Classes of the bundled vocabulary, for guesses."""
+    return Known(filter(is_vocabulary_class, ontology.class_names()))
 
 
+@once_per_ontology
 def classes_of_actions(ontology: Ontology) -> Known:
-    """Classes of actions, for guesses; made once per ontology."""
-    return kept(ontology, "known actions", lambda: Known(ontology.subclasses(expand("Action"))))
+    """Classes of actions, for guesses."""
+    return Known(ontology.subclasses(expand("Action")))
 
 
 def classes_beside(ontology: Ontology, iri: str) -> list[str]:
@@ -78,19 +80,11 @@ def nearest_action(ontology: Ontology, iri: str) -> Rename | None:
     return Known(classes_beside(ontology, iri)).guess(iri) or classes_of_actions(ontology).guess(iri)
 
 
+@once_per_ontology
 def names_of_file(ontology: Ontology) -> Known:
-    """Names that the main document gives a type, for guesses; made once per ontology."""
+    """Names that the main document gives a type, for guesses."""
     subjects = (triple.subject for triple in ontology.triples(p=RDF.type))
-    own = (name for name in subjects if isinstance(name, str) and ontology.main(name))
-    return kept(ontology, "known names", lambda: Known(own))
-
-
-def kept(ontology: Ontology, key: Hashable, make: Callable[[], Known]) -> Known:
-    """Return the names kept under a key; they are made on first use."""
-    if key not in ontology.kept:
-        ontology.kept[key] = make()
-    known: Known = ontology.kept[key]
-    return known
+    return Known(name for name in subjects if isinstance(name, str) and ontology.main(name))
 
 
 def without_number(iri: str) -> str:

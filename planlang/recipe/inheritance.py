@@ -118,7 +118,8 @@ class _Supply:
     def _report(self, recipe: Recipe, owner: Step | Recipe, thing: Thing, several: Iterable[Filler] = ()) -> None:
         """Report a required filler that is missing, or ambiguous among ``several``."""
         assert thing.slot is not None
-        iris = [one.iri or one.stated if isinstance(one, Thing) else one.iri for one in _named(several)]
+        named = (one for one in several if isinstance(one, (Thing, Place)))
+        iris = [one.iri or one.stated if isinstance(one, Thing) else one.iri for one in named]
         missing = f"does not state which {thing.slot.property} it needs: {listing(iris)}"
         if not iris:
             missing = f"states no {thing.slot.property}"
@@ -135,7 +136,3 @@ class _Supply:
 
 def _advice(owner: Step | Recipe, slot: Slot) -> str:
     return f"add `{slot.property} value X` to `{owner.name}`, where X is {in_words(slot)}"
-
-
-def _named(fillers: Iterable[Filler]) -> list[Thing | Place]:
-    return [filler for filler in fillers if isinstance(filler, (Thing, Place))]

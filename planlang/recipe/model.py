@@ -140,12 +140,12 @@ class Thing:
 class Place(_Named):
     """A location designator: poses that stand in ``relations`` to things and other places.
 
-    ``relations`` holds pairs (key of :data:`planlang.relations.RELATIONS`, reference) in the order of the file. Without
-    relations it is a named posture of the robot, or one ``pose`` in the map: x, y, z [m] and heading [rad].
+    ``relations`` holds pairs (key of :data:`planlang.relations.RELATIONS`, references) in the order of the file.
+    Without relations it is a named posture of the robot, or one ``pose`` in the map: x, y, z [m] and heading [rad].
     """
 
     iri: str
-    relations: tuple[tuple[str, Thing | Place], ...] = ()
+    relations: tuple[tuple[str, tuple[Thing | Place, ...]], ...] = ()
     label: str | None = None
     pose: tuple[float, float, float, float] | None = None
 
@@ -154,9 +154,21 @@ class Place(_Named):
         """True for a named posture of the robot or a fixed pose, which refer to nothing."""
         return not self.relations
 
+    def references(self) -> Iterator[Thing | Place]:
+        """Yield what the relations refer to, in their order."""
+        for _, references in self.relations:
+            yield from references
+
+    def places(self) -> Iterator[Place]:
+        """Yield the place itself and all places that it refers to, also through other places."""
+        yield self
+        for reference in self.references():
+            if isinstance(reference, Place):
+                yield from reference.places()
+
     def things(self) -> Iterator[Thing]:
         """Yield all things that the place refers to, also through other places; may repeat a thing."""
-        for _, reference in self.relations:
+        for reference in self.references():
             if isinstance(reference, Thing):
                 yield reference
             else:

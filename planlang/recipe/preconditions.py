@@ -24,7 +24,7 @@ def iris_in(filler: Filler) -> Iterator[str]:
         yield filler.iri or filler.stated
     elif isinstance(filler, Place):
         yield filler.iri
-        for _, reference in filler.relations:
+        for reference in filler.references():
             yield from iris_in(reference)
 
 

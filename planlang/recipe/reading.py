@@ -10,7 +10,7 @@ from typing import TypeVar
 from planlang.designators import is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
-from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, expand, once_per_ontology, shorten
 from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import UPPER
 from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
@@ -24,6 +24,7 @@ from planlang.recipe.checks import (
     losses,
     orderings,
     parameters,
+    places,
     resources,
     slots,
     steps,
@@ -300,15 +301,11 @@ def _label(ontology: Ontology, iri: str) -> str | None:
 
 def _condition(ontology: Ontology, cls: str) -> Description | None:
     """Condition that a class of actions checks: the nearest filler of ``conditionEvaluated``."""
-    cache: dict[str, Description | None] = ontology.kept.setdefault("conditions", {})
-    for ancestor in ontology.ancestors(cls):
-        if ancestor not in cache:
-            cache[ancestor] = _stated_condition(ontology, ancestor)
-        if cache[ancestor] is not None:
-            return cache[ancestor]
-    return None
+    stated = (_stated_condition(ontology, ancestor) for ancestor in ontology.ancestors(cls))
+    return next((condition for condition in stated if condition is not None), None)
 
 
+@once_per_ontology
 def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
     for restriction in ontology.restrictions(cls):
         if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:
@@ -353,6 +350,7 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
+    places.numbers_of_references,
     constraints.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""

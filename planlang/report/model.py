@@ -123,7 +123,11 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
         "sources": [{"name": one.name, "text": one.text} for one in sources],
         "graph": None if context.graph is None else _graph(context.graph),
         "missing": list(context.missing),
-        "notes": [_note(one) for one in context.notes],
+        "notes": [
+            {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
+            | ({"help": shown(one.help)} if one.help else {})
+            for one in (note.said(COMMAND_LINE) for note in context.notes)  # what a page advises goes into a shell
+        ],
         **parts,
     }
     return {key: _visible(value) for key, value in model.items()}
@@ -138,12 +142,6 @@ def _visible(data: Any) -> Any:
     if isinstance(data, list | tuple):
         return [_visible(one) for one in data]
     return data
-
-
-def _note(one: Diagnostic) -> dict[str, str]:
-    one = one.said(COMMAND_LINE)  # what a page advises is copied into a shell
-    entry = {"severity": one.severity.value, "code": one.code, "message": shown(one.message)}
-    return entry | ({"help": shown(one.help)} if one.help else {})
 
 
 def _graph(graph: TaskGraph) -> dict[str, Any]:

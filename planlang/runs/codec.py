@@ -212,6 +212,9 @@ def _make(name: str, inside: Mapping[str, Any]) -> Any:
     kind = next((kind for kind in (*_checks(), *fillers) if kind.__name__ == name), None)
     if kind is None:
         raise ValueError(f"unknown value type {name}")
+    if kind is Relation and "reference" in inside:  # of traces that were written when there was one
+        inside = {**inside, "references": {"$tuple": [inside["reference"]]}}
+        del inside["reference"]
     if set(inside) != {field.name for field in fields(kind)}:
         raise ValueError(f"wrong field names for {name}")
     try:

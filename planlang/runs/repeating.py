@@ -169,12 +169,12 @@ class RepeatedTrace(Trace):
             return max(number, self.repetition.calls + 1), function
         recorded_number = self._expected[self._place].record.get("call", number)
         line = self.repetition.answers.get((node.path, f"call {recorded_number}"))
-        return recorded_number, partial(self._call_again, function) if line is None else partial(value_in, line)
 
-    def _call_again(self, function: Callable[[], Any]) -> Any:
-        """Make a call that had not returned; RunError if the run has deviated from its records."""
-        self._check_outside()
-        return function()
+        def call_again() -> Any:
+            self._check_outside()
+            return function()
+
+        return recorded_number, call_again if line is None else partial(value_in, line)
 
     def _check_outside(self) -> None:
         if self._is_over:

@@ -177,11 +177,12 @@ _ON = Usage("script.on", {"step": '"Reaching"'}, {"after": "1.5", "times": "2"})
 
 def names_of(location: object) -> Iterator[str]:
     """Yield the names of the reference objects of a location, nearest first, without negated relations."""
-    for relation in location.relations if isinstance(location, Location) else ():
-        if relation.reference.name is not None and not relation.negated:
-            yield relation.reference.name
-        if isinstance(relation.reference, Location) and not relation.negated:
-            yield from names_of(relation.reference)
+    relations = location.relations if isinstance(location, Location) else ()
+    for reference in (one for relation in relations if not relation.negated for one in relation.references):
+        if reference.name is not None:
+            yield reference.name
+        if isinstance(reference, Location):
+            yield from names_of(reference)
 
 
 Does = Callable[[Belief, Action], Any]

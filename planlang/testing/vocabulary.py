@@ -131,7 +131,7 @@ def _inside_hand(location: object) -> str | None:
     if isinstance(location, Object):
         return location.name
     relations = location.relations if isinstance(location, Location) else ()
-    return next((relation.reference.name for relation in relations if relation.name == "in_center_of"), None)
+    return next((relation.references[0].name for relation in relations if relation.name == "in_center_of"), None)
 
 
 def _place(filler: object, what: str, *, of_hand: bool) -> str | None:

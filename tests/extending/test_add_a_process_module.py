@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from executive.modules.bundled import bundled_registry
 from planlang import process_module
-from planlang.diagnostics import BadInput, Diagnostic
+from planlang.diagnostics import Diagnostic
+from tests.support.refusals import refusal
 
 STIRRING = '''"""Stirs, with a spoon that may get lost."""
 
@@ -158,7 +159,7 @@ def test_a_file_outranks_planlang_with_a_note_and_another_file_is_a_conflict(kit
         "note X012 Perceiving is performed by Stirring of mine.py, not by Perception of planlang"
     ]
     registry.add_file(kitchen / "stirring.py")
-    with pytest.raises(BadInput, match=r"two process modules perform Stirring: Stirring of mine\.py and"):
+    with refusal("X012", naming=("Stirring", "mine.py")):
         registry.resolve([])
 
 

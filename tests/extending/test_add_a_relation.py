@@ -1,4 +1,4 @@
-"""Add a relation: one row of planlang/relations.py, and OWL, plans, phrases and `locate` have it."""
+"""Add a relation: one class in planlang/relations, and OWL, plans, phrases and `locate` have it."""
 
 from __future__ import annotations
 
@@ -14,16 +14,22 @@ from executive.cli.app import app
 from planlang.compiler import compile_recipe
 from planlang.designators import Relation, a_location, an_object
 from planlang.phrases import Lexicon, read_location, write_location
-from planlang.relations import RELATIONS, Meaning, RelationType, Sense, add
+from planlang.relations import RELATIONS, Meaning, RelationType, add
+from planlang.relations.beside import Beside
 
-ACROSS = RelationType(
-    "across_from",
-    "http://example.org/house#acrossFrom",
-    ("across from", "not out of the way of"),
-    base=Meaning(Sense.AREA, "before X, 2 to 3 m away", (2.0, 3.0)),
-    directions=(0.0,),
-    from_outside=True,
-)
+
+class Across(Beside):
+    """Before X, far enough for both to see each other as a whole."""
+
+    name = "across_from"
+    owl = "http://example.org/house#acrossFrom"
+    forms = ("across from", "not out of the way of")
+    of_base = Meaning("before X, 2 to 3 m away", (2.0, 3.0))
+    directions = (0.0,)
+    from_outside = True
+
+
+ACROSS = Across()
 RECIPE = """
 Prefix: : <http://planlang.org/test#>
 Prefix: house: <http://example.org/house#>
@@ -46,7 +52,7 @@ Class: Visit
 
 @pytest.fixture
 def across() -> Iterator[RelationType]:
-    """The table with one more row."""
+    """The table with one more relation."""
     add(ACROSS)
     yield ACROSS
     del RELATIONS[ACROSS.name]
@@ -57,11 +63,11 @@ def test_a_new_relation_is_written_in_python_and_in_phrases() -> None:
     bed = an_object("Bed-PieceOfFurniture")
     lexicon = Lexicon(classes={"bed": bed}, _written={bed: "bed"})
     location = a_location(across_from=bed, within=2.5)
-    assert location.relations == (Relation("across_from", bed, within=2.5),)
+    assert location.relations == (Relation("across_from", (bed,), within=2.5),)
     assert write_location(location, lexicon) == "at most 2.5 m across from the bed"
     assert read_location("at most 2.5 m across from the bed", lexicon) == location
     assert read_location("out of the way of the bed", lexicon).relations == (
-        Relation("across_from", bed, negated=True),
+        Relation("across_from", (bed,), negated=True),
     )
 
 
@@ -88,18 +94,17 @@ def test_locate_finds_base_poses_in_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "problem"),
+    ("words", "problem"),
     [
-        (
-            RelationType("beside", "b", ("next to",), base=ACROSS.base),
-            "'next to' of the relation beside means next_to",
-        ),
-        (RelationType("beside", "nothing", ("at",)), "means nothing"),
-        (RelationType("beside", "b", (), base=ACROSS.base), "at least one spoken form"),
-        (RelationType("beside", "b", ("at",), base=Meaning(Sense.AREA, "")), "say its usual bounds"),
+        ({"forms": ("next to",)}, "'next to' of the relation beside means next_to"),
+        ({"of_base": None}, "means nothing"),
+        ({"forms": ()}, "at least one spoken form"),
+        ({"of_base": Meaning("")}, "say its usual bounds"),
+        ({"arity": 3}, "one thing or two"),
     ],
 )
-def test_a_row_that_cannot_work_is_refused_with_the_reason(row: RelationType, problem: str) -> None:
+def test_a_class_that_cannot_work_is_refused_with_the_reason(words: dict[str, object], problem: str) -> None:
+    stated = {"name": "beside", "owl": "b", "forms": ("at",), "of_base": ACROSS.of_base, **words}
     with pytest.raises(ValueError, match=problem):
-        add(row)
+        add(type("Wrong", (Beside,), stated)())
     assert "beside" not in RELATIONS

@@ -9,6 +9,7 @@ from planlang.designators import (
     Location,
     Object,
     Person,
+    Relation,
     a_device,
     a_location,
     a_person,
@@ -26,8 +27,8 @@ GRIPPER = a_device("HolderGripper", "http://example.org/robot.owl#rightGripper")
 
 references = st.sampled_from([BOTTLE, BED, a_location(above=BED)])
 locations = st.builds(
-    lambda relations: a_location(**relations),
-    st.dictionaries(st.sampled_from(sorted(RELATIONS)), references, min_size=1, max_size=4),
+    lambda relations: a_location(**{name: those[: RELATIONS[name].arity] for name, those in relations.items()}),
+    st.dictionaries(st.sampled_from(sorted(RELATIONS)), st.tuples(references, references), min_size=1, max_size=4),
 )
 
 
@@ -77,13 +78,36 @@ def test_a_relation_to_several_references_is_one_conjunct_each() -> None:
     assert a_location(in_reach_of=iter([BOTTLE, BED])) == a_location(in_reach_of=[BOTTLE, BED])
 
 
+def test_what_is_between_two_things_is_one_conjunct_with_both() -> None:
+    between = a_location(between=(BOTTLE, BED))
+    assert [relation.references for relation in between.relations] == [(BOTTLE, BED)]
+    assert str(between) == "between(bottle1, Bed-PieceOfFurniture)"
+    assert a_location(between=((BOTTLE, BED), (BED, GRIPPER))) == between & a_location(between=(BED, GRIPPER))
+    assert list(between.things()) == [BOTTLE, BED]
+
+
+@pytest.mark.parametrize("things", [BOTTLE, (BOTTLE,), (BOTTLE, BED, BED), ((BOTTLE, BED), (BED,)), ("bed", BED), 1])
+def test_anything_but_two_things_is_refused_for_between_with_the_right_code(things: object) -> None:
+    with pytest.raises(ValueError, match="between of a_location relates to two objects") as caught:
+        a_location(between=things)  # type: ignore[arg-type]
+    assert "right: a_location(between=(bed, table))" in str(caught.value)
+
+
+def test_a_relation_with_one_reference_is_read_as_before_with_a_warning() -> None:
+    with pytest.warns(DeprecationWarning, match="a relation may have several"):
+        relation = Relation("near", BED)  # type: ignore[arg-type]
+    with pytest.warns(DeprecationWarning, match=r"Relation.references\[0\]"):
+        assert relation.reference == BED
+    assert relation == Relation("near", (BED,))
+
+
 def test_a_location_may_be_relative_to_a_location_and_says_with_what() -> None:
     location = a_location(in_reach_of=a_location(above=BED), using=GRIPPER)
     assert str(location) == "in_reach_of(above(Bed-PieceOfFurniture)) with rightGripper"
 
 
 def test_an_unknown_relation_is_refused_with_those_there_are() -> None:
-    with pytest.raises(ValueError, match="unknown relation 'under'; valid relations: in_reach_of, visible_from, above"):
+    with pytest.raises(ValueError, match="unknown relation 'under'; valid relations: in_reach_of, above"):
         a_location(under=BED)
 
 

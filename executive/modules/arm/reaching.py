@@ -22,7 +22,6 @@ from planlang.designators import (
     Location,
     Object,
     Person,
-    Relation,
     a_location,
     action,
 )
@@ -42,7 +41,7 @@ from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.protocols import Trajectory
-from planlang.relations import Sense
+from planlang.relations.reaching import InCenterOf
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, tried in turn, when an arm has no path [m]."""
@@ -126,15 +125,12 @@ class HandReaching(HandWork):
         """Check whether the target is a pose relative to a person."""
         location, scene = self._target(action), self.platform.scene
         return location is not None and any(
-            isinstance(relation.reference, Object) and scene.bodies.is_person(scene.bodies.bind(relation.reference))
-            for relation in location.relations
+            scene.bodies.is_person(scene.bodies.bind(one)) for one in location.objects()
         )
 
     async def _look_first(self, location: Location) -> None:
-        for relation in location.relations:
-            match relation:
-                case Relation(_, Object() as what) if self.platform.sensing.must_look(what):
-                    await perform(action("LookingForSomething", object_acted_on=what))
+        for what in filter(self.platform.sensing.must_look, location.objects()):
+            await perform(action("LookingForSomething", object_acted_on=what))
 
     async def _to_posture(self, arm: ArmModel, name: str) -> None:
         """Move an arm to a named posture; without a path, pull the hand out first, then back off with the base."""
@@ -201,7 +197,7 @@ class HandReaching(HandWork):
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
-        grasps = asks_for(location, "hand", Sense.GRASP_POINT)
+        grasps = asks_for(location, InCenterOf)
         arm, first, label = solution.arm, solution.joints[0], solution.plan.label
         await self.platform.hands.shape(arm, solution.plan.fingers)
         match solution.reach.kind:

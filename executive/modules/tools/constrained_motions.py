@@ -435,7 +435,7 @@ def _resolved(feature: Feature, action: Action) -> Feature:
         return feature
     role = snake_case(STANDING_FOR[feature.of.type])
     filler = action.get(role)
-    parts = (one.reference for one in filler.relations) if isinstance(filler, Location) else (filler,)
+    parts = filler.objects() if isinstance(filler, Location) else (filler,)
     what = next((one for one in parts if isinstance(one, Object)), None)
     if what is None:
         raise ActionUnresolvable(f"the constraint on {feature} needs {role}; state it", designator=str(action))

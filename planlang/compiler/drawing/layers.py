@@ -214,7 +214,7 @@ def _columns(
 def _routes(
     items: list[_Item], chains: list[list[int]], tops: list[float], bottoms: list[float]
 ) -> tuple[tuple[Point, ...], ...]:
-    starts, ends = _ports(items, chains, out=True), _ports(items, chains, out=False)
+    starts, ends = _ports(items, chains, 0, 1), _ports(items, chains, -1, -2)
     routes = []
     for number, chain in enumerate(chains):
         first, last = items[chain[0]], items[chain[-1]]
@@ -227,14 +227,14 @@ def _routes(
     return tuple(routes)
 
 
-def _ports(items: list[_Item], chains: list[list[int]], *, out: bool) -> dict[int, float]:
-    """Positions where edges leave their first box, or enter their last: side by side, sorted by their other ends."""
+def _ports(items: list[_Item], chains: list[list[int]], here: int, beside: int) -> dict[int, float]:
+    """Positions of the ends ``here`` (indices in their chains) of edges: side by side, sorted by what is ``beside``."""
     at: dict[int, list[int]] = {}
     for number, chain in enumerate(chains):
-        at.setdefault(chain[0 if out else -1], []).append(number)
+        at.setdefault(chain[here], []).append(number)
     ports: dict[int, float] = {}
     for index, numbers in at.items():
-        numbers.sort(key=lambda number: items[chains[number][1 if out else -2]].x)
+        numbers.sort(key=lambda number: items[chains[number][beside]].x)
         spacing = min(22.0, items[index].width * 0.7 / len(numbers))
         for position, number in enumerate(numbers):
             ports[number] = items[index].x + (position - (len(numbers) - 1) / 2) * spacing

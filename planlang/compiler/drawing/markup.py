@@ -72,18 +72,18 @@ def _arrow(arrow: Arrow, boxes: dict[str, Box], indent: str) -> str:
         attributes.append('dir=none, style=dotted, constraint=false, color="#8a4f8f"')
     if arrow.order is Order.ADDED:
         attributes.append('style=dashed, color="#b0741a"')
-    return f"{indent}{_end(tail, last=True)} -> {_end(head, last=False)} [{', '.join(attributes)}];"
+    return f"{indent}{_end(tail, -1)} -> {_end(head, 0)} [{', '.join(attributes)}];"
 
 
-def _end(box: Box, *, last: bool) -> str:
-    """Node where an arrow from or to a box ends: in a cluster, a last or a first step."""
+def _end(box: Box, index: int) -> str:
+    """Node where an arrow from or to a box ends: in a cluster, a last step (-1) or a first one (0)."""
     while box.groups:
-        group = box.groups[-1 if last else 0]
+        group = box.groups[index]
         if not group.boxes:
             return group.key
-        linked = {arrow.before if last else arrow.after for arrow in group.of(Order.STATED, Order.ADDED)}
+        linked = {arrow.before if index else arrow.after for arrow in group.of(Order.STATED, Order.ADDED)}
         free = [inner for inner in group.boxes if inner.key not in linked] or list(group.boxes)
-        box = free[-1 if last else 0]
+        box = free[index]
     return box.key
 
 

@@ -193,16 +193,11 @@ def _path(arrow: Arrow, curve: str) -> str:
 def curve_of(route: Route) -> str:
     """Path of an arrow in SVG syntax, from its beginning to its end."""
     points = route.points[::-1] if route.is_upward else route.points
-    return _curve(points, starts_curved=route.is_upward)
-
-
-def _curve(points: Sequence[Point], *, starts_curved: bool = False) -> str:
-    """Path through the points; vertical and curved parts alternate."""
     parts = [f"M {_p(points[0])}"]
     for number, (before, point) in enumerate(pairwise(points)):
         if point == before:
             continue  # a part without length would turn the arrow's head
-        if (number % 2 == 0) is not starts_curved:
+        if (number % 2 == 0) is not route.is_upward:  # vertical and curved parts alternate
             parts.append(f"L {_p(point)}")
         else:
             middle = (before[1] + point[1]) / 2

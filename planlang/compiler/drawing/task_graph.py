@@ -270,7 +270,9 @@ def _filler(filler: Filler) -> str:
             return filler.name if filler.iri is not None else f"any {filler.name}"
         case Place():
             stated = " and ".join(
-                f"{RELATIONS[relation].owl} {_reference(reference)}" for relation, reference in filler.relations
+                f"{RELATIONS[relation].owl} "
+                + " and ".join(_filler(one) if isinstance(one, Place) else one.name for one in references)
+                for relation, references in filler.relations
             )
             return f"{filler.name} ({stated or 'posture'})"
         case Name():
@@ -294,10 +296,6 @@ def _constraint(constraint: Constraint) -> str:
         limits += f" {kind.unit}"
     features = f"{_filler(constraint.tool)} to {_filler(constraint.world)}"
     return f"{constraint.name} ({', '.join(filter(None, (features, limits)))})"
-
-
-def _reference(reference: Thing | Place) -> str:
-    return reference.name if isinstance(reference, Thing) else _filler(reference)
 
 
 LONGEST_LINE = 56

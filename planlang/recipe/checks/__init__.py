@@ -19,6 +19,7 @@ from planlang.recipe.actions import Actions, recipes_for
 from planlang.recipe.guesses import Known, without_number
 from planlang.recipe.model import Recipe, RecipeSet, Step
 from planlang.recipe.order import added_by_scopes
+from planlang.recipe.readers import created_individuals
 from planlang.recipe.statements import Statements
 from planlang.records import dataclass
 from planlang.spelling import Spellings
@@ -112,6 +113,11 @@ class CheckedRecipe:
     def owners(self) -> tuple[Recipe | Step, ...]:
         """The task and its steps, each with the parameters that it states itself."""
         return (_stating(self.recipe), *map(_stating, self.recipe.steps))
+
+    @cached_property
+    def created(self) -> frozenset[str]:
+        """Individuals (IRIs) that sub-actions create, which need not be defined elsewhere."""
+        return created_individuals(self.ontology, self.statements)
 
     @cached_property
     def added(self) -> tuple[tuple[str, str], ...]:

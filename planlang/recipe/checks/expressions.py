@@ -56,7 +56,7 @@ def unread_expressions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 yield from _of_action(ontology, above)
             seen.add(above)
     places = (one.filler for owner in checked.owners for one in owner.parameters if isinstance(one.filler, Place))
-    for place in dict.fromkeys(each.iri for one in places for each in _within(one)):
+    for place in dict.fromkeys(each.iri for one in places for each in one.places()):
         yield from _of_place(ontology, place)
 
 
@@ -216,10 +216,3 @@ def _properties(ontology: Ontology, term: BNode) -> list[str]:
     stated = (triple for node in reached((term,), inside) for triple in ontology.triples(s=node))
     named = (triple.object for triple in stated if triple.predicate in (OWL.onProperty, OWL.inverseOf))
     return [name for name in named if isinstance(name, str)]
-
-
-def _within(place: Place) -> Iterator[Place]:
-    yield place
-    for _, other in place.relations:
-        if isinstance(other, Place):
-            yield from _within(other)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, warning
-from planlang.ontology import Ontology
 from planlang.recipe import graphs as nx
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.model import Kind, Parameter, Step, Thing
@@ -22,9 +21,10 @@ def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     for loop in nx.strongly_connected_components(graph):
         steps = [step for step in recipe.steps if step.iri in loop] if len(loop) > 1 else []
         asked = [one for step in steps if step.condition is not None for one in _classes(step.condition.parameters)]
+        is_a = checked.ontology.is_a
         for step in steps:
             for cls, parameter in _acted_on(step):
-                if any(_are_related(checked.ontology, cls, other) for other, _ in asked):
+                if any(is_a(cls, other) or is_a(other, cls) for other, _ in asked):
                     message = (
                         f"`{step.name}` acts on one `{local_name(cls)}`, the same in each round of its loop, though the"
                         f" loop goes on while any `{local_name(cls)}` is there"
@@ -43,7 +43,3 @@ def _classes(parameters: tuple[Parameter, ...]) -> Iterator[tuple[str, Parameter
     for one in parameters:
         if isinstance(one.filler, Thing) and one.filler.iri is None and one.filler.kind is Kind.OBJECT:
             yield one.filler.stated, one
-
-
-def _are_related(ontology: Ontology, one: str, other: str) -> bool:
-    return ontology.is_a(one, other) or ontology.is_a(other, one)

@@ -114,7 +114,7 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
     names = {number: store.name(number) or "" for number in {objects[row] for row in restricting}}
     words = {number: local_name(name) for number, name in names.items() if is_word(name, *_STEPS, *_DESCRIBED_BY)}
     asserted_at = {
-        (line, column, filler if isinstance(filler, str) and number is None else _quantity(filler, number))
+        (line, column, str(number) if number is not None else filler if isinstance(filler, str) else _word_of(filler))
         for _, _, filler, number, (_, line, column), _ in read
     }
     asserted = {
@@ -139,11 +139,6 @@ def _inside_expressions(actions: Actions, read: list[Restriction]) -> Iterator[D
                 message = f"{word} is in an expression that does not determine which action is performed"
                 advice = "write each alternative as a recipe: a subclass of the sub-action"
                 yield error("R059", message, store.span(filled[0]), advice)
-
-
-def _quantity(filler: Term, cardinality: int | None) -> str:
-    """Text of a restriction's filler, or of its cardinality if it has one."""
-    return _word_of(filler) if cardinality is None else str(cardinality)
 
 
 def _word_of(term: Term) -> str:

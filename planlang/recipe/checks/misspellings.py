@@ -203,7 +203,9 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
             continue
         near = neighbours.of(short) or get_close_matches(short, recipe_words, n=2, cutoff=SURE)
         if not near and _relates_tasks(ontology, written):
-            near = [_with_prefix_of(short, word) for word in Neighbours(INTERVALS).of(_plain(short))]
+            plain = short.lower().removeprefix("interval").removeprefix("temporally")
+            before = short[: len(short) - len(plain)]
+            near = [before + (word.capitalize() if before else word) for word in Neighbours(INTERVALS).of(plain)]
         if near:
             candidates = [_in_namespace(ontology, written, word, listed) for word in near]
             if space not in VOCABULARIES.values() and _is_declared(ontology, written):
@@ -240,16 +242,6 @@ def _relates_tasks(ontology: Ontology, name: str) -> bool:
     )
 
 
-def _plain(short: str) -> str:
-    return short.lower().removeprefix("interval").removeprefix("temporally")
-
-
-def _with_prefix_of(short: str, word: str) -> str:
-    """Word with the prefix of the written name."""
-    before = short[: len(short) - len(_plain(short))]
-    return before + (word.capitalize() if before else word)
-
-
 def _is_read(name: str) -> bool:
     return is_word(name, *WORDS, *REGISTERED_WORDS, *OUTPUTS) or is_interval_relation(name)
 
@@ -261,12 +253,9 @@ def _things(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
         if written not in outcomes and not is_word(written, *CONSTRAINT_CLASSES):
             candidates = names.candidates(written)
             if candidates:
-                yield _misspelt(written, candidates, names.span(row), f"`{_shown(written, candidates)}` is not defined")
-
-
-def _shown(written: str, candidates: list[str]) -> str:
-    short = local_name(written)
-    return written if any(local_name(name) == short for name in candidates) else short
+                short = local_name(written)
+                shown = written if short in map(local_name, candidates) else short
+                yield _misspelt(written, candidates, names.span(row), f"`{shown}` is not defined")
 
 
 def _misspelt(written: str, candidates: list[str], span: Span, message: str) -> Diagnostic:

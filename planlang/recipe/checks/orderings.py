@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from itertools import pairwise
 
 from planlang.designators import local_name, local_part, told_apart
@@ -403,19 +402,12 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
     return None
 
 
-@cache
-def _roles_by_class() -> dict[str, tuple[str, ...]]:
-    """Roles of the steps of each class (IRI)."""
-    classes = {name for names in ROLES.values() for name in names}
-    return {expand(cls): tuple(role for role, names in ROLES.items() if cls in names) for cls in classes}
-
-
 _ABOUT = ("objectActedOn", "toLocation", "recipient")
 
 
 def _facts(actions: Actions, step: Step) -> _Facts:
-    known = _roles_by_class()
-    roles = {role for ancestor in actions.ontology.ancestors(step.action_class) for role in known.get(ancestor, ())}
+    above = {*actions.ontology.ancestors(step.action_class)}
+    roles = {role for role, names in ROLES.items() if not above.isdisjoint(map(expand, names))}
     if actions.is_base_motion(step):
         roles.add("moves the base")
     about = {name: frozenset(one for filler in step.fillers(name) for one in iris_in(filler)) for name in _ABOUT}

@@ -43,7 +43,7 @@ from planlang.recipe.fillers import (
 )
 from planlang.recipe.guesses import SURE, classes_of_vocabulary, guess, names_of_file
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.readers import OUTPUTS, created_individuals
+from planlang.recipe.readers import OUTPUTS
 from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import Filling, is_word
 from planlang.relations import RELATIONS, owl_properties
@@ -190,7 +190,7 @@ def fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     ontology = checked.ontology
     yield from unread_expressions(checked)
-    undefined: set[Term] = set(created_individuals(ontology, checked.statements))
+    undefined: set[Term] = set(checked.created)
     reported = set(undefined)
     for owner, more in _owners(checked):
         for filling in _stated(ontology, owner, more):
@@ -202,7 +202,7 @@ def _fillers(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                     reported.add(filling.term)
                 yield from _references(ontology, filling, reported)
     for one in checked.owners:
-        yield from _out_of_range(ontology, one, created_individuals(ontology, checked.statements))
+        yield from _out_of_range(ontology, one, checked.created)
 
 
 @check("R031")
@@ -231,7 +231,7 @@ def left_out(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     for owner in checked.owners:
         for parameter in owner.parameters:
             if isinstance(parameter.filler, Place):
-                for place in places_of(parameter.filler):
+                for place in parameter.filler.places():
                     yield from statements_without_use(checked.ontology, place)
 
 
@@ -393,7 +393,7 @@ _NO_NAME = re.compile(r"pose|posture|position|[\W_\d]+", re.IGNORECASE)
 @check("R036")
 def unrelated_places(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report places without relations that are not a posture of the robot."""
-    created = created_individuals(checked.ontology, checked.statements)
+    created = checked.created
     for owner in checked.owners:
         for parameter in owner.parameters:
             if isinstance(parameter.filler, Place) and parameter.filler.iri not in created:
@@ -437,14 +437,6 @@ def statements_without_use(ontology: Ontology, place: Place) -> Iterator[Diagnos
 
 
 _LANGUAGES = {iri.partition("#")[0] for iri in (RDF.type, RDFS.label, RDFS.comment, OWL)}
-
-
-def places_of(place: Place) -> Iterator[Place]:
-    """Yield a place and the places that it refers to."""
-    yield place
-    for _, reference in place.relations:
-        if isinstance(reference, Place):
-            yield from places_of(reference)
 
 
 @cache

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from planlang.designators import told_apart
 from planlang.diagnostics import Diagnostic, Order, warning
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import Actions, Primitive
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.orderings import ORDERS_UNKNOWN, RECURSIVE, ordering_to_write, plausible
 from planlang.recipe.model import RecipeSet, Step, Thing
@@ -25,8 +25,8 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     actions, recipe, recipes = checked.actions, checked.recipe, checked.file.recipes
     narrow: dict[str, frozenset[str]] = {}
     wide: dict[str, frozenset[str]] = {}
-    own = {step.iri: _resources(actions, step, recipes, narrow, with_implied=False) for step in recipe.steps}
-    whole = {step.iri: _resources(actions, step, recipes, wide, with_implied=True) for step in recipe.steps}
+    own = {step.iri: _resources(actions, step, recipes, narrow, {}) for step in recipe.steps}
+    whole = {step.iri: _resources(actions, step, recipes, wide, actions.primitives) for step in recipe.steps}
     using = [step for step in recipe.steps if whole[step.iri]][:MOST_STEPS]
     if len(using) < 2:
         return
@@ -87,18 +87,23 @@ def _rivals(using: Sequence[Step], own: Needs, whole: Needs, order: Precedence[s
 
 
 def _resources(
-    actions: Actions, step: Step, recipes: RecipeSet, known: dict[str, frozenset[str]], *, with_implied: bool
+    actions: Actions,
+    step: Step,
+    recipes: RecipeSet,
+    known: dict[str, frozenset[str]],
+    side_effects: Mapping[str, Primitive],
 ) -> frozenset[str]:
     """Roles that a step and the steps below it need; a role of the hand includes its device if that is stated.
 
-    ``with_implied`` adds those of actions that primitives perform as side effects. ``known`` caches the roles of
-    recipes (IRIs).
+    ``side_effects`` are the actions of which the roles count, too, where a primitive performs them as side effects.
+    ``known`` caches the roles of recipes (IRIs).
     """
     primitive = actions.primitive(step)
     if primitive is not None:
         devices = sorted(thing.name for thing in step.fillers("deviceUsed") if isinstance(thing, Thing))
-        implied = (actions.primitives.get(action) for action in primitive.implies if with_implied)
-        roles = {role for one in (primitive, *implied) if one is not None for role in one.resources}
+        roles = {
+            role for one in (primitive, *map(side_effects.get, primitive.implies)) if one for role in one.resources
+        }
         return frozenset(
             f"{role} of {devices[0]}" if devices and role in ("arm", "gripper") else role
             for role in roles
@@ -106,7 +111,7 @@ def _resources(
         )
     for callee in step.recipes:
         if callee not in known:
-            below = [_resources(actions, one, recipes, known, with_implied=with_implied) for one in
-                     recipes.recipes[callee].steps]  # fmt: skip
+            steps = recipes.recipes[callee].steps
+            below = (_resources(actions, one, recipes, known, side_effects) for one in steps)
             known[callee] = frozenset().union(*below)
     return frozenset(role for callee in step.recipes for role in known[callee])

@@ -8,7 +8,6 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, warning
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check
 from planlang.recipe.model import Absence, Filler, Kind, Name, Place, Slot, Thing
-from planlang.recipe.readers import created_individuals
 from planlang.recipe.slots import accepts, in_words
 
 
@@ -21,7 +20,7 @@ def declarations(checked: CheckedFile) -> Iterator[Diagnostic]:
 @check("R060")
 def wrong_kinds(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report fillers of the wrong kind for their slot; individuals that another step creates are not checked."""
-    created = created_individuals(checked.ontology, checked.statements)
+    created = checked.created
     for owner in checked.owners:
         slots = checked.actions.slots(owner.action_class)
         for parameter in owner.parameters if slots else ():

@@ -13,11 +13,11 @@ from difflib import get_close_matches
 from planlang.closure import reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
-from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
+from planlang.ontology import BNode, Ontology, Restriction, expand, once_per_ontology, shorten
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
-from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, kept, nearest_action
+from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, nearest_action
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
 from planlang.words import Text, calling
@@ -255,19 +255,16 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 
+@once_per_ontology
 def _alternatives(ontology: Ontology, word: str, ending: str) -> Known:
     """Classes to suggest: capabilities or components with the same uninformative ending, if any."""
-
-    def names() -> Known:
-        upper = _UPPER.get(word)
-        if upper:
-            names = ontology.subclasses(expand(upper))[1:]
-        else:
-            others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
-            names = tuple(name for name in ontology.class_names() if name not in others)
-        return Known((name for name in names if not ending or _ending(name) == ending), _telling)
-
-    return kept(ontology, ("known requirements", word, ending), names)
+    upper = _UPPER.get(word)
+    if upper:
+        names = ontology.subclasses(expand(upper))[1:]
+    else:
+        others = {name for top in _NO_COMPONENTS for name in ontology.subclasses(expand(top))}
+        names = tuple(name for name in ontology.class_names() if name not in others)
+    return Known((name for name in names if not ending or _ending(name) == ending), _telling)
 
 
 def _ending(name: str) -> str:
@@ -378,14 +375,16 @@ def ambiguous_transitions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     machine, recipe = checked.recipe.machine, checked.recipe
     first: dict[tuple[str, str | Ending], Transition] = {}
     for one in machine.transitions if machine is not None else ():
-        earlier = first.setdefault((one.source, _case(one)), one)
+        is_named = one.ending in (Ending.OTHER, Ending.FAILED) and one.outcome
+        earlier = first.setdefault((one.source, one.outcome if is_named and one.outcome else one.ending), one)
         if earlier.target != one.target:
             message = (
                 f"from `{local_name(one.source)}`, {_word(one)} leads to two states:"
                 f" `{local_name(earlier.target)}` and `{local_name(one.target)}`"
             )
             advice = "give them different outcomes (causedBy), or keep one"
-            yield error("R053", message, _later(earlier, one) or recipe.span, advice)
+            spans = (each.span for each in (earlier, one) if each.span is not None)
+            yield error("R053", message, max(spans, default=recipe.span), advice)
 
 
 @check("R054", unless=("R052",))
@@ -427,7 +426,7 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                 yield warning("R055", message, regular[0].span, "remove the transition, or the taskEndState")
             continue
         checks = endings & {Ending.TRUE, Ending.FALSE}
-        yield from _unknown_outcomes(actions, step.name, own, checked=bool(checks))
+        yield from _never_taken(step, own) if checks else _unknown_outcomes(actions, step, own)
         missing: list[str] = []
         if len(checks) == 1:
             missing = ["CONDITION_FALSE" if Ending.TRUE in checks else "CONDITION_TRUE"]
@@ -441,16 +440,19 @@ def uncovered_endings(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             yield warning("R055", message, step.span, advice)
 
 
-def _unknown_outcomes(actions: Actions, state: str, own: list[Transition], *, checked: bool) -> Iterator[Diagnostic]:
+def _never_taken(state: Step, own: list[Transition]) -> Iterator[Diagnostic]:
+    """Report outcomes without a known meaning of a state that checks a condition."""
+    for one in own:
+        if one.ending is Ending.OTHER and one.outcome is not None:
+            message = f"`{state.name}` checks a condition: its transition with `{_word(one)}` is never taken"
+            yield warning("R055", message, one.span, "write `causedBy CONDITION_TRUE`, or CONDITION_FALSE")
+
+
+def _unknown_outcomes(actions: Actions, state: Step, own: list[Transition]) -> Iterator[Diagnostic]:
     """Report outcomes without a known meaning: they occur only if the performer of the state returns their name."""
     for one in own:
-        if one.ending is not Ending.OTHER or one.outcome is None:
-            continue
-        if checked:
-            message = f"`{state}` checks a condition: its transition with `{_word(one)}` is never taken"
-            yield warning("R055", message, one.span, "write `causedBy CONDITION_TRUE`, or CONDITION_FALSE")
-        elif not actions.ontology.defined(one.outcome):
-            message = f"the outcome `{_word(one)}` is not defined: it occurs only if it is the result of `{state}`"
+        if one.ending is Ending.OTHER and one.outcome is not None and not actions.ontology.defined(one.outcome):
+            message = f"the outcome `{_word(one)}` is not defined: it occurs only if it is the result of `{state.name}`"
             advice = (
                 "write `causedBy` CONDITION_TRUE, CONDITION_FALSE, COMPLETED_OK or COMPLETED_FAILED;"
                 f" or define it: `Individual: {_word(one)}` with `Types: ActionResult`"
@@ -473,18 +475,8 @@ def unhandled_failures(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     yield warning("R056", message, recipe.span, advice)
 
 
-def _case(transition: Transition) -> str | Ending:
-    is_named = transition.ending in (Ending.OTHER, Ending.FAILED) and transition.outcome is not None
-    return transition.outcome if is_named and transition.outcome else transition.ending
-
-
 def _word(transition: Transition) -> str:
     return local_name(transition.outcome) if transition.outcome else "any outcome"
-
-
-def _later(first: Transition, second: Transition) -> Span | None:
-    spans = [one.span for one in (first, second) if one.span is not None]
-    return max(spans, default=None)
 
 
 def _where(ontology: Ontology, statements: Statements, name: str) -> Span | None:

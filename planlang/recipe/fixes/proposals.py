@@ -77,11 +77,12 @@ def _kinds(ontology: Ontology) -> Iterator[Fix]:
         if triples:
             names = ", ".join(dict.fromkeys(f"`{local_name(str(triple.object))}`" for triple in triples))
             message = f"restrictions on {names} use {kind}"
-            yield Fix(code, message, triples[0].span, _with_kind([triple.span for triple in triples], kind))
+            spans = [triple.span for triple in triples]
 
+            def edit(text: Editable, spans: list[Span] = spans, kind: str = kind) -> list[Edit]:
+                return [one for span in spans for one in text.with_kind(span, kind)]
 
-def _with_kind(spans: list[Span], kind: str) -> Callable[[Editable], list[Edit]]:
-    return lambda text: [one for span in spans for one in text.with_kind(span, kind)]
+            yield Fix(code, message, spans[0], edit)
 
 
 def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:

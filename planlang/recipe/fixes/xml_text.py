@@ -277,7 +277,7 @@ class XmlText(Editable):
             parent.children.append(element)
         self._stack.append(element)
 
-    def _declared(self, name: str, is_parameter: bool, value: str | None, *_: object) -> None:
+    def _declared(self, name: str, is_parameter: int, value: str | None, *_: object) -> None:
         self._entities.setdefault(name, value or "")
 
     def _finish(self, tag: str) -> None:

@@ -15,7 +15,7 @@ from itertools import product
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
-from planlang.ontology import BNode, Literal, Ontology, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, expand, once_per_ontology, shorten
 from planlang.ontology.terms import OWL
 from planlang.recipe import graphs as nx
 from planlang.recipe.fillers import fillings
@@ -73,11 +73,7 @@ def created_individuals(ontology: Ontology, statements: Statements) -> frozenset
     They are named as outputs, or fill a property whose filler the class of the action creates (``makes`` of a
     Primitive).
     """
-    key = ("made", statements.iri)
-    if key not in ontology.kept:
-        ontology.kept[key] = frozenset(name for _, name, _ in _outputs(ontology, statements))
-    created: frozenset[str] = ontology.kept[key]
-    return created
+    return frozenset(name for _, name, _ in _outputs(ontology, statements))
 
 
 def _mapped(ontology: Ontology, statements: Statements) -> tuple[list[Flow], list[LooseEnd]]:
@@ -138,24 +134,27 @@ def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, 
 
 def _products(ontology: Ontology, cls: str) -> frozenset[str]:
     """Properties (IRIs) whose fillers are created by actions of a class."""
-    if "makes" not in ontology.kept:
-        table: dict[str, set[str]] = {}
-        for one in ontology.individuals(expand("Primitive")):
-            names = [value.value for value in ontology.values(one, expand("makes")) if isinstance(value, Literal)]
-            for action in ontology.values(one, expand("performsAction")) if names else ():
-                table.setdefault(str(action), set()).update(map(expand, names))
-        ontology.kept["makes"] = table
-    return frozenset().union(*(ontology.kept["makes"].get(above, ()) for above in ontology.ancestors(cls)))
+    table = _products_by_class(ontology)
+    return frozenset().union(*(table.get(above, ()) for above in ontology.ancestors(cls)))
 
 
+@once_per_ontology
+def _products_by_class(ontology: Ontology) -> dict[str, set[str]]:
+    table: dict[str, set[str]] = {}
+    for one in ontology.individuals(expand("Primitive")):
+        names = [value.value for value in ontology.values(one, expand("makes")) if isinstance(value, Literal)]
+        for action in ontology.values(one, expand("performsAction")) if names else ():
+            table.setdefault(str(action), set()).update(map(expand, names))
+    return table
+
+
+@once_per_ontology
 def _states_outputs(ontology: Ontology) -> bool:
     """True if any document states outputs."""
-    if "states outputs" not in ontology.kept:
-        store = ontology.store
-        restricted = map(store.name, set(map(store.objects.__getitem__, store.by(OWL.onProperty))))
-        is_restricted = any(name is not None and is_word(name, *OUTPUTS) for name in restricted)
-        ontology.kept["states outputs"] = is_restricted or bool(ontology.properties_named(*OUTPUTS))
-    return bool(ontology.kept["states outputs"])
+    store = ontology.store
+    restricted = map(store.name, set(map(store.objects.__getitem__, store.by(OWL.onProperty))))
+    is_restricted = any(name is not None and is_word(name, *OUTPUTS) for name in restricted)
+    return is_restricted or bool(ontology.properties_named(*OUTPUTS))
 
 
 def _consumed(ontology: Ontology, statements: Statements, consumer: str, resource: str | None) -> str | None:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from planlang.designators import local_name, local_part
 from planlang.diagnostics import Span
-from planlang.ontology import BNode, Ontology, Term, shorten
+from planlang.ontology import BNode, Ontology, Term, once_per_ontology, shorten
 from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import Ordering
@@ -131,25 +131,22 @@ def is_union(ontology: Ontology, expression: BNode) -> bool:
     return bool(members) and all(any(isinstance(one, str) for one in ontology.members(each)) for each in members)
 
 
+@once_per_ontology
 def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
     """Map each class outside the bundled vocabulary without sub-actions of its own to the union that defines it."""
-    key = "unions"
-    if key not in ontology.kept:
-        store, union_of = ontology.store, dict[str, BNode | str]()
-        nodes = {store.subjects[row] for row in store.by(OWL.unionOf)}
-        for row in store.by(RDFS.subClassOf, OWL.equivalentClass) if nodes else ():
-            name, value = store.name(store.subjects[row]), store.objects[row]
-            if name is None or not (value in nodes or value in store.intersections):
-                continue
-            union = next((one for one in ontology.members(store.term(value)) if store.find(one) in nodes), None)
-            if isinstance(union, BNode) and _may_define(ontology, name):
-                union_of.setdefault(name, union)
-        for name in filter(None, map(store.name, nodes)):
-            if _may_define(ontology, name):
-                union_of.setdefault(name, name)
-        ontology.kept[key] = union_of
-    unions: Mapping[str, BNode | str] = ontology.kept[key]
-    return unions
+    store, union_of = ontology.store, dict[str, BNode | str]()
+    nodes = {store.subjects[row] for row in store.by(OWL.unionOf)}
+    for row in store.by(RDFS.subClassOf, OWL.equivalentClass) if nodes else ():
+        name, value = store.name(store.subjects[row]), store.objects[row]
+        if name is None or not (value in nodes or value in store.intersections):
+            continue
+        union = next((one for one in ontology.members(store.term(value)) if store.find(one) in nodes), None)
+        if isinstance(union, BNode) and _may_define(ontology, name):
+            union_of.setdefault(name, union)
+    for name in filter(None, map(store.name, nodes)):
+        if _may_define(ontology, name):
+            union_of.setdefault(name, name)
+    return union_of
 
 
 def _may_define(ontology: Ontology, name: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from planlang.ontology import BNode, Ontology, Restriction
+from planlang.ontology import BNode, Ontology, Restriction, once_per_ontology
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.model import EQUIVALENT, FLAT, INTERSECTION, SUB_EVENTS, Dialect, Ordering
 from planlang.recipe.readers.alternatives import mention, read_union
@@ -151,17 +151,13 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
     return tuple(foreign.values())
 
 
+@once_per_ontology
 def _undefined_classes(ontology: Ontology) -> frozenset[str]:
     """Undefined classes (IRIs) whose local name is that of a constraint class of the vocabulary."""
-    if "undefined classes of constraints" not in ontology.kept:
-        store = ontology.store
-        kinds = map(store.name, set(map(store.objects.__getitem__, store.by(RDF.type))))
-        words = frozenset(name for name in kinds if name is not None and is_word(name, *CONSTRAINT_CLASSES))
-        ontology.kept["undefined classes of constraints"] = frozenset(
-            name for name in words if not ontology.defined(name)
-        )
-    undefined: frozenset[str] = ontology.kept["undefined classes of constraints"]
-    return undefined
+    store = ontology.store
+    kinds = map(store.name, set(map(store.objects.__getitem__, store.by(RDF.type))))
+    words = (name for name in kinds if name is not None and is_word(name, *CONSTRAINT_CLASSES))
+    return frozenset(name for name in words if not ontology.defined(name))
 
 
 def _dialect(subs: list[Restriction]) -> Dialect:

@@ -16,7 +16,7 @@ from itertools import product
 
 from planlang.closure import reached
 from planlang.designators import local_name
-from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
+from planlang.ontology import BNode, Ontology, Restriction, expand, once_per_ontology, shorten
 from planlang.recipe.fillers import action_class
 from planlang.recipe.model import WORKFLOW, Allen, Flow, Ordering, Overlap
 from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named_iris
@@ -238,11 +238,9 @@ class _Nesting:
         return [name] if name in known else [one for one in known[1:] if one in above]
 
 
+@once_per_ontology
 def _nesting(ontology: Ontology) -> _Nesting:
-    if "workflows" not in ontology.kept:
-        ontology.kept["workflows"] = _Nesting(ontology)
-    nesting: _Nesting = ontology.kept["workflows"]
-    return nesting
+    return _Nesting(ontology)
 
 
 def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
@@ -251,7 +249,7 @@ def _roles(ontology: Ontology, task: str) -> Iterator[Filling]:
     for fact in _linked(ontology, task, ("isTaskOf",), ("hasTask",)):
         role = str(fact.term)
         kind = action_class(ontology, role) or role
-        for classified in sorted(_linked(ontology, role, _FILLS, _FILLED_BY), key=_name):
+        for classified in sorted(_linked(ontology, role, _FILLS, _FILLED_BY), key=lambda one: str(one.term)):
             kinds.setdefault(kind, []).append(str(classified.term))
             yield Filling(_property(ontology, kind), classified.term, fact.span)
     cls = task if ontology.is_class(task) else action_class(ontology, task)
@@ -331,7 +329,3 @@ def _passed(ontology: Ontology, made: tuple[str, str], used: tuple[str, str]) ->
 
 def _kind(ontology: Ontology, role: str) -> str:
     return action_class(ontology, role) or role
-
-
-def _name(filling: Filling) -> str:
-    return str(filling.term)

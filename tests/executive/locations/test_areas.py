@@ -10,14 +10,13 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from executive.belief.believed_bodies import Block
 from executive.belief.floor import DOUBTFUL, Floor
 from executive.belief.planning_scene import Unseen
-from executive.locations.areas import area_of
 from executive.locations.base_candidates import BaseCandidates
 from executive.motion.clearance import Boxes, outlines
 from planlang.designators import a_location, an_object, located
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Area, Block
 from planlang.relations import RELATIONS
 from tests.executive.conftest import BED, BOTTLE, THE_BOTTLE, MakeStage, stand
 from tests.support.locations.rooms import BOUNDS, asked, room_of
@@ -44,9 +43,8 @@ def test_a_base_on_a_marker_is_near_it(make_stage: MakeStage) -> None:
 
 def test_everything_in_a_room_is_near_the_room() -> None:
     room = Block(0.0, 0.0, 0.0, 4.0, 4.0, 0.0, 3.0)
-    area = area_of("near room", "room", room, (), front=None, viewer=(0.0, 0.0), radius=0.333, bounds=(0.0, 1.0))
-    assert area.holds((0.0, 0.0))
-    assert area.holds((3.9, -3.9))
+    area = Area("near room", "room", room, radius=0.333, least=0.0, most=1.0)
+    assert (area.score(np.array([(0.0, 0.0), (3.9, -3.9)])) > 0).all()
 
 
 @pytest.mark.parametrize("relation", [*(name for name, one in RELATIONS.items() if one.directions), "far_from"])
@@ -57,16 +55,16 @@ def test_a_place_is_as_far_away_as_is_asked_for_and_nothing_overflows(relation: 
     turn = (*directions, 0.0)[0]
     points = np.outer([0.0, away + 0.5, 2 * away + 1.0], [math.cos(turn), math.sin(turn)])
     limits = (away, math.inf)
-    beyond = area_of("", "table", table, directions, front=0.0, viewer=(0.0, 0.0), radius=0.0, bounds=limits)
+    beyond = Area("", "table", table, 0.0, *limits, directions)
     with np.errstate(over="raise"):
         assert (beyond.score(points) > 0).tolist() == [False, True, True]
 
 
 def test_a_distance_that_is_given_exactly_is_kept_within_a_millimetre() -> None:
     table = Block(0.0, 0.0, 0.0, 0.4, 0.4, 0.0, 0.7)
-    area = area_of("", "table", table, (), front=0.0, viewer=(0.0, 0.0), radius=0.0, bounds=(1.0, 1.0))
-    held = [area.holds((0.4 + away, 0.0)) for away in (0.998, 0.9995, 1.0, 1.0005, 1.002)]
-    assert held == [False, True, True, True, False]
+    area = Area("", "table", table, radius=0.0, least=1.0, most=1.0)
+    points = np.array([(0.4 + away, 0.0) for away in (0.998, 0.9995, 1.0, 1.0005, 1.002)])
+    assert (area.score(points) > 0).tolist() == [False, True, True, True, False]
 
 
 HALF = 0.3

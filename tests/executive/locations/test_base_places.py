@@ -246,10 +246,10 @@ asked = st.tuples(st.sampled_from(NAMES), st.sampled_from(BODIES), st.none() | s
 def about(stage: Stage, place: BasePose, name: str, body: Body, width: float | None) -> Relation:
     """A relation to a body that holds at a place: with a band of distances if one is asked for, else negated."""
     what = an_object(body.type, PLACE + body.name)
-    plain = Relation(name, what)
+    plain = Relation(name, (what,))
     bands = [plain]
     if width is not None and name not in UNMEASURED:
-        bands = [Relation(name, what, (n + 2) * width / 2, n * width / 2) for n in range(math.ceil(16.0 / width))]
+        bands = [Relation(name, (what,), (n + 2) * width / 2, n * width / 2) for n in range(math.ceil(16.0 / width))]
     return next((band for band in bands if stage.resolver.satisfies(Location((band,)), place) is not None), ~bands[0])
 
 
@@ -295,7 +295,7 @@ THE_CABINET = an_object("Cabinet-PieceOfFurniture")
 @pytest.mark.parametrize(
     "location",
     [
-        Location((Relation("in_front_of", THE_CABINET, 4.0, 3.2),)),
+        Location((Relation("in_front_of", (THE_CABINET,), 4.0, 3.2),)),
         a_location(facing=(THE_CABINET, an_object("Table")), near=THE_BED, within=0.3),
         a_location(facing=THE_BED, not_=a_location(facing=a_person("Patient"))),
     ],
@@ -316,7 +316,7 @@ def test_a_place_in_a_large_room_is_found_with_work_that_does_not_grow_with_it(
     half: float, least: float, most: float, make_stage: MakeStage
 ) -> None:
     stage = make_stage(CABINET, BOTTLE, bounds=(-half, -half, half, half))
-    location = Location((Relation("near", THE_BOTTLE, most, least),))
+    location = Location((Relation("near", (THE_BOTTLE,), most, least),))
     x, y, _ = next(stage.resolver.bases(location)).base
     assert least - 2e-3 <= math.hypot(x - 1.5, y) - 0.0325 - 0.333 <= most + 2e-3
     bases, _, _ = FloorSamples(base_demand(location, stage.platform.scene, (0.0, 0.0)), stage.platform.scene).anywhere()

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.belief.believed_bodies import Block
 from executive.locations import HandSolution
 from executive.locations.deliveries import held_above, offering, placing
 from executive.locations.grasp_candidates import CLASSES, beside, grasping
@@ -21,6 +20,7 @@ from executive.robots.arms import HandFrame, Held
 from planlang.designators import a_device, a_location
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
+from planlang.geometry.areas import Block
 from planlang.protocols import Configuration
 from sim import Body, ComfortZone
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, MakeStage, Stage

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from executive.belief.believed_bodies import Block
 from executive.locations.headroom import RISES, SPARE, headroom
 from executive.motion import Boxes
 from planlang.designators import a_location, an_object
 from planlang.geometry import Pose
+from planlang.geometry.areas import Block
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage
 

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.explanations import explain_bases
 from executive.locations.questions import BUDGETS, Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
+from planlang.relations.demands import Reach, ReachKind
 from sim import Body
 from sim.scene import Handle
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, PLACE, THE_BOTTLE, MakeStage, Stage
@@ -258,8 +258,8 @@ def test_all_places_that_were_not_looked_at_are_counted(
 @pytest.mark.parametrize(
     ("location", "said"),
     [
-        (a_location(above=an_object("Bed-PieceOfFurniture")), "in_reach_of, visible_from, in_front_of, behind"),
-        (a_location(on=THE_BOTTLE), "in_reach_of, visible_from, in_front_of, behind"),
+        (a_location(above=an_object("Bed-PieceOfFurniture")), "in_reach_of, in_front_of, behind"),
+        (a_location(on=THE_BOTTLE), "in_reach_of, in_front_of, behind"),
         (a_location(in_reach_of=a_location(visible_from=THE_BOTTLE)), "in_reach_of, above, on, in_, in_center_of"),
         (a_location(in_reach_of=a_location(facing=THE_BOTTLE)), "in_reach_of, above, on, in_, in_center_of"),
     ],
@@ -274,6 +274,11 @@ def test_a_relation_that_means_nothing_is_refused_with_those_that_do(
 def test_an_object_that_is_not_in_the_map_is_no_matter_of_places(make_stage: MakeStage) -> None:
     with pytest.raises(ObjectUnresolvable, match="there are cabinet"):
         next(make_stage(CABINET).resolver.bases(TO_GRASP))
+
+
+def test_a_conjunct_without_which_there_would_be_a_place_is_named_and_nothing_else(refused: Refused) -> None:
+    failure = refused(a_location(in_reach_of=THE_BOTTLE, near=an_object("Bed-PieceOfFurniture")), CABINET, BOTTLE, BED)
+    assert failure.figures == "without 'near bed' there would be a place"
 
 
 def test_conjuncts_of_a_hand_location_that_exclude_each_other_are_named(make_stage: MakeStage) -> None:

@@ -9,11 +9,12 @@ from itertools import islice
 import pytest
 
 from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import ReachKind, base_demand, hand_demand
+from executive.locations.demands import base_demand, hand_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
+from planlang.relations.demands import ReachKind
 from sim import Body
 from tests.executive.conftest import (
     BED,
@@ -184,7 +185,7 @@ def test_what_is_said_from_outside_is_not_said_of_the_room_that_everything_is_in
     stage = make_stage(room, CABINET)
     what = an_object("HospitalRoom")
     with pytest.raises(LocationUnresolvable, match=r"room is (a|the only) room"):
-        next(stage.resolver.bases(Location((Relation(relation, what),))))
+        next(stage.resolver.bases(Location((Relation(relation, (what,)),))))
     assert bases(stage, a_location(near=what, facing=what), 1)
 
 

@@ -241,7 +241,7 @@ def test_the_same_seed_draws_the_same_room_and_another_one_another() -> None:
 
 
 def test_the_bottle_is_meant_in_every_room_that_is_not_about_a_person() -> None:
-    assert asked(room_of("hard", 0)).relations[0].reference == THE_BOTTLE
+    assert asked(room_of("hard", 0)).relations[0].references[0] == THE_BOTTLE
 
 
 HALF = 0.3

@@ -22,7 +22,9 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.protocols import Configuration
-from planlang.relations import RELATIONS, Sense
+from planlang.relations import RELATIONS
+from planlang.relations.demands import SUBJECTS
+from planlang.relations.looking import SeenFrom
 from sim import Body
 from tests.executive.conftest import (
     BED,
@@ -38,7 +40,7 @@ from tests.executive.conftest import (
 )
 from tests.executive.locations.conftest import MakeJudge
 from tests.support.examples import some
-from tests.support.locations.predicates import OF_A_BASE, OF_A_THING, keeps
+from tests.support.locations.predicates import OF_A_BASE, OF_A_THING, is_between, keeps
 
 T = TypeVar("T")
 CUP = Body("cup", Pose((-0.2, 1.7, 0.66)), (0.08, 0.08, 0.12), "cylinder", type="Cup", movable=True)
@@ -96,18 +98,19 @@ BASES: dict[str, Location] = {
     "far_from": a_location(far_from=THE_BED, beyond="8 ft"),
     "facing": a_location(facing=THE_BED, near=THE_BED),
     "clear_of": a_location(clear_of=THE_DOOR, near=THE_DOOR),
+    "between": a_location(between=(THE_CABINET, THE_TABLE), near=THE_TABLE),
     **{name: a_location(**{name: THE_CUP if name in ("left_of", "behind") else THE_CABINET}) for name in SIDES},  # type: ignore[arg-type]
 }
 
 
 def test_every_cell_of_the_table_is_tried_here() -> None:
-    tried = {name: one for name, one in RELATIONS.items() if one.sense("base") is not Sense.VIEWPOINT}
+    tried = {name: one for name, one in RELATIONS.items() if not isinstance(one, SeenFrom)}
     cells = (
-        {name for name, meaning in tried.items() if meaning.base},
-        {name for name, meaning in tried.items() if meaning.hand},
+        {name for name, meaning in tried.items() if meaning.of_base},
+        {name for name, meaning in tried.items() if meaning.of_hand},
     )
     assert cells == (BASES.keys(), HANDS.keys())
-    assert THINGS.keys() == {name for name, meaning in tried.items() if meaning.thing}
+    assert THINGS.keys() == {name for name, meaning in tried.items() if meaning.of_thing}
 
 
 @pytest.mark.parametrize("base", [(0.0, -0.4, 0.0), (0.3, 0.8, 2.0)])
@@ -131,9 +134,16 @@ def test_nothing_is_at_where_something_is_seen_from(room: Stage) -> None:
             next(room.resolver.bases(location))
 
 
+def bodies_of(relation: Relation) -> list[Body]:
+    """The bodies that a relation refers to, by name or class."""
+    return [next(body for body in ALL if one.name in (body.name, body.type)) for one in relation.references]
+
+
 def base_keeps(relation: Relation, base: tuple[float, float, float], viewer: tuple[float, float]) -> bool:
     """Return whether a base keeps a relation about the floor."""
-    body = next(body for body in ALL if relation.reference == an_object(body.type, PLACE + body.name))
+    body, *others = bodies_of(relation)
+    if relation.name == "between":
+        return is_between(base[:2], body, *others)
     if relation.name == "clear_of":
         x, y = base[0] + 0.45, base[1] + 2.5  # from the hinge, the left end of the door
         inside = x >= 0 and math.hypot(x, y) < 0.9 + RADIUS
@@ -202,6 +212,7 @@ HANDS: dict[str, Location] = {
     "next_to": OVER & a_location(next_to=THE_BOTTLE),
     "near": a_location(above=THE_BED) & a_location(near=THE_PATIENT, within="4 in"),
     "far_from": a_location(above=THE_BED) & a_location(far_from=THE_PATIENT, beyond="15 cm"),
+    "between": a_location(above=THE_BED, between=(THE_PATIENT, THE_CABINET)),
 }
 
 
@@ -212,7 +223,7 @@ def hand_keeps(stage: Stage, relation: Relation, tip: Array, held: Array | None,
         case "in_reach_of":
             return in_comfort(stage, middle)
         case "above":
-            body = BED if relation.reference == THE_BED else CABINET
+            body = BED if relation.references[0] == THE_BED else CABINET
             least, most = relation.beyond or 0.02, relation.within or 0.15
             over = low - body.pose.position[2] - body.size[2] / 2
             return least - HAIR <= over <= most + HAIR and distance(middle[:2], body) == 0
@@ -229,6 +240,8 @@ def hand_keeps(stage: Stage, relation: Relation, tip: Array, held: Array | None,
         case "near" | "far_from":
             away = distance(middle[:2], PATIENT)
             return away >= (relation.beyond or 0.0) - HAIR and away <= (relation.within or math.inf) + HAIR
+        case "between":
+            return is_between(middle[:2], *bodies_of(relation))
     place, asked_from = (float(middle[0]), float(middle[1]), 0.0), (0.0, 0.0)
     return keeps(relation, BOTTLE, 0.0, place, asked_from, OF_A_THING)
 
@@ -287,6 +300,7 @@ THINGS: dict[str, Location] = {
     "in_": a_location(in_=THE_BAY),
     "near": a_location(near=THE_CUP, within="15 cm"),
     "far_from": a_location(far_from=THE_CUP, beyond="40 cm") & a_location(on=THE_TABLE),
+    "between": a_location(between=(THE_DOOR, THE_CUP), on=THE_TABLE),
     **{name: a_location(**{name: THE_CUP}) for name in SIDES},  # type: ignore[arg-type]
 }
 MORE_THINGS = (
@@ -300,11 +314,9 @@ MORE_THINGS = (
 def thing_keeps(stage: Stage, relation: Relation, at: Array, size: tuple[float, float, float]) -> bool:
     """Return whether a round thing with its middle at a point (3,) keeps a relation."""
     radius, low = size[0] / 2, at[2] - size[2] / 2
-    body = next(
-        body
-        for body in ALL
-        if body.name == getattr(relation.reference, "name", "") or body.type == relation.reference.type  # type: ignore[union-attr]
-    )
+    body, *others = bodies_of(relation)
+    if relation.name == "between":
+        return is_between(at[:2], body, *others)
     away = at[:2] - np.array(body.pose.position[:2])
     match relation.name:
         case "in_reach_of":
@@ -324,7 +336,7 @@ def thing_keeps(stage: Stage, relation: Relation, at: Array, size: tuple[float, 
 @pytest.mark.parametrize("location", [*THINGS.values(), *MORE_THINGS], ids=str)
 def test_a_thing_keeps_the_relation_and_then_it_holds(location: Location, room: Stage) -> None:
     stand(room, (0.0, 0.0, 0.5))
-    moved, what = (CUP, THE_CUP) if THE_BOTTLE in [r.reference for r in location.relations] else (BOTTLE, THE_BOTTLE)
+    moved, what = (CUP, THE_CUP) if THE_BOTTLE in location.objects() else (BOTTLE, THE_BOTTLE)
     poses = first(room.resolver.things(location, what), 40)[::7]
     assert len(poses) > 1
     for pose in poses:
@@ -352,7 +364,7 @@ def relations() -> str:
     """Return what each relation denotes."""
     lines = ["| relation | OWL property | for a base | for a hand | for an object |", "|---|---|---|---|---|"]
     for name, relation in RELATIONS.items():
-        cells = [meaning.text if meaning else "-" for meaning in (relation.base, relation.hand, relation.thing)]
+        cells = [one.text if (one := relation.meaning(subject)) else "-" for subject in SUBJECTS]
         lines.append(f"| `{name}` | {relation.owl} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -9,8 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.belief.believed_bodies import Block
-from executive.locations.demands import Reach, ReachKind
 from executive.locations.grasps_from_above import CLEARANCES, from_above, grips, is_low
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.reachability import GraspClass
@@ -21,6 +19,8 @@ from planlang import perform
 from planlang.designators import a_location, action, an_object
 from planlang.failures import LocationUnresolvable, TooHeavy
 from planlang.geometry import Pose
+from planlang.geometry.areas import Block
+from planlang.relations.demands import Reach, ReachKind
 from sim import Body
 from sim.bodies import plain
 from sim.scene import Cavity, Handle

@@ -119,8 +119,8 @@ def test_golden_plan_fetches_then_hands_over(golden: ModuleType) -> None:
     assert robot.log == [DRIVE, *GRASP, DRIVE, "Reaching", "HandingOverAnObject"]
     fetching, giving = robot.wanted
     assert {relation.name for relation in fetching.relations} == {"in_reach_of"}
-    assert str(fetching.relations[0].reference) == "bottle1"
-    assert str(giving.relations[0].reference) == "patient1"
+    assert str(fetching.relations[0].references[0]) == "bottle1"
+    assert str(giving.relations[0].references[0]) == "patient1"
 
 
 def test_missed_grasp_is_repeated_after_a_look_without_driving(golden: ModuleType) -> None:
@@ -177,7 +177,7 @@ def test_parameters_bind_other_objects(golden: ModuleType) -> None:
         await golden.serve_a_drink(bottle=cup)
 
     run(serve, host=VirtualHost(), executive=robot)
-    assert str(robot.wanted[0].relations[0].reference) == "cup1"
+    assert str(robot.wanted[0].relations[0].references[0]) == "cup1"
 
 
 def test_plan_of_the_real_recipe_runs_to_its_end(corpus: Path, tmp_path: Path) -> None:

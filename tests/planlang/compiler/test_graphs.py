@@ -77,7 +77,7 @@ def pairs(drawn: TaskGraph, order: Order) -> set[str]:
 
 
 def hostile_graph(text: str) -> TaskGraph:
-    place = Place(BASE + text, (("in_reach_of", Thing(Kind.OBJECT, "Cup", BASE + text)),), text)
+    place = Place(BASE + text, (("in_reach_of", (Thing(Kind.OBJECT, "Cup", BASE + text),)),), text)
     fillers = (Parameter(text, place), Parameter("objectActedOn", text), Parameter("toLocation", place))
     inner = Recipe(BASE + "Inner" + text, text, (Step(BASE + "i" + text, text, fillers, (), "p", text),))
     steps = (
@@ -177,7 +177,7 @@ def test_hostile_names_are_strings_in_dot_and_mermaid(text: str) -> None:
 
 def test_a_long_line_is_broken_in_its_box_and_whole_in_the_tooltip() -> None:
     place = Place(
-        BASE + "handPose-approachObject", (("in_front_of", Thing(Kind.OBJECT, "Cup", BASE + "cupOnTheTable")),)
+        BASE + "handPose-approachObject", (("in_front_of", (Thing(Kind.OBJECT, "Cup", BASE + "cupOnTheTable"),)),)
     )
     step = Step(BASE + "a", "Reaching", (Parameter("toLocation", place),), (), "p")
     drawn = graph(Recipe(BASE + "T", "PurposefulAction", (step,)))

@@ -75,7 +75,7 @@ def look(name: str, *parameters: Parameter) -> Step:
 
 
 def drive(name: str) -> Step:
-    place = Place(f"{BASE}{name}_place", (("in_reach_of", BOTTLE),))
+    place = Place(f"{BASE}{name}_place", (("in_reach_of", (BOTTLE,)),))
     navigation = "Translation-LocationChange"
     return Step(BASE + name, navigation, (Parameter("toLocation", place),), (), KNOWROB + navigation)
 

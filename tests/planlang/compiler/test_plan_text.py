@@ -112,7 +112,7 @@ class Writer:
         self.rng = rng
         self.number = 0
         self.things = [Thing(Kind.OBJECT, "Cup", self.iri(), KNOWROB + "Cup") for _ in range(3)]
-        where = ((rng.choice(["above", "in_front_of"]), rng.choice(self.things)) for _ in range(rng.randrange(3)))
+        where = ((rng.choice(["above", "in_front_of"]), (rng.choice(self.things),)) for _ in range(rng.randrange(3)))
         self.place = Place(self.iri(), tuple(where))
 
     def iri(self) -> str:

@@ -10,7 +10,7 @@ from loaded_plans import read
 from plan_text import unbroken
 
 from planlang import given
-from planlang.compiler.compile import canonical, emit
+from planlang.compiler.compile import canonical, emit, without_data_flow
 from planlang.compiler.lowering import Lowering
 from planlang.designators import a_location, a_posture, an_object
 from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure, TransitionMissing
@@ -75,10 +75,10 @@ def recipe(*steps: Step, **more: Any) -> Recipe:
 def compiled(vocabulary: tuple[Ontology, Actions]) -> Callable[..., str]:
     """The source of a recipe."""
 
-    def source(of: Recipe, *others: Recipe, **options: Any) -> str:
+    def source(of: Recipe, *others: Recipe) -> str:
         ontology, actions = vocabulary
         recipes = RecipeSet(of.iri, {one.iri: one for one in (of, *others)}, Source("test.omn", "0" * 64))
-        found = canonical(recipes, **options)
+        found = canonical(recipes)
         return emit(Lowering(ontology, found, actions).tree(), found, "0")[0]
 
     return source
@@ -178,7 +178,8 @@ def test_a_called_function_is_given_what_was_found(compiled: Callable[..., str])
 
 
 def test_without_data_flow_steps_hand_nothing_on_and_are_not_ordered(compiled: Callable[..., str]) -> None:
-    source = compiled(recipe(about_the_cup("Find"), about_the_cup("Grasp"), flows=flows("Find>Grasp")), data_flow=False)
+    one = recipe(about_the_cup("Find"), about_the_cup("Grasp"), flows=flows("Find>Grasp"))
+    source = compiled(without_data_flow(RecipeSet(one.iri, {one.iri: one}, Source("test.omn", "0" * 64))).main)
     assert "given" not in source
     assert "await par(" in source
 

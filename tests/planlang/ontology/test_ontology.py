@@ -212,7 +212,7 @@ def test_values_follow_sub_properties_only_when_asked(tmp_path: Path) -> None:
         tmp_path, "Individual: a Facts: knowrob:detectedObject b, knowrob:objectActedOn c, knowrob:goal b\n"
     )
     assert ontology.values(T + "a", "objectActedOn") == (T + "c",)
-    assert ontology.values(T + "a", "objectActedOn", subproperties=True) == (T + "b", T + "c")
+    assert ontology.values_below(T + "a", "objectActedOn") == (T + "b", T + "c")
     assert ontology.value(T + "a", "deviceUsed") is None
 
 

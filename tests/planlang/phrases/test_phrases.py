@@ -72,9 +72,11 @@ def relations(draw: st.DrawFn, depth: int = 0) -> Relation:
         least, most = draw(st.none() | lengths), draw(st.none() | lengths)
         if least is not None and most is not None:
             least, most = sorted((least, most))
-    is_place = depth < 2 and draw(st.integers(0, 4)) == 0
-    reference = draw(locations(depth + 1)) if is_place else draw(objects)
-    return Relation(name, reference, most, least, draw(st.booleans()))
+    references = []
+    for _ in range(RELATIONS[name].arity):
+        is_place = depth < 2 and draw(st.integers(0, 4)) == 0
+        references.append(draw(locations(depth + 1)) if is_place else draw(objects))
+    return Relation(name, tuple(references), most, least, draw(st.booleans()))
 
 
 @st.composite
@@ -109,14 +111,18 @@ def any_relation(rng: Random, depth: int) -> Relation:
             rng.choice((rng.uniform(0, 5), rng.randint(0, 500) / 100, 10 ** rng.uniform(-9, 9))) for _ in "ab"
         )
         least, most = (rng.choice((None, length)) for length in lengths)
+    references = tuple(any_reference(rng, depth) for _ in range(RELATIONS[name].arity))
+    return Relation(name, references, most, least, rng.random() < 0.5)
+
+
+def any_reference(rng: Random, depth: int) -> Object | Location:
+    """Any thing or place."""
     if depth < 2 and rng.random() < 0.2:
-        reference: Object | Location = any_location(rng, depth + 1)
-    else:
-        known = rng.choice(list(THINGS.values())), rng.choice(CLASSES)
-        kind = rng.choice((Object, Person, Device))
-        made = kind(any_name(rng), rng.choice((None, any_name(rng)))), type(known[1])(known[1].type, any_name(rng))
-        reference = rng.choice((*known, *made))
-    return Relation(name, reference, most, least, rng.random() < 0.5)
+        return any_location(rng, depth + 1)
+    known = rng.choice(list(THINGS.values())), rng.choice(CLASSES)
+    kind = rng.choice((Object, Person, Device))
+    made = kind(any_name(rng), rng.choice((None, any_name(rng)))), type(known[1])(known[1].type, any_name(rng))
+    return rng.choice((*known, *made))
 
 
 def any_name(rng: Random) -> str:
@@ -166,8 +172,10 @@ def test_any_text_is_a_location_or_has_a_diagnostic_at_a_place_inside_it(text: s
 
 @pytest.mark.parametrize("relation", RELATIONS)
 def test_every_form_of_a_relation_is_read_as_it(relation: str) -> None:
+    things = (BED, PATIENT)[: RELATIONS[relation].arity]
+    said = ("the bed", "the bed and the patient")[len(things) - 1]
     for form in RELATIONS[relation].forms:
-        assert read_location(f"{form} the bed", LEXICON) == a_location(**{relation: BED})
+        assert read_location(f"{form} {said}", LEXICON).relations == (Relation(relation, things),)
 
 
 def test_every_form_of_a_grasp_is_read_as_it() -> None:
@@ -200,6 +208,17 @@ def test_every_form_of_a_grasp_is_read_as_it() -> None:
         ),
         ("not within 1 m of the bed", a_location(not_=a_location(near=BED, within=1))),
         ("blocking the bed", a_location(not_=a_location(clear_of=BED))),
+        ("between the bed and the patient", a_location(between=(BED, PATIENT))),
+        (
+            "near the bed and not in between the patient and the bed and facing patient1",
+            a_location(near=BED)
+            & a_location(not_=a_location(between=(PATIENT, BED)))
+            & a_location(facing=THINGS["patient1"]),
+        ),
+        (
+            "in reach of a place (above the bed and between the patient and the bed) with the right arm",
+            a_location(in_reach_of=a_location(above=BED, between=(PATIENT, BED)), using=RIGHT_ARM),
+        ),
     ],
 )
 def test_what_phrases_mean(phrase: str, location: Location) -> None:
@@ -219,7 +238,7 @@ def only(phrase: str) -> Diagnostic:
     [
         ("in raech of the patient", "P001", 1, "did you mean 'in reach of'"),
         ("in reach of the bed and nera the patient", "P001", 25, "did you mean 'near'"),
-        ("in reach of the bed and nonsense the patient", "P001", 25, "relations: in reach of, visible from"),
+        ("in reach of the bed and nonsense the patient", "P001", 25, "relations: in reach of, above"),
         ("in reach of the patiant", "P002", 17, "did you mean 'patient'? there are: patient1, bottle1"),
         ("in reach of the unicorn", "P002", 17, "there are: patient1, bottle1"),
         ("in reach of the patient near the bed", "P003", 30, None),
@@ -232,6 +251,9 @@ def only(phrase: str) -> Diagnostic:
         ("3 m to 1 m left of the bed", "P004", 1, None),
         ("in reach of the bed with the left arm and near patient1 with the right arm", "P005", 57, None),
         ("at most 3 m visible from the bed", "P006", 13, "relations with a distance: above, in front of"),
+        ("between the bed and the patiant", "P002", 25, "did you mean 'patient'?"),
+        ("betwen the bed and the patient", "P001", 1, "did you mean 'between'"),
+        ("between the bed", "P003", 16, "for example: between the bed and the table"),
     ],
 )  # fmt: skip
 def test_a_mistake_is_told_at_its_column_with_what_would_be_valid(
@@ -258,6 +280,9 @@ def test_a_mistake_is_told_at_its_column_with_what_would_be_valid(
         ("beyond 2 m", "the phrase ends where 'of' or 'from' is expected"),
         ("1 m left of the bed", "unexpected 'left' where 'to' is expected"),
         ("at most", "the phrase ends where a length is expected"),
+        ("between the bed, the door", "unexpected ',' where 'and' is expected"),
+        ("between the bed and", "the phrase ends where a thing or a place is expected"),
+        ("between the bed and the", "the phrase ends where a thing is expected"),
     ],
 )
 def test_what_is_expected_is_said_in_the_words_of_phrases(phrase: str, expected: str) -> None:
@@ -387,4 +412,4 @@ def test_a_thing_with_an_opaque_name_is_called_by_its_label_its_name_and_its_iri
     mug = Object("Mug", OPAQUE)
     lexicon = Lexicon.from_classes({"Mug": Object}, {"blue_mug": mug})
     near, _ = read_location(f"near {noun}, and clear of the mug # where it is free", lexicon).relations
-    assert near.reference == mug
+    assert near.references[0] == mug

@@ -324,7 +324,7 @@ def test_designators_are_what_the_truth_holds(corpus: Path, file: str) -> None:
         assert is_place(ontology, canonical(iri))
         assert len(place.relations) == len(facts["relations"])
         expected = {local_name(target) for _, target in facts["relations"]}
-        assert {reference.name for _, reference in place.relations} == expected
+        assert {reference.name for reference in place.references()} == expected
     for iri, cls in known["object_designators"].items():
         thing = read_thing(ontology, canonical(iri))
         assert cls in map(local_name, ontology.types(canonical(iri)))

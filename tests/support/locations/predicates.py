@@ -10,6 +10,7 @@ import numpy as np
 
 from executive.robots import Robot
 from planlang.designators import Location, Object, Relation
+from planlang.geometry import Array
 from sim import Body
 from tests.support.locations.oracle import BasePose
 from tests.support.locations.rooms import Room, thing
@@ -40,8 +41,8 @@ def objections(
 ) -> Iterator[str]:
     """Yield what of a location a place does not keep; ``viewer``: where the robot was when it asked."""
     for relation in location.relations:
-        if relation.name in CHECKED and isinstance(relation.reference, Object):
-            body = _body(room, relation.reference)
+        if relation.name in CHECKED and isinstance(relation.references[0], Object):
+            body = _body(room, relation.references[0])
             hair = -HAIR if relation.negated else HAIR
             if keeps(relation, body, robot.base.radius, base, viewer, hair=hair) == relation.negated:
                 yield f"{base} is {'' if relation.negated else 'not '}{relation.name} {body.name}: {relation}"
@@ -93,6 +94,26 @@ def outline_distance(body: Body, x: float, y: float) -> float:
     c, s = math.cos(body.pose.yaw), math.sin(body.pose.yaw)
     along, across = abs(c * dx + s * dy) - body.size[0] / 2, abs(c * dy - s * dx) - body.size[1] / 2
     return math.hypot(max(along, 0.0), max(across, 0.0))
+
+
+def is_between(point: tuple[float, float] | Array, one: Body, other: Body) -> bool:
+    """Return whether a point is on a straight line between two outlines, and outside of both; axes are the map's.
+
+    What is at a share of the way is as large and as round as the outlines, mixed by this share.
+    """
+    x, y = float(point[0]), float(point[1])
+    if min(outline_distance(one, x, y), outline_distance(other, x, y)) <= 0:
+        return False
+    shares = np.linspace(0.0, 1.0, 2001)
+    ends = []
+    for body in (one, other):
+        is_round = body.shape == "cylinder"
+        half = np.zeros(2) if is_round else np.array(body.size[:2]) / 2
+        ends.append((np.array(body.pose.position[:2]), half, max(body.size[:2]) / 2 if is_round else 0.0))
+    (start, half, radius), (end, other_half, other_radius) = ends
+    middles, halves = (a + np.outer(shares, b - a) for a, b in ((start, end), (half, other_half)))
+    out = np.maximum(np.abs([x, y] - middles) - halves, 0.0)
+    return bool((np.hypot(*out.T) <= radius + shares * (other_radius - radius) + HAIR).any())
 
 
 def _at_side(

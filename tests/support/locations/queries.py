@@ -56,11 +56,11 @@ def _relation(rng: np.random.Generator, room: Room, depth: int) -> Relation:
     usual = ("in_reach_of", "visible_from", "near", "in_front_of", "next_to", "clear_of")
     names = usual if rng.random() < 0.7 else tuple(RELATIONS)
     name = names[int(rng.integers(len(names)))]
-    reference: Object | Location = _thing(rng, room)
+    references: tuple[Object | Location, ...] = tuple(_thing(rng, room) for _ in range(RELATIONS[name].arity))
     if depth == 0 and rng.random() < 0.2:
-        reference = random_location(rng, room, 1)
+        references = (random_location(rng, room, 1), *references[1:])
     within = float(rng.uniform(0.1, 2.0)) if RELATIONS[name].measured and rng.random() < 0.3 else None
-    return Relation(name, reference, within, negated=bool(rng.random() < 0.15))
+    return Relation(name, references, within, negated=bool(rng.random() < 0.15))
 
 
 def _thing(rng: np.random.Generator, room: Room) -> Object:
@@ -84,7 +84,7 @@ def check_areas(stage: Stage, number: int, seed: int) -> Iterator[tuple[list[str
             name = CHECKED[int(rng.integers(len(CHECKED)))]
             within = float(rng.uniform(0.2, 2.0)) if RELATIONS[name].measured and rng.random() < 0.4 else None
             body = room.bodies[int(rng.integers(1, len(room.bodies)))]
-            relations.append(Relation(name, thing(body), within, None, bool(rng.random() < 0.2)))
+            relations.append(Relation(name, (thing(body),), within, None, bool(rng.random() < 0.2)))
         location = Location(tuple(relations))
         places = stage.ask(location, 3).solutions
         viewer = room.start[:2]
@@ -98,13 +98,13 @@ def check_reaches(stage: Stage, oracle: Oracle, number: int, seed: int) -> Itera
     # the oracle tells how much of a thing it sees where that is as wide from all sides and fits into the picture
     seen = [b for b in room.bodies if min(b.size) > 0.15 and max(b.size) < 0.65 and 0.8 < b.size[0] / b.size[1] < 1.25]
     for _ in range(number):
-        relations = [Relation("in_reach_of", THE_BOTTLE)]
+        relations = [Relation("in_reach_of", (THE_BOTTLE,))]
         if rng.random() < 0.3:
-            relations.append(Relation("visible_from", thing(seen[int(rng.integers(len(seen)))])))
+            relations.append(Relation("visible_from", (thing(seen[int(rng.integers(len(seen)))]),)))
         for _ in range(int(rng.integers(0, 3))):
             body = room.bodies[int(rng.integers(1, len(room.bodies)))]
             name = CHECKED[int(rng.integers(len(CHECKED)))]
-            relations.append(Relation(name, thing(body), None, None, bool(rng.random() < 0.6)))
+            relations.append(Relation(name, (thing(body),), None, None, bool(rng.random() < 0.6)))
         location = Location(tuple(dict.fromkeys(relations)))
         places = stage.ask(location, 2).solutions
         found = []
@@ -114,8 +114,8 @@ def check_reaches(stage: Stage, oracle: Oracle, number: int, seed: int) -> Itera
             problem = "no way to the bottle" if claim is None else oracle.objection(claim) or oracle.is_grasp(claim)
             found += [] if problem is None else [f"{place.base}: {problem}"]
             for relation in relations:
-                if relation.name == "visible_from" and isinstance(relation.reference, Object):
-                    body = next(body for body in room.bodies if thing(body) == relation.reference)
+                if relation.name == "visible_from" and isinstance(relation.references[0], Object):
+                    body = next(body for body in room.bodies if thing(body) == relation.references[0])
                     if not oracle.sees(place.base, body.name):
                         found.append(f"{place.base}: {body.name} is not visible")
         yield found, bool(places)

@@ -75,7 +75,7 @@ def reach(
 
 def judged(stage: Stage, oracle: Oracle, answer: Answer, location: Location) -> str | None:
     """Return what is wrong with the first place of an answer, by the oracle; None if nothing is."""
-    what = location.relations[0].reference
+    what = location.relations[0].references[0]
     assert isinstance(what, Object)
     try:
         claim = stage.claim(answer.solutions[0], what)
