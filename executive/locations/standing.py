@@ -86,6 +86,9 @@ class Standing:
         around = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
         yaws = around if headings is None else np.remainder(headings + np.pi, 2 * np.pi) - np.pi
         share, turned, aside = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws, np.array(ASIDE)))
+        # In the base's frame the point lies on an arc about the shoulder: at (x, y), a share of the reach away and
+        # turned aside. A base with yaw t has it at its own position + Rz(t) (x, y); solved for that position, with the
+        # middle of the points for the point, this is where the base has to stand.
         x, y = shoulder[0] + reach * share * np.cos(aside), shoulder[1] + reach * share * np.sin(aside)
         c, s = np.cos(turned), np.sin(turned)
         middle = points.mean(axis=0)
@@ -96,6 +99,8 @@ class Standing:
         # rounded, so that ties do not depend on the processor
         cost = (cost + SIDEWAYS * np.abs(aside) / (np.pi / 2)).round(9)
         near, far = distances.min(axis=1), distances.max(axis=1)
+        # Searches stop after some tens of base poses. Sorted by cost alone these would all be neighbours at the best
+        # share, and fail alike where just that share does not suit the hand's pose; so the shares take turns.
         doubtful = (near < (SHARES[0] - HAIR) * reach) | (far > (SHARES[-1] + HAIR) * reach)
         free = self.poses.free(bases)
         order = np.lexsort((cost, _turn(share, cost, free), doubtful))
@@ -186,6 +191,8 @@ class Standing:
             x, y, _ = matrices.rotated(tip[:3, :3], approach).tolist()
             heading = math.atan2(y, x) if math.hypot(x, y) > APPROACH else heading
         nearby = () if self.scene.robot.base.fixed else self.beside(heading, BACK_OFF)
+        # A base that turns sweeps the arms through what they have just worked at, so a straight way with the arms as
+        # they are goes before a shorter way around, which the planner of paths may or may not find.
         for pose in chain((here,), nearby):
             if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not self.poses.has_room(pose)):
                 continue
