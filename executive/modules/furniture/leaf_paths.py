@@ -392,8 +392,8 @@ class _ArmPaths:
         q, good = self._solver.solve(product(there[rows[kept]], self._before[numbers[kept]]), start[kept][:, None])
         good &= np.abs(q - start[kept]).max(axis=1) < 2 * FARTHEST
         kept, before = kept[good], q[good]
-        # Solve the grip again from before the handle, because the arm will come from there: the first solution may be on
-        # another branch, to which no straight line leads.
+        # Solve the grip again from before the handle, because the arm will come from there: the first solution may be
+        # on another branch, to which no straight line leads.
         q, good = self._solver.solve(product(there[rows[kept]], grips.starts[numbers[kept]]), before[:, None])
         kept = kept[good]
         return rows[kept], numbers[kept], before[good], q[good]
