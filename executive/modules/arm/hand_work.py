@@ -50,8 +50,8 @@ class HandWork(PlatformModule):
     )
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
+        """Return the whole robot, unless fewer parts are needed."""
+        return self.needs or self.whole_robot()
 
     def free_hands(self) -> list[ArmModel]:
         """List the empty arms that have a gripper."""
