@@ -1,30 +1,147 @@
 """Prepare a robot's URDF for PyBullet: check meshes, substitute shapes for missing ones, strip extensions.
 
 PyBullet itself refuses a file with one missing mesh, crashes on a broken one, reads lines of at most 1024 characters,
-reports warnings on stdout only, and does not move joints that mimic another.
+reports warnings on stdout only, and does not move joints that mimic another. Where a robot has more links than it
+takes, links that never move are merged into those that carry them: frames without a shape go first, since nothing can
+touch them; the merged ones keep their names and poses (:attr:`Description.merged`).
 """
 
 from __future__ import annotations
 
 import copy
+import hashlib
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array
-from planlang.geometry.matrices import angles_of, product, rotation_of
+from planlang.geometry.matrices import angles_of, product, rigid, rotation_of
+from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
 from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
+from planlang.package_paths import case_differs, file_places
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
-from sim.merging import Merged, merge_fixed
-from sim.meshes import Meshes
+
+
+class Meshes:
+    """Meshes named by a URDF; valid ones are rewritten as files named by their content."""
+
+    def __init__(self, urdf: Path) -> None:
+        self.urdf = urdf
+        self.files: dict[str, bytes] = {}
+        self.absent: dict[str, tuple[int, str]] = {}
+        """Name of a missing or unreadable mesh -> line that names it, and the reason if the file exists."""
+        self.other_cases: dict[str, tuple[int, str]] = {}
+        """Name of a mesh whose file has another case -> line that names it, and the name of the file."""
+        self._names: dict[str, str | None] = {}
+
+    def replace(self, mesh: Element) -> bool:
+        """Point an element to the rewritten mesh; return False if the mesh is unusable or the geometry is unknown."""
+        if mesh.tag != "mesh":
+            self.absent[f"<{mesh.tag}>"] = mesh.line, "not a URDF geometry"
+            return False
+        name = mesh.get("filename", "")
+        if name not in self._names:
+            self._names[name] = self._read(name, mesh.line)
+        file_name = self._names[name]
+        if file_name is not None:
+            mesh.set("filename", file_name)
+        return file_name is not None
+
+    def _read(self, name: str, line: int) -> str | None:
+        reason = ""
+        for place in file_places(self.urdf, name):
+            try:
+                suffix, content = checked_mesh(place)
+            except BadMesh as problem:
+                reason = reason or str(problem)
+                continue
+            except OSError:
+                continue
+            if case_differs(name, place):
+                self.other_cases[name] = line, place.name
+            own = hashlib.sha256(content).hexdigest()[:32] + suffix
+            self.files[own] = content
+            return own
+        self.absent[name] = line, reason
+        return None
+
+
+@lru_cache(maxsize=256)
+def _checked(content: bytes, suffix: str) -> tuple[str, bytes]:
+    return mesh_of(content, suffix).written()
+
+
+def checked_mesh(path: Path) -> tuple[str, bytes]:
+    """Read a mesh file and return the suffix and content of a file that PyBullet reads safely.
+
+    Raises OSError if the file is missing, :class:`BadMesh` if it is unusable. Results are cached for the process, since
+    many worlds load the same mesh.
+    """
+    return _checked(mesh_content(path), path.suffix.lower())
+
+
+Merged = Mapping[str, tuple[str, Array]]
+"""Merged link -> the link that carries it, and its pose (4, 4) there."""
+
+
+def merge_fixed(robot: Element, joints: Sequence[Joint], most: int) -> Merged:
+    """Merge as many links at fixed joints as it takes for ``most`` joints, as far as there are so many."""
+    links = {link.get("name", ""): link for link in robot.findall("link") if isinstance(link, Element)}
+    elements = {joint.get("name", ""): joint for joint in robot.findall("joint") if isinstance(joint, Element)}
+    fixed = [joint for joint in joints if joint.kind == "fixed"]
+    fixed.sort(key=lambda joint: any(True for _ in _shapes(links[joint.child])))  # stable: else as in the file
+    carried: dict[str, tuple[str, Array]] = {}
+    for joint in fixed[: max(0, len(joints) - most)]:
+        carried[joint.child] = joint.parent, joint.origin
+        robot.remove(elements.pop(joint.name))
+        robot.remove(links[joint.child])
+    merged = {name: _carrier(name, carried) for name in carried}
+    for name, (carrier, pose) in merged.items():
+        for shape in _shapes(links[name]):
+            _move(shape, pose)
+            links[carrier].append(shape)
+    for element in elements.values():
+        parent = element.find("parent")
+        if parent is not None and (name := parent.get("link", "")) in merged:
+            carrier, pose = merged[name]
+            parent.set("link", carrier)
+            _move(element, pose)
+    return merged
+
+
+def _shapes(link: Element) -> Iterator[Element]:
+    return (part for part in link if isinstance(part, Element) and part.tag in ("collision", "visual"))
+
+
+def _carrier(name: str, carried: Mapping[str, tuple[str, Array]]) -> tuple[str, Array]:
+    """Find the link that stays and carries a link, and the pose (4, 4) of the link there."""
+    pose = np.eye(4)
+    while name in carried:
+        name, step = carried[name]
+        pose = product(step, pose)
+    return name, pose
+
+
+def _move(element: Element, by: Array) -> None:
+    """Give the pose of an element in a carried link as one in the link that carries it."""
+    origin = element.find("origin")
+    xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
+    pose = product(by, rigid(rotation_of(*rpy), np.array(xyz)))
+    if origin is None:
+        origin = Element("origin")
+        element.insert(0, origin)
+    for name, values in (("xyz", pose[:3, 3].tolist()), ("rpy", angles_of(pose[:3, :3]))):
+        origin.set(name, " ".join(repr(round(float(value), 12)) for value in values))
+
 
 MOST_JOINTS = 127
 """Number of links, beside the root, whose poses PyBullet returns."""

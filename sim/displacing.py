@@ -17,8 +17,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
-from sim.controls import HALFWAY
-from sim.joints import Articulation, JointKind
+from sim.joints import HALFWAY, Articulation, JointKind
 from sim.leaves import inside as inside_box
 from sim.movers import Mover
 from sim.scene import Body, BodyShape, Scene

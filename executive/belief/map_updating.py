@@ -135,7 +135,7 @@ def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Tri
     if thing is None or joint.is_knob or not _is_stated(thing, belief):
         return statements
     ontology = belief.map.ontology
-    stated = [one for one in _linked(thing, ontology) if _is_joint(one, belief)]
+    stated = [one for one in _linked(thing, ontology) if belief.map.ontology.any_is_a((one,), _JOINTS.values())]
     iri = stated[0] if stated else f"{thing.iri.rpartition(local_part(thing.iri))[0]}joint_{local_part(thing.iri)}"
     facts: list[tuple[str, Term]] = []
     if not any(ontology.triples(iri, expand("maxJointValue"))):
@@ -173,10 +173,6 @@ def _linked(thing: MapObject, ontology: Ontology) -> Iterator[str]:
         for triple in ontology.triples(None, prop, thing.iri)
         if isinstance(triple.subject, str)
     )
-
-
-def _is_joint(iri: str, belief: Belief) -> bool:
-    return belief.map.ontology.any_is_a((iri,), _JOINTS.values())
 
 
 def _opening_radius(joint: Articulation, belief: Belief) -> float:

@@ -16,10 +16,9 @@ from executive.commands.answers import Answer, ExitCode
 from executive.commands.arguments import RunArguments
 from executive.commands.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
-from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
-from executive.enabling.stock import Stock
+from executive.enabling.stock import Folder, Stock
 from executive.modules.bundled import performed_by
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.files import Bundled

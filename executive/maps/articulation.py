@@ -163,7 +163,7 @@ class _Reader:
         if self.map.is_a(self.things[leaf.holder.iri], *BELOW):
             return True
         handle = leaf.handle
-        if handle is not None and self._is_handle(handle):
+        if handle is not None and self.map.is_a(self.things[handle.iri], *GRIPS[:1]):
             reach = half_extents(handle.pose, handle.size)
             if reach[2] > max(reach[:2]):
                 return False
@@ -300,9 +300,6 @@ class _Reader:
                 if self.map.is_a(part, cls) and self.bodies[part.iri].shape is not BodyShape.MARKER:
                     return self.bodies[part.iri]
         return None
-
-    def _is_handle(self, body: Body) -> bool:
-        return self.map.is_a(self.things[body.iri], *GRIPS[:1])
 
     # Geometry of leaves
 

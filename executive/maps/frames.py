@@ -87,7 +87,7 @@ def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, notes: 
         if transform is None:
             _check_one_frame(first, source, len(common), count)
             return source
-    if _is_same(transform, _IDENTITY):
+    if transform.distance(_IDENTITY) < 1e-6 and transform.turn(_IDENTITY) < 1e-6:
         return source
     x, y, z = (number(round(one, 3)) for one in transform.position)
     yaw = math.degrees(math.atan2(transform.rotation[1, 0], transform.rotation[0, 0])) + 0.0
@@ -182,10 +182,6 @@ def _places(common: Sequence[tuple[Pose, Pose]], transform: Pose) -> set[tuple[i
 def _is_near(a: Pose, b: Pose) -> bool:
     """Check whether two poses agree, within the tolerances of position and orientation."""
     return a.distance(b) <= NEAR and a.turn(b) <= TURNED
-
-
-def _is_same(a: Pose, b: Pose) -> bool:
-    return a.distance(b) < 1e-6 and a.turn(b) < 1e-6
 
 
 def _check_one_frame(first: MapSource, source: MapSource, common: int, alike: int) -> None:

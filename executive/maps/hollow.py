@@ -63,7 +63,10 @@ def hollowed(
         things, cavity = _content(body, movable, places), stated(body)
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if cavity else [part for part in compartments(body) if part.name not in slides]
-        rooms = _rooms(body, cavity, its_doors, [part for part in parts if part.name not in doors], is_drawer=is_drawer)
+        if is_drawer and not cavity:
+            rooms = [(body.name, _open_above(body))]
+        else:
+            rooms = _rooms(body, cavity, its_doors, [part for part in parts if part.name not in doors])
         reachable = [thing for thing in things if any(_is_in(room, body, thing) for _, room in rooms)]
         openings = list(dict(rooms))
         if things:
@@ -99,12 +102,10 @@ class _Contents:
 
 
 def _rooms(
-    body: Body, cavities: Sequence[Cavity], doors: Sequence[Body], parts: Iterable[Body], *, is_drawer: bool
+    body: Body, cavities: Sequence[Cavity], doors: Sequence[Body], parts: Iterable[Body]
 ) -> list[tuple[str, Cavity]]:
     """Cavities of a body with the name of what opens them: doors, compartments without a door, or the body itself."""
-    if is_drawer and not cavities:
-        return [(body.name, _open_above(body))]
-    front = _front(body, doors)
+    front = face_of(doors[0], body) if doors else (0, 1.0)
     rooms = [(door.name, room_behind(door, body)) for door in doors]
     rooms += [(part.name, _compartment(part, body, *front)) for part in parts]
     return rooms or [(body.name, cavity) for cavity in cavities]
@@ -153,11 +154,6 @@ def _content(body: Body, movable: Sequence[Body], places: Array) -> list[Body]:
     """List the movable bodies whose centre, of ``places`` (n, 3), is inside a piece of furniture."""
     is_inside = inside(body.pose, body.size, places)
     return [movable[index] for index in np.flatnonzero(is_inside).tolist()]
-
-
-def _front(body: Body, doors: Sequence[Body]) -> tuple[int, float]:
-    """Front face of furniture: where its doors are, else +x."""
-    return face_of(doors[0], body) if doors else (0, 1.0)
 
 
 def _compartment(part: Body, furniture: Body, axis: int, sign: float) -> Cavity:

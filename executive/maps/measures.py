@@ -133,9 +133,10 @@ def read_size(ontology: Ontology, iri: str, types: Iterable[str], notes: list[Di
     if all(extents):
         x, y, z = (value or 0.0 for value in extents)
         return (x, y, z)
+    thin = (THIN, "doors are thin") if any(extents) and ontology.any_is_a(types, ("Door",)) else None
     size, origins = [], []
     for name, value in zip(EXTENTS, extents, strict=True):
-        filled, origin = (value, "") if value else _default(ontology, types, name, any(extents), notes)
+        filled, origin = (value, "") if value else thin or _default(ontology, types, name, notes)
         size.append(filled)
         origins.append(f"{name} {filled} m ({origin})" if origin else "")
     span = ontology.span(iri)
@@ -203,10 +204,8 @@ def _positive(value: float, name: str, span: Span | None, notes: list[Diagnostic
 
 
 def _default(
-    ontology: Ontology, types: tuple[str, ...], name: str, partly: bool, notes: list[Diagnostic]
+    ontology: Ontology, types: tuple[str, ...], name: str, notes: list[Diagnostic]
 ) -> tuple[float | None, str]:
-    if partly and ontology.any_is_a(types, ("Door",)):
-        return THIN, "doors are thin"
     for cls in types:
         for ancestor in ontology.ancestors(cls):
             for restriction in ontology.restrictions(ancestor):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -27,8 +28,7 @@ from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint, inside
 from planlang.ontology import shorten
 from sim import Body, Scene
-from sim.controls import Control
-from sim.joints import Articulation
+from sim.joints import Articulation, Control
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
 
 PENETRATION = 0.02
@@ -219,7 +219,7 @@ def _body(thing: MapObject, pose: Pose, semantic_map: SemanticMap) -> Body:
     wall = wall if 4 * wall < min(size[:2]) and 2 * wall < size[2] else 0.0
     is_solid = shape in (BodyShape.BOX, BodyShape.CYLINDER)
     handles = tuple(_handles(thing, semantic_map))
-    movable = is_solid and _movable(thing, semantic_map, wide=soft or wall > 0 or bool(handles))
+    movable = is_solid and _movable(thing, semantic_map, math.inf if soft or wall > 0 or handles else GRASPABLE_WIDTH)
     blade = Blade.of(semantic_map.ontology, thing.iri) if thing.parts else None
     size, centre = (size, (0.0, 0.0, 0.0)) if blade is None else blade.box(size)
     wall *= movable
@@ -233,7 +233,7 @@ def _handles(thing: MapObject, semantic_map: SemanticMap) -> Iterator[tuple[str,
     """Yield the handles of a movable object, with their IRIs; those of furniture and leaves are separate bodies."""
     if not thing.parts or thing.pose is None or semantic_map.is_a(thing, *LIGHT_FURNITURE):
         return
-    if _movable(thing, semantic_map, wide=True) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
+    if _movable(thing, semantic_map, math.inf) and _shape(thing, semantic_map) in (BodyShape.BOX, BodyShape.CYLINDER):
         for part in filter(None, map(semantic_map.find, thing.parts)):
             if part.pose is not None and part.size is not None and semantic_map.is_a(part, "Handle"):
                 yield part.iri, Handle(thing.pose.inverse() @ part.pose, part.size)
@@ -251,16 +251,15 @@ def _shape(thing: MapObject, semantic_map: SemanticMap) -> BodyShape:
     return BodyShape.BOX
 
 
-def _movable(thing: MapObject, semantic_map: SemanticMap, *, wide: bool) -> bool:
-    """Check whether an object is movable; ``wide`` objects can be grasped even if they are too wide for a hand."""
+def _movable(thing: MapObject, semantic_map: SemanticMap, widest: float) -> bool:
+    """Check whether an object is movable: if it is not thin, it can be grasped up to a width [m]."""
     if thing.size is None or thing.hinged_to or semantic_map.holder(thing):
         return False
     if semantic_map.is_a(thing, *LIGHT_FURNITURE):
         return not semantic_map.has_leaves(thing)  # they would stay behind, or count as around it
     if semantic_map.is_a(thing, *FIXED) and not semantic_map.is_a(thing, *CARRIED):
         return False
-    narrow = min(thing.size[:2]) <= GRASPABLE_WIDTH or thing.size[2] <= THIN
-    return (wide or narrow) and max(thing.size) <= LONGEST
+    return (min(thing.size[:2]) <= widest or thing.size[2] <= THIN) and max(thing.size) <= LONGEST
 
 
 def _opened(
@@ -459,7 +458,7 @@ def controls_of(
             continue
         device = next((one.iri for one in _wholes(thing, semantic_map) if one.iri in controls), None)
         if device is not None:
-            controls[device].append(_control(by_iri[device], body, turns=body.name in leaves))
+            controls[device].append(_control(by_iri[device], body, leaves))
     for thing in semantic_map.objects:
         if thing.iri not in controls or controls[thing.iri]:
             continue
@@ -468,14 +467,15 @@ def controls_of(
     return tuple(one for of_device in controls.values() for one in of_device)
 
 
-def _control(device: Body, body: Body, *, turns: bool) -> Control:
-    """Build a control from a button or knob: its normal is its shortest axis, away from the device."""
+def _control(device: Body, body: Body, leaves: Container[str]) -> Control:
+    """Build a control from a button or a knob (a leaf): its normal is its shortest axis, away from the device."""
     axis = int(np.argmin(body.size))
     outwards = rotated(body.pose.rotation.T, np.array(body.pose.position) - device.pose.position)
     normal, point = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
     normal[axis] = 1.0 if outwards[axis] >= 0 else -1.0
     point[axis] = normal[axis] * body.size[axis] / 2
-    return Control(device.name, body.name, (point[0], point[1], point[2]), (normal[0], normal[1], normal[2]), turns)
+    at, outward = (point[0], point[1], point[2]), (normal[0], normal[1], normal[2])
+    return Control(device.name, body.name, at, outward, body.name in leaves)
 
 
 def _presumed_button(device: Body) -> Control:

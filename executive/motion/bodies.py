@@ -200,7 +200,8 @@ def faces_of(points: Array) -> Faces:
     centre = points[corners].mean(axis=0)
     faces = np.array([[corners[k] for k in range(4) if k != left] for left in range(4)])
     triangles, normals, offsets = _outward(points, faces, centre)
-    for number in _by_distance(points, centre):
+    # the farthest first: most of the others are inside then
+    for number in np.argsort(-np.linalg.norm(points - centre, axis=1), kind="stable"):
         visible = normals @ points[number] > offsets + FLAT
         if not visible.any():
             continue
@@ -223,11 +224,6 @@ def _first_four(points: Array) -> list[int]:
     third = int(np.argmax(np.linalg.norm(np.cross(points - points[first], along), axis=1)))
     normal = np.cross(along, points[third] - points[first])
     return [first, second, third, int(np.argmax(np.abs((points - points[first]) @ normal)))]
-
-
-def _by_distance(points: Array, centre: Array) -> NDArray[np.intp]:
-    """Order points by distance, the farthest first: most of the others are inside then."""
-    return np.argsort(-np.linalg.norm(points - centre, axis=1), kind="stable")
 
 
 def _outward(points: Array, triangles: Array, inside: Array) -> tuple[Array, Array, Array]:

@@ -200,7 +200,7 @@ class QuickCheck:
 
         Infinite for pairs that are surely farther apart than ``within`` [m].
         """
-        pairs, _, gaps, _ = self._within(self._sure + within, self._here(1), q[None])
+        pairs, _, gaps, _ = self._near(self._sure + within, self._frames(self._here(1), q[None]), self._pairs)
         smallest = np.full(len(self._mover), np.inf)
         np.minimum.at(smallest, pairs, gaps)
         return smallest
@@ -237,10 +237,6 @@ class QuickCheck:
 
     def _here(self, count: int) -> Array:
         return np.broadcast_to(self._base, (count, 4, 4))
-
-    def _within(self, width: Array, bases: Array, q: Array | None) -> Found:
-        """Find pairs nearer than their width (w,), from base poses (n, 4, 4) at configurations (n, d)."""
-        return self._near(width, self._frames(bases, q), self._pairs)
 
     def _frames(self, bases: Array, q: Array | None) -> Array:
         """Compute all frames (f, 3, 4, n) from base poses (n, 4, 4) at configurations (n, d)."""
@@ -329,7 +325,7 @@ class QuickCheck:
             pair, piece, row, middle = (np.concatenate(several) for several in both)
         solids = self._obstacles.solids
         local = np.einsum("kij,ki->jk", solids.axes[piece], middle - solids.centres[piece])
-        gap = _gaps(local, self._balls[self._mover[pair], 3], solids, piece)
+        gap = distances(local, solids.half.T[:, piece], solids.kinds[piece]) - self._balls[self._mover[pair], 3]
         near = np.flatnonzero(gap < width[pair])
         return pair[near], piece[near], row[near]
 
@@ -493,8 +489,3 @@ def _members(first: Index, groups: Index) -> tuple[Index, Index]:
     sizes = counts(first)[groups]
     which = np.repeat(np.arange(len(groups)), sizes)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + first[groups][which]
-
-
-def _gaps(local: Array, radii: Array, solids: Solids, pieces: Index) -> Array:
-    """Compute gaps (k,) between spheres, at points (3, k) in the frames of pieces, and these pieces."""
-    return distances(local, solids.half.T[:, pieces], solids.kinds[pieces]) - radii

@@ -14,7 +14,7 @@ from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered
 from executive.pictures.stage import Path, Stage
 from executive.pictures.steps import with_caption
-from executive.pictures.viewpoints import overview, subjects, view_of
+from executive.pictures.viewpoints import from_top, overview, subjects, view_of
 from planlang.geometry import Array, Pose
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def stated_view(text: str, stage: Stage, poses: Mapping[Path, Pose], about: list
     """Parse a view; an eye without a target looks at the centre of the picture's subjects."""
     points = _points(text)
     if points is None:
-        return overview(stage, poses, aspect, top=text == "top")
+        return (from_top if text == "top" else overview)(stage, poses, aspect)
     if len(points) == 2:
         return View(points[0], points[1])
     low, high = stage.bounds(poses, [path for paths in about for path in paths])

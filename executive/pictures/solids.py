@@ -49,8 +49,8 @@ def box(size: Sequence[float] | Array, bevel: float = 0.0) -> Solid:
     half = np.asarray(size, float) / 2
     bevel = min(bevel, 0.45 * float(half.min()) * 2)
     if bevel <= FLAT:
-        return Solid(_SIGNS * half, _faces_of_box(False))
-    return Solid(_bevelled_corners(half, bevel), _faces_of_box(True))
+        return Solid(_SIGNS * half, _faces_of_box())
+    return Solid(_bevelled_corners(half, bevel), _faces_of_bevelled_box())
 
 
 _SIGNS = 2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1
@@ -64,12 +64,17 @@ def _bevelled_corners(half: Array, bevel: float) -> Array:
 
 
 @cache
-def _faces_of_box(is_bevelled: bool) -> Faces:
+def _faces_of_box() -> Faces:
     """Triangles of a box, which are the same for all sizes."""
+    signs = list(np.ndindex(2, 2, 2))
+    rings = [[k for k, one in enumerate(signs) if one[axis] == side] for axis in range(3) for side in (0, 1)]
+    return _convex(_SIGNS, [[a, b, d, c] for a, b, c, d in rings])
+
+
+@cache
+def _faces_of_bevelled_box() -> Faces:
+    """Triangles of a bevelled box, which are the same for all sizes."""
     signs = [(a, b, c) for a, b, c in np.ndindex(2, 2, 2)]
-    if not is_bevelled:
-        rings = [[k for k, one in enumerate(signs) if one[axis] == side] for axis in range(3) for side in (0, 1)]
-        return _convex(_SIGNS, [[a, b, d, c] for a, b, c, d in rings])
     number = {(*one, k): 3 * index + k for index, one in enumerate(signs) for k in range(3)}
     rings = [[number[(*one, k)] for k in range(3)] for one in signs]
     for k in range(3):

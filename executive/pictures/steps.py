@@ -97,7 +97,10 @@ def column(
     begun = [number for number, (step, _, _) in enumerate(rows) if step.begin <= now]
     first = max(0, min((begun[-1] if begun else 0) - most // 2, len(rows) - most))
     for row, (step, k, line) in enumerate(rows[first : first + most]):
-        _row(sheet, (44 + row * ROW) * FINE, width, step.state(now), _left(step), line, is_first=k == 0)
+        top = (44 + row * ROW) * FINE
+        _row(sheet, top, width, step.state(now), _left(step), line)
+        if k == 0:
+            _mark(sheet, step.state(now), _left(step), top + ROW * FINE / 2)
     if below:
         sheet.pen.line((12 * FINE, height * FINE, (width - 12) * FINE, height * FINE), fill=RULE, width=FINE)
     for row, line in enumerate(below):
@@ -134,14 +137,12 @@ def _words(step: Step, now: int, width: int) -> list[str]:
     return wrapped(text, TEXT, width * FINE - _left(step) - 24 - 10 * FINE)
 
 
-def _row(sheet: Sheet, top: float, width: int, state: str, left: int, text: str, *, is_first: bool) -> None:
+def _row(sheet: Sheet, top: float, width: int, state: str, left: int, text: str) -> None:
     colour = {"coming": (176, 176, 176), "running": RUNNING, "failed": FAILED}.get(state, INK)
     middle = top + ROW * FINE / 2
     if state == "running":
         box = (6 * FINE, top + FINE, (width - 6) * FINE, top + (ROW - 1) * FINE)
         sheet.pen.rectangle(box, fill=_BACK, radius=4 * FINE)
-    if is_first:
-        _mark(sheet, state, left, middle)
     sheet.text((left + 24, middle), text, TEXT, colour, "lm")
 
 

@@ -95,17 +95,19 @@ def best_direction(stage: Stage, moments: Sequence[Moment], aspect: float, tilts
     return best[1]
 
 
-def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float, *, top: bool = False) -> View:
-    """View of everything, in perspective from above a corner, or in a parallel projection straight from above."""
+def overview(stage: Stage, poses: Mapping[Path, Pose], aspect: float) -> View:
+    """View of everything, in perspective from above a corner."""
     low, high = stage.bounds(poses, poses)
-    if top:
-        (x, y, z), (width, depth, _) = (low + high) / 2, (high - low) / BORDER
-        return View(
-            (float(x), float(y), float(high[2]) + 1.0), (float(x), float(y), float(z)), max(width, depth * aspect)
-        )
     high[2] = max([min(high[2], HIGH), *(float(ends[1, 2]) for ends in stage.drops().values())])
     ahead = np.array([0.55, 0.65, -0.62])
     return fitting(ends_of(low, high), ahead / np.linalg.norm(ahead), aspect)
+
+
+def from_top(stage: Stage, poses: Mapping[Path, Pose], aspect: float) -> View:
+    """View of everything, in a parallel projection straight from above."""
+    low, high = stage.bounds(poses, poses)
+    (x, y, z), (width, depth, _) = ((low + high) / 2).tolist(), ((high - low) / BORDER).tolist()
+    return View((x, y, float(high[2]) + 1.0), (x, y, z), max(width, depth * aspect))
 
 
 def fitting(points: Array, ahead: Array, aspect: float, *, least: float = LEAST_RADIUS) -> View:

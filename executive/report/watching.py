@@ -1,27 +1,319 @@
-"""Collect the data of a run's page during the run: its trace, its true world, and its searches for base poses."""
+"""The world's part of a run's page, collected during the run.
+
+Shapes are the same as in pictures and recordings, equal meshes stored once; poses of entities that moved, true and
+believed, are tracks at 10 Hz, delta-encoded in 16 bits; searches for base poses have candidates, reasons of rejections
+and the chosen pose. The page itself, and everything that comes from the trace, is ``planlang.report``.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from executive.belief import Belief
+from executive.locations.rejections import MOST_PLACES, Rejections
 from executive.pictures import viewpoints
-from executive.pictures.drawn import drawn_in
-from executive.pictures.floor_plan import Outline, outlines
-from executive.report.places import Questions
-from executive.report.shapes import Shapes
-from executive.report.tracks import Tracks, ordered, packed
-from planlang.geometry import Pose
+from executive.pictures.drawn import HERE, Drawn, Mesh, Shape, drawn_in
+from executive.pictures.floor_plan import Outline, colours, outlines
+from executive.pictures.pose_track import RATE, Placed
+from planlang.designators import Location
+from planlang.geometry import Array, Pose
+from planlang.records import dataclass
 from planlang.report import Told as Told
 from planlang.report import model_of, page
 from planlang.report.model import Context
 from planlang.report.tree import shown
+from planlang.runs.run_tree import RunTree, TaskNode
 from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.modules.platform import Platform
+
+
+_KINDS = {"bodies": "body", "robot": "link"}
+
+
+class Shapes:
+    """Shapes of entities, by kind and name as in tracks, and their meshes."""
+
+    def __init__(self) -> None:
+        self.of: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        self.meshes: list[dict[str, Any]] = []
+        """Numbers of vertices and triangles, lower corner and size of the bounding box [m]."""
+        self._numbers: dict[bytes, int] = {}
+        self._data: list[bytes] = []
+
+    def add(self, drawn: Sequence[Drawn]) -> None:
+        """Add the entities that are new."""
+        for one in drawn:
+            kind, name = _KINDS[one.path[0]], "/".join(one.path[1:])
+            kind = "limb" if kind == "body" and len(one.path) > 2 else kind
+            if (kind, name) not in self.of:
+                self.of[kind, name] = [self._shape(shape) for shape in one.shapes]
+
+    def data(self) -> bytes:
+        """All meshes, compressed: vertices as 16-bit fractions of the bounding box by columns, then vertex indices."""
+        return zlib.compress(b"".join(self._data), 9)
+
+    def _shape(self, shape: Shape) -> dict[str, Any]:
+        data: dict[str, Any] = {"kind": shape.kind, "colour": list(shape.colour)}
+        if shape.pose != HERE:
+            data["at"] = [round(float(one), 5) for one in (*shape.pose.position, *shape.pose.orientation)]
+        if shape.mesh is not None:
+            return data | {"mesh": self._mesh(shape.mesh)}
+        return data | {"size": [round(float(one), 5) for one in shape.size]}
+
+    def _mesh(self, mesh: Mesh) -> int:
+        points, corners = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.triangles, np.int64)
+        key = hashlib.sha256(points.tobytes() + corners.tobytes()).digest()
+        if key not in self._numbers:
+            self._numbers[key] = len(self.meshes)
+            low, high = points.min(axis=0), points.max(axis=0)
+            size = np.maximum(high - low, 1e-6)
+            fractions = np.rint((points - low) / size * 65535).astype("<u2")
+            self._data += [
+                np.ascontiguousarray(fractions.T).tobytes(),
+                corners.astype("<u4" if len(points) > 65535 else "<u2").tobytes(),
+            ]
+            self.meshes.append(
+                {
+                    "vertices": len(points),
+                    "triangles": len(corners),
+                    "low": [round(float(one), 5) for one in low],
+                    "size": [round(float(one), 5) for one in size],
+                }
+            )
+        return self._numbers[key]
+
+
+FINEST = 1e-4
+"""Smallest unit of positions [m]."""
+BELIEVED = "belief"
+
+
+@dataclass(slots=True)
+class Track:
+    """Poses of a body, limb or link, or the believed poses of a body, as keyframes at the steps where it moved."""
+
+    kind: str
+    name: str
+    frame: str
+    """Name of the parent body or link; empty for the map."""
+    steps: list[int] = field(default_factory=list)
+    poses: list[tuple[float, ...]] = field(default_factory=list)
+    """Position [m] and quaternion (x, y, z, w) at each of the steps."""
+    gone: list[tuple[int, bool]] = field(default_factory=list)
+    """Steps at which it disappears (True) or appears again (False)."""
+
+    def add(self, step: int, pose: Pose) -> None:
+        """Add a keyframe."""
+        self.steps.append(step)
+        self.poses.append((*pose.position, *pose.orientation))
+
+    def is_there(self, step: int, there: bool) -> None:
+        """Record whether it exists from a step on."""
+        if (not self.gone[-1][1] if self.gone else True) != there:
+            self.gone.append((step, not there))
+
+
+class Tracks:
+    """Records the true and the believed poses of all entities."""
+
+    def __init__(self, rate: int, belief: Belief) -> None:
+        self._belief = belief
+        self._revision = -1
+        self._believed: dict[str, Pose] = {}
+        self.rate = rate
+        self.all: dict[tuple[str, str], Track] = {}
+        """By kind and name, in the order of their first keyframes."""
+
+    def move(self, step: int, found: Sequence[Placed]) -> None:
+        """Record the entities that moved, as reported by :class:`~executive.pictures.pose_track.PoseTrack`."""
+        for one in found:
+            (kind, name), (_, frame) = _entity_at(one.path), _entity_at(one.frame)
+            track = self._track(kind, name, frame)
+            track.is_there(step, one.pose is not None)
+            if one.pose is not None:
+                track.add(step, one.pose)
+
+    def believe(self, step: int) -> None:
+        """Record believed poses that changed since the last call, except for held objects, which move with the hand."""
+        if self._revision == self._belief.revision:
+            return
+        self._revision = self._belief.revision
+        belief, names = self._belief, set(self._belief.names())
+        held = belief.carried()
+        for name in sorted(names & {name for kind, name in self.all if kind == "body"}):
+            pose = belief.pose(name)
+            if name not in held and self._believed.get(name) != pose:
+                self._believed[name] = pose
+                self._track(BELIEVED, name, "").add(step, pose)
+        for (kind, name), track in self.all.items():
+            if kind == BELIEVED:
+                track.is_there(step, name in names and name not in held)
+
+    def _track(self, kind: str, name: str, frame: str) -> Track:
+        if (kind, name) not in self.all:
+            self.all[kind, name] = Track(kind, name, frame)
+        return self.all[kind, name]
+
+
+def _entity_at(path: tuple[str, ...]) -> tuple[str, str]:
+    """Kind and name of the entity at a path of :class:`~executive.pictures.drawn.Drawn`; both are empty for the map."""
+    kind = "limb" if len(path) > 2 else _KINDS.get(path[0], "") if path else ""
+    return kind, "/".join(path[1:])
+
+
+def packed(tracks: Sequence[Track], rate: float, shapes: Mapping[tuple[str, str], Any]) -> tuple[dict[str, Any], bytes]:
+    """Encode entities with their shapes for the page's model, and their keyframes as compressed binary data.
+
+    The data are the steps of all keyframes as 32-bit integers, then x, y, z, qx, qy, qz, qw as 16-bit integers, column
+    by column; each is the difference from the entity's keyframe before. Poses are in the frame of the track.
+    """
+    index = {(one.kind, one.name): number for number, one in enumerate(tracks)}
+    entities = [_entity(one, index, rate, shapes) for one in tracks]
+    all_poses = [_continuous(np.array(one.poses, float).reshape(-1, 7)) for one in tracks]
+    farthest = max((float(np.abs(poses[:, :3]).max()) for poses in all_poses if len(poses)), default=1.0)
+    scale = max(FINEST, farthest / 32767)
+    numbers = [_differences(np.rint(poses / ([scale] * 3 + [1 / 32767] * 4)).astype(np.int64)) for poses in all_poses]
+    steps = [_differences(np.array(one.steps, np.int64).reshape(-1, 1)) for one in tracks]
+    columns = np.concatenate(numbers or [np.zeros((0, 7))]).T.astype("<i2")
+    data = np.concatenate(steps or [np.zeros((0, 1))]).astype("<i4").tobytes() + np.ascontiguousarray(columns).tobytes()
+    return {"entities": entities, "scale": scale, "period": 1 / RATE}, zlib.compress(data, 9)
+
+
+def _entity(
+    one: Track, index: Mapping[tuple[str, str], int], rate: float, shapes: Mapping[tuple[str, str], Any]
+) -> dict[str, Any]:
+    frames = ((kind, one.frame) for kind in (("body",) if one.kind == "limb" else ("link",)) if one.kind != "body")
+    frame = next((index[key] for key in frames if key in index), -1)
+    entity: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": len(one.steps)}
+    if one.kind == BELIEVED:
+        entity["of"] = index["body", one.name]
+    entity["shapes"] = shapes.get((one.kind, one.name), [])
+    return entity | ({"gone": [[step / rate, is_gone] for step, is_gone in one.gone]} if one.gone else {})
+
+
+def _continuous(poses: Array) -> Array:
+    """Normalise the quaternions of poses (n, 7), with signs such that consecutive ones turn the short way."""
+    quaternions = poses[:, 3:] / np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    signs = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0, -1.0, 1.0)
+    if len(quaternions):
+        quaternions *= np.concatenate([[1.0 if quaternions[0, 3] >= 0 else -1.0], signs]).cumprod()[:, None]
+    return np.hstack([poses[:, :3], quaternions])
+
+
+def _differences(numbers: Any) -> Any:
+    return np.diff(numbers, axis=0, prepend=np.zeros((1, numbers.shape[1]), numbers.dtype))
+
+
+def ordered(tracks: Iterable[Track]) -> list[Track]:
+    """Sort tracks so that frames come before their children: bodies, limbs, links by depth, believed poses."""
+    kinds = {"body": 0, "limb": 1, "link": 2, BELIEVED: 3}
+    unsorted = list(tracks)
+    parent_of = {one.name: one.frame for one in unsorted if one.kind == "link"}
+
+    def depth(one: Track) -> int:
+        count, frame = 0, one.frame if one.kind == "link" else ""
+        while frame:
+            count, frame = count + 1, parent_of.get(frame, "")
+        return count
+
+    return sorted(unsorted, key=lambda one: (kinds[one.kind], depth(one)))
+
+
+MOST_QUESTIONS = 100
+"""Largest number of searches on a page."""
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """A search for base poses: when it began [world steps], the location, and the log of its candidates."""
+
+    step: int
+    location: Location
+    log: Rejections
+
+
+class Questions:
+    """Collects the searches of a run."""
+
+    def __init__(self) -> None:
+        self.searches: list[Search] = []
+        self.step = 0
+
+    def watch(self, location: Location, log: Rejections) -> None:
+        """Register a search that begins; it fills ``log`` later."""
+        if len(self.searches) < MOST_QUESTIONS:
+            self.searches.append(Search(self.step, location, log))
+
+    def model(self, tree: RunTree) -> list[dict[str, Any]]:
+        """Build the page's data of all searches with candidates, each with the task that needed the location."""
+        texts = {id(one): str(one.location) for one in self.searches}
+        by_location: dict[str, list[TaskNode]] = {}
+        for node in tree.numbered.values():
+            if isinstance(text := node.parameters.get("location"), str):
+                by_location.setdefault(text, []).append(node)
+        questions = []
+        for one in self.searches:
+            earlier = [node for node in by_location.get(texts[id(one)], ()) if (node.begun or 0) <= one.step]
+            if (question := _question(one, earlier[-1] if earlier else None, tree.rate)) is not None:
+                questions.append(question)
+        clouds = [question[name] for question in questions for name in ("bases", "hands")]
+        colour_of = colours([reason["text"] for cloud in clouds for reason in cloud["reasons"]])
+        for reason in (reason for cloud in clouds for reason in cloud["reasons"]):  # same colours in all searches
+            reason["colour"] = "#{:02x}{:02x}{:02x}".format(*colour_of[reason["text"]])
+        return questions
+
+
+def _question(one: Search, node: TaskNode | None, rate: float) -> dict[str, Any] | None:
+    log = one.log
+    if not (log.counts or log.places or log.refused):
+        return None
+    bases: dict[str, list[Array]] = {}
+    for reason, candidates in log.refused:
+        bases.setdefault(reason, []).append(np.asarray(candidates, float)[:, :2])
+    for place in log.places:
+        bases.setdefault(place.reason, []).append(np.array([place.base[:2]], float))
+    hands: dict[str, list[Array]] = {}
+    for reason, candidates in log.hands:
+        hands.setdefault(reason, []).append(np.asarray(candidates, float)[:, :2])
+    events = node.happened if node is not None else ()
+    chosen = next((event for event in events if event.event == "solution" and event.step >= one.step), None)
+    accepted = sum(place.reason == "" for place in log.places)
+    return {
+        "time": round(one.step / rate, 4),
+        "node": None if node is None else node.number,
+        "location": shown(one.location),
+        "chosen": None if chosen is None else [round(float(number), 4) for number in chosen.details["base"]],
+        "bases": _cloud(bases, {**log.counts, **({"": accepted} if accepted else {})}),
+        "hands": _cloud(hands, {reason: sum(map(len, parts)) for reason, parts in hands.items()}),
+        "blocking": [[shown(body), number] for body, number in log.blocking.most_common(8)],
+    }
+
+
+def _cloud(groups: Mapping[str, list[Array]], counts: Mapping[str, int]) -> dict[str, Any]:
+    """Reasons with their numbers of candidates, most frequent first, and points [index of reason, x, y].
+
+    At most ``MOST_PLACES`` evenly spaced points are kept for each reason. The empty reason (accepted) comes last.
+    """
+    distinct = {reason: np.unique(np.concatenate(parts).round(3), axis=0) for reason, parts in groups.items()}
+    number_of = {**{reason: len(points) for reason, points in distinct.items()}, **counts}
+    reasons = sorted(number_of, key=lambda reason: (reason == "", -number_of[reason], reason))
+    points = []
+    for index, reason in enumerate(reasons):
+        positions = distinct.get(reason, np.zeros((0, 2)))
+        rows = np.linspace(0, len(positions) - 1, min(MOST_PLACES, len(positions))).round().astype(int)
+        points += [[index, x, y] for x, y in positions[rows].tolist()]
+    return {"reasons": [{"text": shown(reason), "count": number_of[reason]} for reason in reasons], "points": points}
+
 
 VIEW = {
     "around": viewpoints.AROUND,
@@ -53,6 +345,10 @@ class Watching:
     def listen(self, record: Mapping[str, Any], node: object) -> None:
         """Process a record of the trace."""
         self.told.add(record)
+
+    def tell(self, records: Iterable[Mapping[str, Any]]) -> None:
+        """Start from the records of a whole trace, for a run that is repeated."""
+        self.told = Told.of(records)
 
     def look(self, world: Truth) -> None:
         """Record the state after a world step."""

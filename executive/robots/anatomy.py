@@ -16,7 +16,6 @@ import numpy as np
 
 from executive.robots.mechanism import Mechanism, Part, is_tool, names
 from executive.robots.robot import side_of
-from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
 from planlang.geometry.urdf import Joint
 from planlang.records import dataclass
@@ -224,17 +223,12 @@ def lift(mechanism: Mechanism, hands: Sequence[str]) -> Joint | None:
     shared = [joint for joint in chains[0] if all(joint in chain for chain in chains)] if chains else []
     lifts = []
     for joint in shared:
-        rise = abs(float(_axis(mechanism, joint)[2]))
+        rise = abs(float(rotated(mechanism.frame(joint.child)[:3, :3], joint.axis)[2]))
         if joint.kind == "prismatic" and rise > UPRIGHT:
             lifts.append(joint)
         elif joint.kind != "prismatic" and (len(chains) == 1 or rise < UPRIGHT):
             break
     return max(lifts, key=lambda joint: joint.upper - joint.lower, default=None)
-
-
-def _axis(mechanism: Mechanism, joint: Joint) -> Array:
-    """Direction of a joint's axis in the frame of the root (3,)."""
-    return rotated(mechanism.frame(joint.child)[:3, :3], joint.axis)
 
 
 def _from_the_root(mechanism: Mechanism) -> list[Joint]:

@@ -21,7 +21,7 @@ from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import Hold, WorldState
-from sim import Body, PlanningWorld, Scene, WorldMirror, state_of
+from sim import Body, PlanningWorld, Scene, WorldMirror
 
 SAMPLES = 400
 """Number of random configurations from which the reach of an arm is estimated."""
@@ -334,7 +334,7 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
     world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
-    mirror, state = WorldMirror(world, robot.name), state_of(world, robot.name)
+    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name)
     for link, body, offset in held:
         state = state.gripped(body.name, Hold(link, link, offset))
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -233,10 +233,7 @@ def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Rob
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)
     else:
-        drives = numbers is None or not numbers.base.fixed
-        parts, claims = inherent(
-            [(arm.name, arm.gripper is not None) for arm in arms], has_camera=camera is not None, drives=drives
-        )
+        parts, claims = inherent(arms, camera, DEFAULT_BASE if numbers is None else numbers.base)
     return Robot(
         name=numbers.name if numbers else (model.name if model else urdf.stem),
         iri=model.iri if model else None,
@@ -309,11 +306,13 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
 
     of_base = base_joints(read_urdf(source_of(mechanism.path)))
 
-    def joint(value: str, key: str, position: float | None = None, *, follows: bool = False) -> None:
+    def joint(
+        value: str, key: str, position: float | None = None, fits: Callable[[str], bool] = mechanism.actuated
+    ) -> None:
         if value in of_base:
             message, help = f"{key}: {value} moves the base, not a part of it", "[base] describes how it drives"
             problems.append(error("B011", message, numbers.span(key), help))
-        elif not (mechanism.moves(value) if follows else mechanism.actuated(value)):
+        elif not fits(value):
             problems.append(error("B011", f"{key}: {name} has no actuated joint {value!r}", numbers.span(key)))
         elif position is not None and mechanism.joints[value].kind != "continuous":
             lower, upper = mechanism.joints[value].lower, mechanism.joints[value].upper
@@ -326,7 +325,7 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
         link(arm.hand, f"arms.{arm.name}.hand")
         for side, positions in (("opened", arm.gripper.opened), ("closed", arm.gripper.closed)) if arm.gripper else ():
             for moved, position in positions.items():
-                joint(moved, f"arms.{arm.name}.gripper.{side}", position, follows=True)
+                joint(moved, f"arms.{arm.name}.gripper.{side}", position, mechanism.moves)
         if arm.gripper and not any(map(mechanism.actuated, arm.gripper.opened)):
             key = f"arms.{arm.name}.gripper.opened"
             problems.append(error("B011", f"{key}: none of these joints is actuated", numbers.span(key)))

@@ -78,7 +78,7 @@ class Entry:
     def lines(self) -> Iterator[str]:
         """Write the entry as TOML, line by line."""
         why = " ".join(self.why.split())
-        line = f"{'# ' if self.status is Status.MISSING else ''}{toml(self.key, is_key=True)} = {toml(self.value)}"
+        line = f"{'# ' if self.status is Status.MISSING else ''}{toml_key(self.key)} = {toml(self.value)}"
         if why and len(line) + len(why) + 4 > LONGEST:
             yield f"# {why}"
             why = ""
@@ -99,7 +99,7 @@ class Table:
     @property
     def header(self) -> str:
         """Header line of the table."""
-        return f"[{'.'.join(toml(key, is_key=True) for key in self.path)}]"
+        return f"[{'.'.join(map(toml_key, self.path))}]"
 
     def lines(self) -> Iterator[str]:
         """Write the table as TOML, line by line; a table with missing values only becomes a comment."""
@@ -152,19 +152,22 @@ _REPORTED = {
 """Status of values that are reported -> severity and code of the diagnostic, and its advice about a table."""
 
 
-def toml(value: Any, *, is_key: bool = False) -> str:
+def toml_key(name: str) -> str:
+    """Write the name of a value or a table in TOML syntax."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml(name)
+
+
+def toml(value: Any) -> str:
     """Write a value in TOML syntax; numbers are rounded to nine digits, so that positions at a limit stay there."""
     match value:
         case str():
-            if is_key and re.fullmatch(r"[A-Za-z0-9_-]+", value):
-                return value
             return visible(json.dumps(value, ensure_ascii=False))  # TOML takes no DEL
         case bool():
             return "true" if value else "false"
         case float() | np.floating():
             return repr(round(float(value), 9) + 0.0)
         case Mapping():
-            inner = ", ".join(f"{toml(key, is_key=True)} = {toml(one)}" for key, one in value.items())
+            inner = ", ".join(f"{toml_key(key)} = {toml(one)}" for key, one in value.items())
             return f"{{ {inner} }}" if inner else "{}"
         case Sequence():
             return f"[{', '.join(map(toml, value))}]"

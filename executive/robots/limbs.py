@@ -14,7 +14,6 @@ from executive.robots.robot import Arm, Axis, Composition, Gripper, SelfModel, s
 from executive.robots.robot_file import ArmNumbers, GripperNumbers, RobotFile
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, error, note, warning
-from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
 from planlang.words import Blank, Option, Text
 
@@ -220,7 +219,7 @@ class Limbs:
             link = joint.child
             finger = self.mechanism.frame(link)
             length = max(float(line[:3, 0] @ (line[:3, 3] - finger[:3, 3])), FINGER)
-            reach = length * _ahead(finger, line)
+            reach = length * rotated(finger[:3, :3].T, line[:3, 0])
             sides = []
             for value in (joint.lower, joint.upper):
                 point = moved(product(inverse(line), self.mechanism.frame(link, value, of=name)), reach)
@@ -235,11 +234,6 @@ class Limbs:
         message = f"{', '.join(joints)}: opened and closed positions are assumed from the URDF's limits"
         self.diagnostics.append(note("B010", message, help=help))
         return GripperNumbers(opened, closed, tuple(links), max(0.9 * room, 0.01))
-
-
-def _ahead(finger: Array, tip: Array) -> Array:
-    """Approach direction (x of the tip) in a finger's frame, (3,)."""
-    return rotated(finger[:3, :3].T, tip[:3, 0])
 
 
 def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:

@@ -67,11 +67,11 @@ class Finding:
             if one.counts:
                 yield from one.walk((*path, self))
 
-    def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
-        """Draw the tree, line by line; without ``all_of_it`` only the findings that are not available."""
-        yield from self._lines("", "", all_of_it, set())
+    def lines(self) -> Iterator[str]:
+        """Draw the tree, line by line."""
+        yield from self._lines("", "", set())
 
-    def _lines(self, first: str, rest: str, all_of_it: bool, drawn: set[tuple[str, str]]) -> Iterator[str]:
+    def _lines(self, first: str, rest: str, drawn: set[tuple[str, str]]) -> Iterator[str]:
         key = (self.kind.value, self.iri or self.text)
         repeated = bool(self.below) and self.kind is FindingKind.CAPABILITY and key in drawn
         drawn.add(key)
@@ -81,11 +81,9 @@ class Finding:
         yield f"{first}{label} - {self.state.value}{reason}{where}{'; see above' if repeated else ''}"
         if repeated:
             return
-        below = [one for one in self.below if all_of_it or one.state is not Availability.AVAILABLE]
-        for one in below:
-            last = one is below[-1]
-            corner, beam = ("`- ", "   ") if last else ("|- ", "|  ")
-            yield from one._lines(rest + corner, rest + beam, all_of_it, drawn)
+        for one in self.below:
+            corner, beam = ("`- ", "   ") if one is self.below[-1] else ("|- ", "|  ")
+            yield from one._lines(rest + corner, rest + beam, drawn)
 
     def as_json(self) -> dict[str, Any]:
         """Convert the tree to JSON data."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import combinations
 from pathlib import Path
@@ -187,31 +187,27 @@ def claims_of(model: SelfModel) -> dict[str, Span | None]:
 
 
 def inherent(
-    arms: Iterable[tuple[str, bool]], *, has_camera: bool, drives: bool
+    arms: Sequence[Arm], camera: CameraModel | None, base: BaseDrive
 ) -> tuple[tuple[Part, ...], Mapping[str, Span | None]]:
-    """Infer parts and capabilities from the anatomy of a robot without a self-model.
-
-    ``arms`` are the names of the arms, and whether they have a gripper.
-    """
-    arms = tuple(arms)
-    parts = [_part("base", "srdl2-comp:MobileBase", "srdl2-comp:WheeledBase")] if drives else []
-    claims = ["srdl2-cap:BaseMotionCapability"] if drives else []
-    for name, has_gripper in arms:
-        parts.append(_part(name, "srdl2-comp:ArmComponent", "srdl2-comp:ManipulationEntity"))
-        if has_gripper:
-            parts.append(_part(f"{name} gripper", "srdl2-comp:GripperComponent", "srdl2-comp:ManipulationEntity"))
+    """Infer parts and capabilities from the anatomy of a robot without a self-model."""
+    parts = [] if base.fixed else [_part("base", "srdl2-comp:MobileBase", "srdl2-comp:WheeledBase")]
+    claims = [] if base.fixed else ["srdl2-cap:BaseMotionCapability"]
+    for arm in arms:
+        parts.append(_part(arm.name, "srdl2-comp:ArmComponent", "srdl2-comp:ManipulationEntity"))
+        if arm.gripper is not None:
+            parts.append(_part(f"{arm.name} gripper", "srdl2-comp:GripperComponent", "srdl2-comp:ManipulationEntity"))
     if arms:
         parts.append(_part("arm controller", "srdl2-comp:ArmMotionController"))
         claims.append("srdl2-cap:ArmMotionCapability")
-    if any(has_gripper for _, has_gripper in arms):
+    if any(arm.gripper for arm in arms):
         claims += [
             "srdl2-cap:GripperMotionCapability",
             "srdl2-cap:GraspingCapability",
             "srdl2-cap:PickingUpAnObjectCapability",
         ]
-    if has_camera:
+    if camera is not None:
         parts += [_part("camera", "srdl2-comp:Camera"), *_RECOGNITION]
-    return tuple(parts), dict.fromkeys([*map(expand, claims), *(_RECOGNISING if has_camera else ())])
+    return tuple(parts), dict.fromkeys([*map(expand, claims), *(_RECOGNISING if camera is not None else ())])
 
 
 def _part(name: str, *classes: str) -> Part:

@@ -225,10 +225,10 @@ class _Table:
         dotted = f"{self.name}.{key}".lstrip(".")
         self.report.problems.append(error("B001", f"{dotted}: {message}", self.report.span(dotted), help))
 
-    def table(self, key: str, kind: str | None, *, required: bool = False) -> _Table:
+    def table(self, key: str, kind: str | None) -> _Table:
         """Read a table; empty if it is absent."""
         value = self.values.get(key, {})
-        if not isinstance(value, dict) or (required and key not in self.values):
+        if not isinstance(value, dict):
             self.bad(key, "must be a table")
             value = {}
         return _Table(self.report, value, f"{self.name}.{key}".lstrip("."), kind)
@@ -310,6 +310,8 @@ def _robot(path: Path, table: _Table) -> RobotFile:
     tools = {tool_link(name): (arms[name].text("tip"), offset) for name, offset in offsets.items()}
     mount = _mount(table)
     limits, ranges = _joints(table)
+    if "base" not in table.values:
+        table.bad("base", "must be a table")
     urdf, model = _urdf(path, table, mount, tools, ranges), table.text("self_model", "")
     if model and not (path.parent / model).is_file():
         table.bad("self_model", f"file not found beside this one: {model}")
@@ -321,7 +323,7 @@ def _robot(path: Path, table: _Table) -> RobotFile:
         urdf,
         path.parent / model if model else None,
         table.text("torso", "") or None,
-        _base(table.table("base", "base", required=True), mount),
+        _base(table.table("base", "base"), mount),
         tuple(_arm(name, arm) for name, arm in arms.items()),
         camera,
         neck,

@@ -49,9 +49,9 @@ class Match:
         """List the requirements that the robot lacks or may lack and that no alternative avoids."""
         return missing_in([self.tree])
 
-    def lines(self, *, all_of_it: bool = True) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """Draw the tree, line by line, then the verdict."""
-        yield from self.tree.lines(all_of_it=all_of_it)
+        yield from self.tree.lines()
         for state, verb in ((Availability.MISSING, "lacks"), (Availability.UNKNOWN, "may lack")):
             names = [f"{one.kind.value} {one.text}" for one in self.in_state(state)]
             if names:

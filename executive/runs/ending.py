@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 
 from executive.pictures.steps import in_words
-from planlang.report import Told
+from planlang.report import Told as Told
 from planlang.report.failures import Failures
 from planlang.runs.run_tree import TaskNode
 

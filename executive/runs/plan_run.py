@@ -46,7 +46,6 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.remedies import able_robots, absent_things, call_of, performing
-from executive.runs.reporting import context_of
 from executive.runs.settings import header_entries
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
@@ -187,7 +186,7 @@ class Run:
             found += able_robots(options, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         platform, truth = self._assemble(subject, robot, given, held)
-        executive = RobotExecutive(platform, self._modules)
+        executive = RobotExecutive(platform, self._modules, truth)
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
         if self._lacks(assessment):  # after the map: another robot would not help
@@ -275,7 +274,7 @@ class Run:
         platform = platform_of(
             robot,
             subject.map,
-            truth,
+            options.interface(truth),
             believed,
             options.seed,
             options.long_work,
@@ -454,6 +453,8 @@ class Run:
         header: Mapping[str, Any],
     ) -> Context:
         """Context of a page; ``notes`` are those that a repeated run has, too."""
+        from executive.runs.reporting import context_of  # few runs write a page: eight files of planlang.report
+
         options = self.options
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1

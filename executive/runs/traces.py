@@ -20,11 +20,11 @@ from planlang.language.performing import is_inner
 from planlang.object_changes import state_word
 from planlang.outputs import named
 from planlang.records import dataclass
-from planlang.report.tree import decision_text
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
 from planlang.runs.codec import SCHEMA, load
 from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
+from planlang.runs.run_tree import decision_text
 from planlang.runs.trace import Listener
 from planlang.words import Blank, Option, Text, calling
 

@@ -17,7 +17,6 @@ from executive.runs.traces import lines_of, steps_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
-from planlang.report import Told
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 from sim.truth import Truth
@@ -49,8 +48,8 @@ class Written:
         """False while a repeated run catches up with its trace."""
         self._failure: PlanFailure | None = None
         self._ended = "", ""
-        self._told: Told | None = None
-        """Records for the captions of pictures and videos."""
+        self._ending: Callable[..., tuple[str, ...]] | None = None
+        """Captions of pictures and videos, made from the run's records."""
         self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
         self.listeners: list[Listener] = [
             lines_of(self._progress, inner=options.inner_actions),
@@ -75,7 +74,10 @@ class Written:
         """
         options, truth = self._options, self._truth
         if options.picture is not None or options.video is not None:
-            self._told = told = Told()
+            from executive.runs.ending import Told, ending_of  # most runs write no picture
+
+            told = Told()
+            self._ending = partial(ending_of, told)
             self.listeners.append(lambda record, node: told.add(record))
         if options.picture is not None:
             self._files.append((options.picture, partial(self._save_picture, bound, title)))
@@ -128,7 +130,7 @@ class Written:
         options = self._options
         watching = Watching(self._platform, self._truth)
         if options.repeats and options.resume is not None:  # the trace has all records
-            watching.told = Told.of(line.record for line in options.resume.lines)
+            watching.tell(line.record for line in options.resume.lines)
         else:
             if options.resume is not None:  # a run that is repeated writes no header
                 watching.told.add(options.resume.header)
@@ -158,18 +160,16 @@ class Written:
         named = () if self._failure is None else names_in(self._failure)
         always = [name for name in dict.fromkeys(named) if name in self._truth.names()]
         names = tuple(bodies_of(bound, self._belief, self._truth))
-        save_picture(path, self._truth, names, self._options.view, always, title, self._ending(names))
+        save_picture(path, self._truth, names, self._options.view, always, title, self._caption(names))
 
     def _save_video(self, bound: Mapping[str, Bound], video: Video, path: Path) -> None:
         names = tuple(bodies_of(bound, self._belief, self._truth))
-        video.save(path, names, self._ending(names), self._options.long_work)
+        video.save(path, names, self._caption(names), self._options.long_work)
 
-    def _ending(self, names: Sequence[str]) -> tuple[str, ...]:
-        from executive.runs.ending import ending_of  # most runs write no picture
-
-        assert self._told is not None
+    def _caption(self, names: Sequence[str]) -> tuple[str, ...]:
+        assert self._ending is not None
         seconds = self._truth.steps / self._truth.rate
-        return ending_of(self._told, *self._ended, seconds, state_lines(self._truth, names))
+        return self._ending(*self._ended, seconds, state_lines(self._truth, names))
 
     def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
         """Write the files after the run, each atomically; the log of poses is written already.

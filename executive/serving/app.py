@@ -3,10 +3,10 @@
 General layout: ``serving`` holds the state shared by all routes. ``vocabulary`` reads the ontologies of the server;
 ``uploads`` checks and describes uploads; ``catalogue`` indexes them for ``searching``, ``mirror`` for ``sparql``, and
 ``abilities`` compares them with robots. ``entries``, ``binaries`` and ``feed`` are routes of the API; ``problems``
-writes error documents, ``bodies`` limits the size of requests.
-``page``, ``uploading`` and ``watching`` are the web page: ``forms`` parses what browsers send, ``details``,
-``floor_plan`` and ``sources`` prepare contents, ``pages`` renders ``templates/`` and ``static/``.
-``workers`` run slow computations in processes of their own (``worker``). ``rates`` limits the requests of a client,
+writes error documents.
+``page`` (from ``templates/`` and ``static/``), ``uploading`` and ``watching`` are the web page: ``forms`` limits the
+size of requests and parses what browsers send, ``details``, ``floor_plan`` and ``sources`` prepare contents.
+``workers`` run slow computations in processes of their own. ``rates`` limits the requests of a client,
 ``patience`` the time of a search, ``running`` the time of a connection; ``access`` is the access log.
 """
 
@@ -24,10 +24,10 @@ from fastapi import APIRouter, FastAPI
 from executive.serving import binaries, entries, feed, page, searching, sparql, uploading, watching
 from executive.serving.abilities import Abilities
 from executive.serving.access import AccessLog
-from executive.serving.bodies import BoundedBodies
 from executive.serving.catalogue import Catalogue
+from executive.serving.forms import BoundedBodies
 from executive.serving.mirror import Mirror
-from executive.serving.pages import add_pages
+from executive.serving.page import add_pages
 from executive.serving.problems import RESPONSES, add_handlers
 from executive.serving.rates import RateLimited, Rates
 from executive.serving.serving import Served, Serving

@@ -75,7 +75,9 @@ def floor_plan(environment: SemanticMap) -> str:
 
     is_room = {one.thing.iri: one.area >= ROOM * extent[0] * extent[1] for one in drawn}
     drawn.sort(key=lambda one: (not is_room[one.thing.iri], one.top))
-    shapes = [_shape(one, on_page(one.corners), environment, is_room=is_room[one.thing.iri]) for one in drawn]
+    shapes = [
+        _shape(one, on_page(one.corners), environment, "room" if is_room[one.thing.iri] else "thing") for one in drawn
+    ]
     parts = {part for one in drawn if not is_room[one.thing.iri] for part in one.thing.parts}
     named = [one for one in reversed(drawn) if one.thing.iri not in parts and not is_room[one.thing.iri]]
     places = ((_name(one.thing, environment), on_page(one.corners)) for one in named)
@@ -100,14 +102,14 @@ def _outline(thing: MapObject) -> _Outlined:
     return _Outlined(thing, outline, float(corners[:, 2].max()), area(outline))
 
 
-def _shape(one: _Outlined, points: Array, environment: SemanticMap, *, is_room: bool) -> str:
+def _shape(one: _Outlined, points: Array, environment: SemanticMap, kind: str) -> str:
     thing = one.thing
     assert thing.size is not None
     size = " x ".join(f"{extent:.2f}" for extent in thing.size)
     classes = ", ".join(map(local_name, thing.types))
     title = escape(visible(f"{_name(thing, environment)}: {classes}, {size} m, top at {one.top:.2f} m"))
     drawn = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-    return f'<polygon class="{"room" if is_room else "thing"}" points="{drawn}"><title>{title}</title></polygon>'
+    return f'<polygon class="{kind}" points="{drawn}"><title>{title}</title></polygon>'
 
 
 def _name(thing: MapObject, environment: SemanticMap) -> str:

@@ -97,4 +97,4 @@ Author = Annotated[str, Depends(_author)]
 Bounds = Annotated[Patience, Depends(_patience)]
 """Limits of a search."""
 Body = Annotated[bytes, Depends(_body)]
-"""Body of the request (:mod:`executive.serving.bodies` limits its size)."""
+"""Body of the request (:mod:`executive.serving.forms` limits its size)."""

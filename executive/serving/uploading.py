@@ -10,8 +10,7 @@ from fastapi import APIRouter, Query, Response
 
 from executive.serving.entries import own
 from executive.serving.forms import Filled, Form
-from executive.serving.page import author_of
-from executive.serving.pages import PageRoute, page, status_of
+from executive.serving.page import PageRoute, author_of, page, status_of
 from executive.serving.problems import REFUSALS, Problem, refusal
 from executive.serving.serving import Served, Serving, now
 from executive.serving.sources import MOST_SHOWN, is_own, lines_with, text_of

@@ -8,8 +8,7 @@ from contextlib import suppress
 from fastapi import APIRouter, Response
 
 from executive.serving.forms import Filled
-from executive.serving.page import author_of
-from executive.serving.pages import PageRoute, page, status_of
+from executive.serving.page import PageRoute, author_of, page, status_of
 from executive.serving.problems import REFUSALS, Refusal, refusal
 from executive.serving.serving import Served, Serving, now
 from planlang.knowledge.entries import Entry, News, NoSuchEntry

@@ -1,12 +1,14 @@
 """Pools of worker processes for checks of uploads, conversions and comparisons with robots.
 
-Each call has limits of time and memory, at which its worker is killed. Calls wait in a first-in-first-out queue; a call
-that would have to wait for long is refused at once, with the time after which to try again.
+Workers parse untrusted contents, isolated from the server's own process. Each call has limits of time and memory, at
+which its worker is killed. Calls wait in a first-in-first-out queue; a call that would have to wait for long is refused
+at once, with the time after which to try again.
 """
 
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 from collections import deque
@@ -14,9 +16,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
-from executive.processes.workers import Ending, Limits, Source, Worker
+from executive.processes.workers import Ending, Limits, Performs, Source, Worker
+from executive.serving.uploads import as_here, warm_up
 from executive.serving.vocabulary import Vocabulary, read_vocabulary
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.words import Option, Text
@@ -32,7 +35,7 @@ LONGEST_WAIT = 2.0
 """Longest expected wait in the queue [s]; the actual wait is limited to twice this time."""
 USUAL = 0.05
 """Initial estimate of the duration of a call [s]."""
-PREPARE = "executive.serving.worker:prepared"
+PREPARE = "executive.serving.workers:prepared"
 """Function that reads the vocabulary in the process that workers are forked from."""
 MOST_WAITING = 100
 """Longest queue."""
@@ -90,7 +93,7 @@ class Workers:
                 raise Failed(str(reply.answer))
             case Ending.LOST:
                 raise Failed(f"{function.__name__}: {reply.beyond(self._limits)}")
-        raise BadInput([_beyond(self._limits.within_shell(), is_late=reply.ending is Ending.LATE)])
+        raise BadInput([_beyond(self._limits.within_shell(), reply.ending)])
 
     def _acquire(self) -> Worker:
         with self._lock:
@@ -129,10 +132,10 @@ def nothing(_: object) -> None:
     """Do nothing; the call returns once a worker is ready."""
 
 
-def _beyond(limits: Limits, *, is_late: bool) -> Diagnostic:
-    limit = f"{limits.seconds} s" if is_late else f"{limits.memory / 1e6:g} MB of memory"
+def _beyond(limits: Limits, ending: Ending) -> Diagnostic:
+    limit = f"{limits.seconds} s" if ending is Ending.LATE else f"{limits.memory / 1e6:g} MB of memory"
     advice: str = "split the upload into smaller parts"
-    if is_late:
+    if ending is Ending.LATE:
         advice = Text(advice, ", or ask the operator for a higher limit: ", Option("check_seconds"))
     return error("K015", f"the check takes more than {limit}", help=advice)
 
@@ -167,3 +170,18 @@ class Staff:
         for some in (self.checking, self.reading, self.asking, self.behind):
             some.close()
         self._source.close()
+
+
+def prepared(*folders: str) -> Performs:
+    """Read the vocabulary with the ontologies in ``folders``; calls get it as their last argument."""
+    vocabulary = read_vocabulary([Path(folder) for folder in folders])
+    warm_up(vocabulary)
+    os.nice(5)  # lets the server's own process, which answers plain reads, go first
+
+    def perform(function: Callable[..., Any], arguments: Sequence[Any]) -> Any:
+        try:
+            return function(*arguments, vocabulary)
+        except BadInput as problem:
+            raise BadInput([as_here(one, vocabulary) for one in problem.diagnostics]) from None
+
+    return perform

@@ -1,8 +1,8 @@
 """The kernel: tasks, a deterministic event loop, integer clock, fluents, hosts. It knows no construct by name.
 
 General layout, each file importing only those above it: ``errors``, ``hosts`` (what lets time pass, and timers),
-``signals`` (what can be waited for), ``tree`` (nodes and their names) and ``observer`` (the two interfaces through
-which a run is recorded). ``core`` is what the rest shares: tasks, the state of a run, how a task waits. On it stand
+``signals`` (what can be waited for), ``tree`` (nodes, their names, and the two interfaces through which a run is
+recorded). ``core`` is what the rest shares: tasks, the state of a run, how a task waits. On it stand
 ``tracebacks`` (where tasks are), ``cancel`` (evaporation and suspension), ``schedule``, ``primitives``,
 ``fluent``, ``threads`` and ``scope``, which constructs are made of. ``event_loop`` drives all that;
 ``runner`` begins and ends a run, and sees to the process around it.
@@ -23,13 +23,12 @@ from planlang.kernel.errors import (
 )
 from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
 from planlang.kernel.hosts import Host, LiveHost, RealTimeHost, SimulationHost, Source, VirtualHost
-from planlang.kernel.observer import Observer, Recorded
 from planlang.kernel.primitives import node, now, record, rng, sleep
 from planlang.kernel.runner import run_plan, unwatched
 from planlang.kernel.scope import All, Scope, failure_of
 from planlang.kernel.signals import Signal
 from planlang.kernel.threads import compute_in_thread, in_thread, still_computing
-from planlang.kernel.tree import Status
+from planlang.kernel.tree import Observer, Recorded, Status
 
 __all__ = [
     "All",

@@ -24,9 +24,8 @@ from typing import Any, Protocol, TypeVar
 from planlang.failures import PlanFailure
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.hosts import Host, Inbox, LiveHost, Timer, TimerQueue
-from planlang.kernel.observer import Observer, Recorded
 from planlang.kernel.signals import BaseFluent
-from planlang.kernel.tree import SUCCEEDED, Node, Status
+from planlang.kernel.tree import SUCCEEDED, Node, Observer, Recorded, Status
 from planlang.misuse import Usage, amount, contrast
 
 S = TypeVar("S")

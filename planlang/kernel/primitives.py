@@ -10,10 +10,9 @@ from planlang.failures import PlanFailure
 from planlang.kernel.cancel import checkpoint, deliver
 from planlang.kernel.core import here, park, serving
 from planlang.kernel.errors import Evaporated
-from planlang.kernel.observer import Body
 from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.tracebacks import locate
-from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Node, name_of
+from planlang.kernel.tree import EVAPORATED, FAILED, SUCCEEDED, Body, Node, name_of
 from planlang.misuse import PlanStructureError, WrongType, contrast
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.designators import local_name
-from planlang.runs.run_tree import Happened, RunTree, TaskNode
+from planlang.runs.run_tree import Happened, RunTree, TaskNode, decision_text
 
 Held = tuple[str, TaskNode, int, int | None]
 """A resource, the node that held it, and its first and last step."""
@@ -177,11 +177,6 @@ def event_text(one: Happened) -> str | None:
             return None
     inside = ", ".join(f"{key} {value}" for key, value in one.details.items() if key != "failure")
     return shown(f"{one.event}: {inside}{because}" if inside else f"{one.event}{because}")
-
-
-def decision_text(decision: str) -> str:
-    """Name a decision of a recovery that an event has."""
-    return "no attempts left" if decision == "used up" else decision
 
 
 def pose_text(base: list[Any]) -> str:

@@ -19,12 +19,11 @@ from planlang.failures import PlanFailure
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.errors import PlanStructureError
 from planlang.kernel.fluent import Fluent, find
-from planlang.kernel.observer import Body
 from planlang.kernel.primitives import pause
 from planlang.kernel.schedule import CountedRandom
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tracebacks import locate
-from planlang.kernel.tree import EVAPORATED, Node, Status
+from planlang.kernel.tree import EVAPORATED, Body, Node, Status
 from planlang.runs.codec import Exact, Lost, dump, dump_failure
 from planlang.runs.recorded_run import Done, Past, outcome_of, value_in
 from planlang.runs.repeating import ONCE, RepeatedTrace
@@ -52,7 +51,7 @@ class _OpenStep:
 class Journal:
     """Recorder of the inputs and completed steps of a run; in a resumed run it supplies the recorded ones.
 
-    Implements both interfaces of :mod:`planlang.kernel.observer`. Invariants: ``spine`` holds the open nodes whose
+    Implements both interfaces of :mod:`planlang.kernel.tree`. Invariants: ``spine`` holds the open nodes whose
     children are steps, with True if the top-level plan function is still to come below them; ``open_steps`` the steps
     that have begun but not ended; ``skipped`` the nodes that return recorded results.
     """

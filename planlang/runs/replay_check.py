@@ -13,10 +13,9 @@ from typing import Any
 
 from planlang.kernel.core import Scheduler, Task, here, park
 from planlang.kernel.hosts import VIRTUAL_HOST, checked
-from planlang.kernel.observer import Body
 from planlang.kernel.primitives import pause
 from planlang.kernel.signals import BaseFluent
-from planlang.kernel.tree import Node
+from planlang.kernel.tree import Body, Node
 from planlang.runs.codec import Exact, encode
 from planlang.runs.journal import FluentKeys
 from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
@@ -148,7 +147,7 @@ class ReplayCheck(Trace):
             self.difference = Different(message, line.number, recorded, found)
         self.over = True
 
-    # -- planlang.kernel.observer.Recorded
+    # -- planlang.kernel.tree.Recorded
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """The last recorded answer."""

@@ -197,3 +197,8 @@ class RunTree:
         node = self.numbered[number] = TaskNode(record["name"], record["kind"], parent, number=number)
         (self.roots if parent is None else parent.children).append(node)
         return node
+
+
+def decision_text(decision: str) -> str:
+    """Name a decision of a recovery that an event has."""
+    return "no attempts left" if decision == "used up" else decision

@@ -15,10 +15,9 @@ from contextlib import closing
 from pathlib import Path
 
 from executive.enabling.explanation import Explanation
-from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import LocalShelf, RemoteShelf, Shelf
-from executive.enabling.stock import Stock
+from executive.enabling.stock import Folder, Stock
 from executive.robots.matching import Possessions
 from executive.serving.uploads import read_upload
 from executive.serving.vocabulary import read_vocabulary

@@ -228,7 +228,7 @@ def furnisher(model: RobotModel, vocabulary: Ontology) -> Iterator[MakeStage]:
             releasing=RELEASING,
             rng=np.random.default_rng(0),
         )
-        return Stage(real, platform, RobotExecutive(platform, bundled_registry().resolve([])))
+        return Stage(real, platform, RobotExecutive(platform, bundled_registry().resolve([]), real))
 
     yield make
     for world in worlds:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from executive.commands.inputs import RecipeFile, read
-from planlang.diagnostics import BadInput
 from planlang.language.source import PlanSource
+from tests.support.refusals import refusal
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_python_that_imports_planlang_is_a_plan_whatever_its_suffix(tmp_path: Pa
 def test_a_plan_nested_too_deeply_for_the_parser_is_bad_input(tmp_path: Path) -> None:
     path = tmp_path / "plan.py"
     path.write_text("import planlang\nx = " + "(" * 100_000 + ")" * 100_000 + "\n")
-    with pytest.raises(BadInput, match="C002"):
+    with refusal("C002"):
         read(str(path))
 
 
@@ -77,7 +77,7 @@ def test_a_users_own_recipe_is_not_taken_for_a_bundled_one(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("name", ["", " "])
 def test_an_empty_name_is_said_to_be_empty(name: str) -> None:
-    with pytest.raises(BadInput, match="the name of the recipe is empty"):
+    with refusal("C001"):
         read(name)
 
 
@@ -85,6 +85,6 @@ def test_an_empty_name_is_said_to_be_empty(name: str) -> None:
 def test_a_pipe_is_bad_input_that_says_what_to_do(tmp_path: Path, is_named: bool) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    with pytest.raises(BadInput, match="is a pipe or device") as caught:
+    with refusal("C001") as caught:
         read(str(pipe) if is_named else "-")
     assert caught.value.diagnostics[0].help == "write it to a file first: ... > recipe.owl"

@@ -12,8 +12,8 @@ from PIL import Image
 from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
-from planlang.diagnostics import BadInput
 from planlang.outputs import PlanHeader, check_outputs, digest, header, replace, write_plan, write_text
+from tests.support.refusals import refusal
 
 
 def source(recipe: str, body: str, *, compiled: str | None = None) -> str:
@@ -103,7 +103,7 @@ def test_no_output_goes_through_a_link_which_only_force_replaces(tmp_path: Path,
 
 
 def test_a_folder_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="C004"):
+    with refusal("C004"):
         write_text(tmp_path / "no" / "out.txt", "new")
 
 
@@ -119,7 +119,7 @@ def test_an_edited_plan_is_not_overwritten_without_force(tmp_path: Path, recipe:
     path = tmp_path / "plan.py"
     edited = source(OLD, "edited", compiled="compiled")
     path.write_text(edited)
-    with pytest.raises(BadInput, match=r"C005.*edited"):
+    with refusal("C005", naming="--merge"):
         write_plan(path, source(recipe, "compiled"), force=False)
     assert path.read_text() == edited
     write_plan(path, source(recipe, "compiled"), force=True)
@@ -144,7 +144,7 @@ def test_other_ends_of_lines_are_no_edit(tmp_path: Path) -> None:
 def test_a_file_that_is_no_compiled_plan_is_not_overwritten_without_force(tmp_path: Path) -> None:
     path = tmp_path / "thesis.tex"
     path.write_text("three years of work")
-    with pytest.raises(BadInput, match=r"C005.*not a compiled plan"):
+    with refusal("C005", naming="--force"):
         write_plan(path, source(OLD, "a"), force=False)
     assert path.read_text() == "three years of work"
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.runs.located import Shown
-from planlang.diagnostics import BadInput
+from tests.support.refusals import refusal
 
 TOWEL = """Prefix: : <http://example.org/towels#>
 Prefix: unit: <http://qudt.org/vocab/unit#>
@@ -57,5 +57,5 @@ def test_poses_are_shown_as_precisely_as_in_metres_and_radians() -> None:
     assert Shown(())(x=1.23456, yaw=-0.0001) == "x 1.235  yaw 0.000"
     assert Shown(("Centimeter", "DegreeAngle"))(x=1.23456, yaw=1.0) == "x 123.5  yaw 57.30"
     assert Shown(("Millimeter",))(x=1.23456) == "x 1235"
-    with pytest.raises(BadInput, match="neither a length nor an angle"):
+    with refusal("C019", naming="Kilogram"):
         Shown(("Kilogram",))

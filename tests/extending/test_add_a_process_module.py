@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 from executive.cli.app import app
 from executive.modules.bundled import bundled_registry
 from planlang import process_module
-from planlang.diagnostics import BadInput, Diagnostic
+from planlang.diagnostics import Diagnostic
+from tests.support.refusals import refusal
 
 STIRRING = '''"""Stirs, with a spoon that may get lost."""
 
@@ -148,6 +149,17 @@ def test_of_two_modules_the_one_of_the_more_specific_class_is_used(kitchen: Path
     assert answer("run", kitchen / "stir.py", *WHERE, *both)["failure"]["class"] == "WhiskLost"
 
 
+def test_attributes_of_earlier_versions_are_noted_once_for_each_module(kitchen: Path) -> None:
+    before = "    physical = by_hand = True\n\n    def resources"
+    (kitchen / "before.py").write_text(STIRRING.replace("    def resources", before, 1))
+    registry, found = bundled_registry(), list[Diagnostic]()
+    registry.add_file(kitchen / "before.py")
+    registry.resolve(found)
+    assert [(one.code, one.message) for one in found] == [
+        ("X034", "Stirring of before.py sets physical and by_hand, which is no longer needed")
+    ]
+
+
 def test_a_file_outranks_planlang_with_a_note_and_another_file_is_a_conflict(kitchen: Path) -> None:
     (kitchen / "mine.py").write_text(STIRRING.replace('("Stirring",)', '("Stirring", "Perceiving")'))
     registry = bundled_registry()
@@ -158,7 +170,7 @@ def test_a_file_outranks_planlang_with_a_note_and_another_file_is_a_conflict(kit
         "note X012 Perceiving is performed by Stirring of mine.py, not by Perception of planlang"
     ]
     registry.add_file(kitchen / "stirring.py")
-    with pytest.raises(BadInput, match=r"two process modules perform Stirring: Stirring of mine\.py and"):
+    with refusal("X012", naming=("Stirring", "mine.py")):
         registry.resolve([])
 
 

@@ -22,7 +22,7 @@ from planlang.geometry import Pose
 from planlang.language.executive import Executive
 from planlang.language.process_module import NEEDED, ProcessModule
 from planlang.protocols import Configuration, Contact, Detection, Motion, RobotInterface
-from sim import PlanningWorld, PyBulletWorld
+from sim import PyBulletWorld
 from sim.truth import Truth
 
 length = st.floats(-10.0, 10.0)
@@ -111,7 +111,7 @@ def public(protocol: type) -> set[str]:
     [
         (RobotInterface, PyBulletWorld),
         (Truth, PyBulletWorld),
-        (Physics, PlanningWorld),
+        (Physics, PyBulletWorld),
         (Executive, RobotExecutive),
     ],
 )

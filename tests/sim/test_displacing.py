@@ -10,8 +10,7 @@ import pytest
 
 from planlang.geometry import Pose
 from sim import Body, PyBulletWorld, Scene, perturb
-from sim.controls import Control
-from sim.joints import Articulation, JointKind
+from sim.joints import Articulation, Control, JointKind
 
 SEEDS = range(1, 41)
 CASE = Body("case", Pose((0.0, 0.0, 0.5)), (0.5, 0.8, 1.0))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from executive.pictures.links import looks_of_links
+from executive.pictures.drawn import looks_of_links
 from executive.robots.mechanism import Mechanism
 from planlang.diagnostics import BadInput
 from planlang.protocols import Configuration

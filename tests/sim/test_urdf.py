@@ -18,8 +18,8 @@ from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
 from planlang.package_paths import file_places
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PlanningWorld, RobotBody, Scene
-from sim.description import Description, inertia_box, read_description
-from sim.meshes import checked_mesh
+from sim.description import Description, checked_mesh, inertia_box, read_description
+from tests.support.refusals import refusal
 
 INERTIAL = """<inertial><origin xyz="0.1 0 0" rpy="0 0 0.5"/><mass value="1200"/>
 <inertia ixx="500" iyy="1000" izz="1300" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -319,7 +319,7 @@ def test_a_broken_urdf_is_told(tmp_path: Path, what: str) -> None:
 
 def test_a_folder_and_an_absent_file_are_told(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "gone.urdf"):
-        with pytest.raises(BadInput, match="B009"):
+        with refusal("B009"):
             read_description(path)
 
 

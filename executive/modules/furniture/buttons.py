@@ -19,7 +19,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Motion
-from sim.controls import Control
+from sim.joints import Control
 
 BEFORE, BEYOND = 0.1, -0.02
 """Heights of the tip over a button at the start and end of a push [m]; the button stops it before the end."""

@@ -38,7 +38,7 @@ from planlang.kernel import compute_in_thread
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied
 from planlang.protocols import Touch
-from sim.controls import AT_BUTTON, HALFWAY, Control
+from sim.joints import AT_BUTTON, HALFWAY, Control
 
 ABOUT = ("object_acted_on", "device_used")
 """Properties of an action that may name the device, in order of preference."""
@@ -56,8 +56,6 @@ class Devices(HandWork):
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
     # beside those of looking, which LookingFirst declares for all modules
-    by_hand = True
-    """The simulator switches a device when the hand really moves its control."""
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the whole robot."""

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from executive.enabling.explanation import Explanation
-from executive.enabling.folder import Folder
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import LocalShelf
-from executive.enabling.stock import MOST_READ, Stock
+from executive.enabling.stock import MOST_READ, Folder, Stock
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions

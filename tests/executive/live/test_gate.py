@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executive.live.gate import Command, Gate
+from executive.live.live_run import Command, Gate
 from planlang import SimulationHost, Trace, perform, plan, run
 from planlang.designators import a_posture, action
 from planlang.testing import Script, ScriptedExecutive
@@ -141,7 +141,7 @@ def test_a_run_is_stopped_before_it_has_begun() -> None:
 
 
 def test_a_run_that_computes_is_stopped_at_the_second_request(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.live.gate.INSISTING", 0.0)
+    monkeypatch.setattr("executive.live.live_run.INSISTING", 0.0)
     computes = threading.Event()
 
     @plan

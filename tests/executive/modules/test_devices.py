@@ -18,7 +18,7 @@ from planlang.failures import ActionUnresolvable, DeviceUnresponsive, HandleNotR
 from planlang.geometry import Pose
 from planlang.geometry.matrices import rigid
 from sim import PyBulletWorld
-from sim.controls import Controls
+from sim.joints import Controls
 from tests.support.extras import HAS_PR2
 from tests.support.leaves import room, thing, vocabulary
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from executive.maps import read_map, scene_of
-from executive.pictures.drawn import drawn_in
-from executive.pictures.links import fewer
+from executive.pictures.drawn import drawn_in, fewer
 from executive.pictures.looks import look_of, looks_of_classes, pieces_of, table_of_looks
 from executive.pictures.solids import Solid, ball, box, lathe, prism, tube
 from planlang.files import bundled

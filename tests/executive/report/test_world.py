@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from executive.report import tracks
+from executive.report import watching
 from executive.runs.options import Outcome
 from planlang.geometry import Pose
 from tests.executive.conftest import Served
@@ -76,7 +76,7 @@ def test_a_page_changes_nothing_in_the_run(reported: Reported, served: Served) -
 
 def test_what_is_believed_beside_the_truth_is_in_the_page(reported: Reported) -> None:
     model, _ = read(reported.page)
-    believed = {one["name"]: one for one in model["scene"]["entities"] if one["kind"] == tracks.BELIEVED}
+    believed = {one["name"]: one for one in model["scene"]["entities"] if one["kind"] == watching.BELIEVED}
     assert model["scene"]["entities"][believed["chair1"]["of"]]["name"] == "chair1"
     assert believed["bottle1"]["gone"], "what a hand holds is where the hand is"
 

@@ -12,7 +12,6 @@ from executive.belief.map_updating import updated_map
 from executive.enabling.shelf import LocalShelf
 from executive.maps import read_map, scene_of
 from executive.maps.occupied_space import OBSTACLE
-from planlang.diagnostics import BadInput
 from planlang.files import Bundled
 from planlang.geometry import Pose
 from planlang.knowledge.entries import File, Kind
@@ -22,6 +21,7 @@ from planlang.ontology import load
 from planlang.protocols import Detection
 from sim import PlanningWorld
 from tests.support.knowledge_bases import NOW, put
+from tests.support.refusals import refusal
 
 FILES = {
     "semantic": "map_hospital_room@re_stack.owl.in",
@@ -105,6 +105,6 @@ def test_the_grid_of_a_map_is_pulled_with_it_and_is_an_obstacle_then(link: str, 
     (box,) = (body for body in scene_of(read_map(load(files[0]))).bodies if body.name.startswith(OBSTACLE))
     assert (box.pose.position[:2], box.size[:2]) == (pytest.approx((0.0, 0.25)), pytest.approx((1.0, 0.5)))
     changed = replace(entry.attachments[0], sha256="0" * 64)
-    with pytest.raises(BadInput, match="K040"):
+    with refusal("K040"):
         pull(shelf, [(replace(entry, attachments=(changed,)), tmp_path / "again")])
     shelf.close()

@@ -11,7 +11,7 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from executive.serving import bodies
+from executive.serving import forms
 from planlang.files import Bundled
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink").read_bytes()
@@ -157,7 +157,7 @@ def test_compressed_bodies_are_not_read(client: TestClient) -> None:
 
 
 def test_a_body_has_a_limit_stated_or_not(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bodies, "LARGEST_BODY", 100_000)
+    monkeypatch.setattr(forms, "LARGEST_BODY", 100_000)
     parts = (b"x" * 10_000 for _ in range(1000))
     assert client.put(FILE, content=b"x" * 100_001).status_code == 413
     assert client.put(FILE, content=parts).status_code == 413

@@ -21,6 +21,7 @@ from executive.serving.workers import PREPARE, Busy, Failed, Staff, Workers
 from planlang.diagnostics import BadInput
 from planlang.files import Bundled
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.refusals import refusal
 from tests.support.servers import running_server
 
 NOW = "2026-01-01T00:00:00Z"
@@ -76,7 +77,7 @@ def refused_at(workers: Workers) -> None:
 def test_a_call_ends_at_its_limits_and_the_next_one_is_answered(source: Source) -> None:
     workers = Workers(source, 1, SMALL_LIMITS)
     for endless, limit in ((spin, "1 s"), (fill, "200 MB of memory")):
-        with pytest.raises(BadInput, match=f"K015 .* takes more than {limit}") as refused:
+        with refusal("K015", naming=limit) as refused:
             workers.call(endless)
         assert ("check_seconds" in str(refused.value.diagnostics[0].help)) == (endless is spin)
         assert workers.call(count) == 1

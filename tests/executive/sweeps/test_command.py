@@ -19,7 +19,7 @@ from executive.commands.command_lines import parsed, words_of
 from executive.commands.swept_world import ended
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
-from planlang.diagnostics import BadInput
+from tests.support.refusals import refusal
 
 
 def invoke(*arguments: str | Path) -> Result:
@@ -107,9 +107,9 @@ def test_an_interrupted_sweep_shows_what_was_done_and_how_to_go_on(
 
 
 def test_mistakes_in_python_are_bad_input() -> None:
-    with pytest.raises(BadInput, match="is not x,y,yaw"):
+    with refusal("C040", naming="'here'"):
         planlang.sweep("serve_a_drink", 1, start="here")
-    with pytest.raises(BadInput, match="no such recipe"):
+    with refusal("C001", naming="nowhere"):
         planlang.sweep("nowhere", 1)
 
 

@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
-from planlang.diagnostics import BadInput
 from planlang.knowledge.backup import back_up
 from planlang.knowledge.entries import Content, File, Kind, Syntax, Unreachable
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.refusals import refusal
 
 NOW = "2026-01-01T00:00:00Z"
 SERVING = Content(
@@ -168,7 +168,7 @@ def test_a_store_that_another_program_has_locked_is_told(tmp_path: Path, monkeyp
     with closing(sqlite3.connect(path)) as other:
         other.execute("CREATE TABLE a (b)")
         other.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(BadInput, match="locked"):
+        with refusal("K001", naming="locked"):
             SqliteStore(path)
 
 

@@ -1,0 +1,21 @@
+"""Refusals that tests expect: told by the codes of their errors and by the names in them, not by their wording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from planlang.diagnostics import BadInput, Severity
+
+
+@contextmanager
+def refusal(*codes: str, naming: str | tuple[str, ...] = ()) -> Iterator[pytest.ExceptionInfo[BadInput]]:
+    """Expect BadInput whose errors have exactly these codes, and say these names, numbers or options."""
+    with pytest.raises(BadInput) as caught:
+        yield caught
+    errors = [one for one in caught.value.diagnostics if one.severity is Severity.ERROR]
+    assert {one.code for one in errors} == {*codes}, str(caught.value)
+    said = "\n".join(map(str, errors))
+    assert all(name in said for name in ((naming,) if isinstance(naming, str) else naming)), said
