@@ -85,7 +85,8 @@ class HandReaching(HandWork):
         if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
             await self._look_first(location)
         bodies = self.platform.scene.bodies
-        names = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        references = [reference for one in location.relations for reference in one.references]
+        names = [bodies.bind(reference) for reference in references if isinstance(reference, Object)]
         await Skill(
             lambda: arms,
             partial(self._reach, location=location),
