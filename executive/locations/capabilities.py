@@ -30,7 +30,7 @@ from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import Hold
-from sim import Body, BodyShape, PlanningWorld, Scene, WorldMirror, state_of
+from sim import Body, BodyShape, PlanningWorld, Scene, WorldMirror
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
@@ -259,7 +259,7 @@ def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
     if arm is None:
         return Doorways(empty, None, None)
     offset = world.link_pose(arm.hand_link).inverse() @ Pose(world.link_pose(arm.tip).position)
-    with_mug = state_of(world, robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
+    with_mug = world.world_state(robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
     world = WorldMirror(world, robot.name).at(with_mug)
     x, y, z = world.pose(_MUG.name).position
     turns = np.arange(8) * (np.pi / 4)

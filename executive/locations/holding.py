@@ -26,6 +26,7 @@ from executive.locations.rejections import Rejections
 from executive.maps import SemanticMap
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel
+from executive.robots.handle import RobotModel
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
@@ -139,7 +140,7 @@ def holdings(
     """Close the hands of a robot on the test things, which ``world`` contains. ``report`` gets the progress."""
     nothing = Ontology([Reading(Document(Path(), None, ""), Triples(""), ())])
     belief = Belief(SemanticMap(None, nothing, (), ()), world, robot=robot.name, trusts_map=True)
-    scene = PlanningScene(world, robot, belief, models, None)
+    scene = PlanningScene(world, RobotModel(robot, tuple(models), None), belief)
     found: list[Holding] = []
     for arm, model in zip(robot.arms, models, strict=True):
         if arm.gripper is not None:

@@ -58,10 +58,10 @@ class Grasping(PlatformModule):
 
         A step that states no device does not open a hand that would drop something.
         """
-        scene, arms, hands = self.platform.scene, self.platform.arms, self.platform.hands
+        scene, arms = self.platform.scene, self.platform.arms
         device, closes = action.get("device_used"), self._closes(action)
         candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        candidates = [arm for arm in candidates if hands.gripper(arm) is not None]
+        candidates = [arm for arm in candidates if arm.gripper is not None]
         if closes:
             return arms.closed_by(action, candidates)
         opened = arms.opened_by(action, candidates)

@@ -136,7 +136,7 @@ class Arms:
     def _may_let_go(self, arm: ArmModel) -> bool:
         """Check whether what an arm holds would not fall if the hand opened."""
         control, held = self._control, self._control.scene.arms.held(arm.name)
-        if held is None or control.world.pulled(control.robot.arm(arm.name).tip):
+        if held is None or control.world.pulled(arm.tip):
             return held is not None
         return control.scene.world.height_above_support(held.name) <= STANDS
 

@@ -21,7 +21,7 @@ from planlang.geometry import Pose
 from planlang.language.executive import Executive
 from planlang.language.process_module import NEEDED, ProcessModule
 from planlang.protocols import Configuration, Contact, Detection, Motion, RobotInterface
-from sim import PlanningWorld, PyBulletWorld
+from sim import PyBulletWorld
 from sim.truth import Truth
 
 length = st.floats(-10.0, 10.0)
@@ -110,7 +110,7 @@ def public(protocol: type) -> set[str]:
     [
         (RobotInterface, PyBulletWorld),
         (Truth, PyBulletWorld),
-        (Physics, PlanningWorld),
+        (Physics, PyBulletWorld),
         (Executive, RobotExecutive),
     ],
 )

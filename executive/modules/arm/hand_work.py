@@ -56,7 +56,7 @@ class HandWork(PlatformModule):
     def free_hands(self) -> list[ArmModel]:
         """List the empty arms that have a gripper."""
         arms = self.platform.arms.free(self.platform.scene.arms.all)
-        return [arm for arm in arms if self.platform.hands.gripper(arm) is not None]
+        return [arm for arm in arms if arm.gripper is not None]
 
     def hands_for(
         self,

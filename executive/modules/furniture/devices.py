@@ -56,8 +56,6 @@ class Devices(HandWork):
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
     # beside those of looking, which LookingFirst declares for all modules
-    by_hand = True
-    """The simulator switches a device when the hand really moves its control."""
 
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""

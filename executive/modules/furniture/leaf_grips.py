@@ -180,7 +180,7 @@ def _opened(arm: ArmModel, width: float, room: float) -> Fingers:
 
 def hand_with(scene: PlanningScene, arm: ArmModel, fingers: Fingers = ()) -> Array:
     """Compute points (n, 3) in the tip frame that span a hand with ``fingers`` at given positions, by default as is."""
-    world, tip = scene.world, scene.robot.arm(arm.name).tip
+    world, tip = scene.world, arm.tip
     current = world.configuration()
     to_tip = inverse(world.link_pose(tip, Configuration(current.base, {**current.joints, **dict(fingers)})).matrix())
     points = world.robot.points(sorted(world.robot.hand_of(tip)))

@@ -449,7 +449,7 @@ class _ArmPaths:
         scene, arm = self._scene, self._arm
         joints = {**scene.world.configuration().joints, **fingers}
         at = Configuration(base, joints | dict(zip(arm.joints, rows[0].tolist(), strict=True)))
-        led = {**scene.belief.led, self._joint.leaf: scene.robot.arm(arm.name).tip}
+        led = {**scene.belief.led, self._joint.leaf: arm.tip}
         world = scene.supposing(replace(scene.belief.state.with_robot(scene.belief.robot, at), led=led)).world
         for number, row in enumerate(rows[1:]):
             hits = world.contacts(Configuration(base, joints | dict(zip(arm.joints, row.tolist(), strict=True))))

@@ -100,7 +100,7 @@ class LeafStrokes(StrokeWork):
         heights = (local - local[1]) @ normal
         points = np.column_stack([local - heights[:, None] * normal, heights])
         lap = await self.stroke(grounding, plane, points, closed=False)
-        link, feels = platform.robot.arm(arm.name).tip, False
+        link, feels = arm.tip, False
         try:
             await platform.follow(arm.name, lap, pushes=link)
             feels = self._feels(arm)
@@ -161,7 +161,7 @@ class LeafStrokes(StrokeWork):
     def _constraints(self, arm: ArmModel, path: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
         """Build the constraints: fingertips (``tips`` in the tip frame) on the leaf, bounds of how the hand leans."""
         x, y, z = map(float, arm.frame.approach)
-        hand = self.platform.robot.arm(arm.name).hand
+        hand = arm.part.hand
         tip = a_feature("LINE", of=hand, position=tips.position, direction=(x, y, z))
         pose = self.platform.belief.pose(self._joint.leaf)
         px, py, pz = moved(inverse(pose.matrix()), path[1]).tolist()

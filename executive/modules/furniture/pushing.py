@@ -207,7 +207,7 @@ class ThingStrokes(StrokeWork):
     async def _pushed(self, way: tuple[Array, ArmModel]) -> None:
         """Push the object once towards a position (2,) with one hand, update the belief, and look."""
         (goal, arm), name, action = way, self._name, self._action
-        platform, device = self.platform, self.platform.robot.arm(arm.name).hand
+        platform, device = self.platform, arm.part.hand
         stated = replace(action, properties=tuple(sorted({**dict(action.properties), "device_used": device}.items())))
         constraints = tuple(one for one in constraints_of(stated) if one.is_active)
         moving = (name, *platform.scene.world.standing_on(name))
@@ -222,7 +222,7 @@ class ThingStrokes(StrokeWork):
         points = self._points(before, goal, reach + self._lead)
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
         lap = await self.stroke(grounding, plane, places, closed=False)
-        link, length = platform.robot.arm(arm.name).tip, float(np.hypot(*push))
+        link, length = arm.tip, float(np.hypot(*push))
         progress = arm.solver.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
         end = int(progress.argmax())
         poses = {one: platform.belief.pose(one) for one in moving}

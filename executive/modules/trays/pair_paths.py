@@ -103,7 +103,7 @@ class PairPaths:
         ``world``: of a state that is supposed; by default as is believed.
         """
         joints = dict(zip(self.pair.names, q.tolist(), strict=True)) | dict(fingers)
-        grippers = [self.control.robot.arm(arm.name).gripper for arm in self.pair.arms]
+        grippers = [arm.gripper for arm in self.pair.arms]
         links = [link for one in grippers if one is not None for link in sorted(one.finger_links)]
         ignore = [(link, name) for link in links] if name is not None else []
         world, moving = world or self.control.scene.world, (*self.pair.names, *(joint for joint, _ in fingers))
@@ -202,7 +202,7 @@ class PairPaths:
             held = self.control.scene.collisions.closed_on(base, arm, q, name, one)
             if held is None:
                 raise _Refused("no hold for the fingers")
-            gripper = self.control.robot.arm(arm.name).gripper
+            gripper = arm.gripper
             closed |= {joint: held[joint] for joint in gripper.joints} if gripper is not None else {}
         raised = tips[1].copy()
         raised[:, 2, 3] += LIFT
@@ -222,7 +222,7 @@ class PairPaths:
         control, state, world = self.control, self.control.belief.state, self.control.scene.world
         start = dict(zip(self.pair.names, rows[0].tolist(), strict=True))
         at = Configuration(base, {**world.configuration().joints, **fingers, **start})
-        thing, tips = state.poses[name], [(arm.name, control.robot.arm(arm.name).tip) for arm in self.pair.arms]
+        thing, tips = state.poses[name], [(arm.name, arm.tip) for arm in self.pair.arms]
         holds = [Hold(arm, tip, world.link_pose(tip, at).inverse() @ thing) for arm, tip in tips]
         held = {**state.held, name: Grip(*holds[0], thing, tuple(holds[1:]))}
         supposed = control.scene.supposing(replace(state.with_robot(control.belief.robot, at), held=held))
