@@ -1,12 +1,14 @@
 """Changes that an action makes to the world, as plain data with names resolved.
 
-Executives derive them from the declared effects of action classes (:mod:`planlang.effects`), and apply the same change
-to the world and to the belief.
+Executives derive them from the declared effects of action classes (:mod:`planlang.effects`), apply them to the belief
+(:mod:`planlang.state`), and let a simulated world bring about what its own physics has not.
 """
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Mapping
+from dataclasses import field
+from typing import Protocol
 
 from planlang.records import dataclass
 
@@ -60,16 +62,49 @@ class Poured:
 Change = Transformed | TurnedOver | Switched | Poured
 
 
-@runtime_checkable
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """What has happened in a world by its own physics since it began: all that needs no declaration of effects."""
+
+    flowed: Mapping[str, float] = field(default_factory=dict)
+    """Vessel -> volume that has flowed out of it, as a hand tilted it [ml]."""
+    carried: Mapping[str, int] = field(default_factory=dict)
+    """Thing -> number of times that a blade took it along, which turns it over or fails to."""
+    switched: Mapping[str, int] = field(default_factory=dict)
+    """Device -> number of times that a hand has switched it."""
+
+    def left_of(self, change: Change, since: Simulated) -> Change | None:
+        """Return what of a change has not happened by physics since an earlier moment; None if nothing is left."""
+        match change:
+            case Poured(source, target, amount):
+                left = amount - self.flowed.get(source, 0.0) + since.flowed.get(source, 0.0)
+                return Poured(source, target, left) if left > 0 else None
+            case TurnedOver(name):
+                return change if self.carried.get(name) == since.carried.get(name) else None
+            case Switched(name):
+                return change if self.switched.get(name) == since.switched.get(name) else None
+        return change
+
+
 class Physics(Protocol):
-    """A world that applies declared effects itself, as a simulator does; a real robot's world does not."""
+    """A simulated world, in which declared effects come true; a real robot's world is none.
+
+    Its motions may pour, turn over and switch by themselves. A declared effect adds only what they have not done.
+    """
 
     @property
     def changed(self) -> int:
-        """Number of changes made so far, whoever made them."""
+        """Number of changes brought about so far."""
 
-    def do(self, change: Change) -> float:
-        """Apply a change; return the amount that flowed [ml]. Things that do not exist are skipped."""
+    @property
+    def simulated(self) -> Simulated:
+        """What has happened by physics so far."""
+
+    def bring_about(self, change: Change, since: Simulated | None = None) -> bool:
+        """Let a declared effect come true, as far as it has not happened by physics ``since`` the action began.
+
+        Return False if nothing was left to do. Things that do not exist are skipped.
+        """
 
     def is_free(self, name: str) -> bool:
         """Check that no thing has the name, nor ever had it."""

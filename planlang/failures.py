@@ -13,7 +13,7 @@ from typing import ClassVar
 from planlang.designators import Object
 from planlang.plan_failure import PlanFailure as PlanFailure
 from planlang.plan_failure import Where as Where
-from planlang.plan_failure import in_words
+from planlang.plan_failure import counts_in_words, in_words
 from planlang.records import dataclass
 
 
@@ -324,13 +324,8 @@ class LocationUnresolvable(DesignatorFailure):
         if self.after:
             found = "only one place was" if self.after == 1 else f"only {self.after} places were"
             text = f"{found} found{wanted}, and {'it' if self.after == 1 else 'each'} failed"
-        one = sum(self.counts.values()) == 1  # its reason needs no number
-        reasons = ", ".join(reason if one else f"{number} {reason}" for reason, number in self.counts.items() if number)
-        parts = [f"{sum(self.counts.values())} candidate{'' if one else 's'}: {reasons}"] if self.counts else []
-        if self.blocking:
-            parts.append(f"in the way: {', '.join(f'{body} {number}' for body, number in self.blocking.items())}")
         text = f"{text}: {sentence}" if (sentence := self.because()) else text
-        return f"{text} ({'; '.join(parts)})" if parts else text
+        return f"{text} ({counted})" if (counted := counts_in_words(self.counts, self.blocking)) else text
 
     def because(self) -> str:
         """The reason as a sentence, "" if there are only counts."""

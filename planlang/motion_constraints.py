@@ -19,7 +19,7 @@ from typing import ClassVar, TypeVar
 
 from planlang.designators import Device, Filler, Object, local_name
 from planlang.failures import ManipulationFailure
-from planlang.misuse import Usage, WrongType, WrongValue, amount, is_iterable
+from planlang.misuse import Usage, WrongValue, amount, is_iterable
 from planlang.records import dataclass
 
 Vector = tuple[float, float, float]
@@ -385,11 +385,7 @@ def _vector(parameter: str, value: Sequence[float] | None) -> Vector | None:
 
 def _check_vector(parameter: str, value: object) -> None:
     if not isinstance(value, tuple) or len(value) != 3 or not all(map(_is_finite, value)):
-        raise _not_a_vector(parameter, value)
-
-
-def _not_a_vector(parameter: str, value: object) -> WrongType | WrongValue:
-    return _FEATURE.wrong(parameter, value, "three finite numbers in the frame of the thing", WrongValue)
+        raise _FEATURE.wrong(parameter, value, "three finite numbers in the frame of the thing", WrongValue)
 
 
 def _is_finite(value: object) -> bool:

@@ -83,6 +83,16 @@ def in_words(details: Mapping[str, Any]) -> str:
     return ", ".join([*about, *others])
 
 
+def counts_in_words(counts: Mapping[str, int], blocking: Mapping[str, int]) -> str:
+    """Format the numbers of rejected candidates by reason, and by body in the way; "" without any."""
+    total = sum(counts.values())
+    numbered = (reason if total == 1 else f"{number} {reason}" for reason, number in counts.items() if number)
+    parts = [f"{total} candidate{'' if total == 1 else 's'}: {', '.join(numbered)}"] if counts else []
+    if blocking:
+        parts.append(f"in the way: {', '.join(f'{body} {number}' for body, number in blocking.items())}")
+    return "; ".join(parts)
+
+
 def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> None:
     """Attach failures of cleanups to an exception, as notes and, for a plan failure, as ``cleanup_failures``."""
     others = tuple(failure for failure in failures if failure is not error)

@@ -23,7 +23,7 @@ from typing import Any
 from planlang.designators import Action
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in, note
 from planlang.files import read_file
-from planlang.language.process_module import ProcessModule, WrappedModule, is_marked, selects
+from planlang.language.process_module import ProcessModule, WrappedModule, is_marked, selects, stated_as_before
 from planlang.records import dataclass
 
 GROUP = "planlang.modules"
@@ -157,6 +157,11 @@ class ModuleRegistry:
         """
         ordered = sorted(self._registered, key=lambda one: (-one.rank, not one.selects))
         whole = [one for one in ordered if not one.selects]
+        for one in ordered:
+            if stated := stated_as_before(one.factory):
+                message = f"{one.origin} sets {' and '.join(stated)}, which is no longer needed"
+                advice = "leave it out: the simulated world knows what motions have done (docs/guides/modules.md)"
+                found.append(note("X034", message, help=advice))
         problems = []
         for action in dict.fromkeys(name for one in whole for name in one.actions):
             first, *others = (one for one in whole if action in one.actions)

@@ -190,7 +190,10 @@ class _Table:
 @cache
 def _table() -> _Table:
     data = tomllib.loads((bundled("ontologies") / "units.toml").read_text(encoding="utf-8"), parse_float=Fraction)
-    bases = {name: Unit(_read(text)) for name, text in data["bases"].items()}
+    bases = {
+        name: Unit(_sorted({base: int(power or 1) for base, power in _POWER.findall(text)}))
+        for name, text in data["bases"].items()
+    }
     scales = data["scales"].items()
     return _Table(
         bases,
@@ -284,7 +287,3 @@ def _longest(name: str) -> tuple[str, Unit | None]:
 
 def _sorted(powers: Mapping[str, int]) -> Dimension:
     return tuple(sorted((base, power) for base, power in powers.items() if power))
-
-
-def _read(text: str) -> Dimension:
-    return _sorted({base: int(power or 1) for base, power in _POWER.findall(text)})

@@ -5,12 +5,12 @@
 brings to the state that is asked about. Both worlds extend ``kinematic.py``; ``scene.py`` describes their contents,
 ``displacing.py`` lets the true ones differ from a map. ``bodies.py``, ``description.py`` and ``robot.py`` own the
 objects in the physics client, ``contact.py`` and ``camera.py`` answer queries, ``falling.py`` and ``people.py`` move
-things, ``snapshots.py`` saves and restores bodies.
-Only ``engine.py`` imports PyBullet.
+things. What actions, flow and heat change is computed in :mod:`planlang.state`, from what ``changes.py`` tells of a
+state. Only ``engine.py`` imports PyBullet.
 """
 
 from sim.displacing import perturb
-from sim.mirror import WorldMirror, state_of
+from sim.mirror import WorldMirror
 from sim.people import ComfortZone
 from sim.planning_world import PlanningWorld, Solid
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
@@ -28,5 +28,4 @@ __all__ = [
     "Solid",
     "WorldMirror",
     "perturb",
-    "state_of",
 ]

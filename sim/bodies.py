@@ -117,7 +117,11 @@ class Bodies:
         """Distance from the middle of any body but rooms within which all of it is [m]."""
 
     def create(self, body: Body) -> None:
-        """Add a body that was not in the scene."""
+        """Add a body that was not in the scene, in place of an earlier one of its name."""
+        if body.name in self.of:  # its pieces stay away for good; the new ones are the last, as boxes() needs them
+            self.remove(body.name)
+            del self.bodies[body.name], self.poses[body.name], self.of[body.name]
+        self.removed.discard(body.name)
         self.bodies[body.name], self.poses[body.name], self.of[body.name] = body, body.pose, []
         self._add([body], {})
         self.moves += 1

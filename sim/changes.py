@@ -1,72 +1,50 @@
-"""Changes of things: they are created, destroyed, turned over and switched on; poured substances land below.
+"""What has become of the things of one world, and questions about that: what is below, what heats, what is baked.
 
-Nothing here happens by itself; ``processes.py`` is what does. The questions at the end are answered alike for the true
-world and a believed one.
+The changes themselves are computed by :mod:`planlang.state.applying`, which asks :class:`EngineQueries`. The questions
+at the end are answered alike for the true world and a believed one.
 """
 
 from __future__ import annotations
 
 import contextlib
-import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from typing import Protocol
 
 import numpy as np
 
-from planlang.changes import Change, Poured, Switched, Transformed, TurnedOver
-from planlang.designators import local_name
 from planlang.geometry import Pose
 from planlang.geometry.shapes import half_extents
-from planlang.state.matter import Matter, Portion, merged
+from planlang.state import Matter, WorldState
+from planlang.state.applying import Point
+from planlang.state.rules import Rules
 from sim.bodies import Bodies
 from sim.camera import Rays
 from sim.contact import HeldObject
-from sim.falling import Falling, upright
+from sim.falling import Falling
 from sim.leaves import inside
-from sim.rules import PUDDLE, Rules, Size
-from sim.scene import Body, BodyShape
-
-Point = tuple[float, float, float]
+from sim.scene import Body
 
 REST = 0.005
 """Gap below which a thing lies on what is below it [m]."""
-STANDS = 0.5
-"""Cosine of the largest tilt at which a vessel can be filled."""
-BESIDE = 0.02
-"""Distance from a vessel at which its overflow lands [m]."""
 _INTO = 0.002
 """Height above a thing's lowest point from which to look for its support [m]: it may sink in a little."""
 _DEEP = 100.0
 """Depth through which poured substances can fall [m]."""
-ONE_PUDDLE = 0.2
-"""Distance up to which a poured substance joins a puddle of the same [m]."""
 
 
 class Changes:
-    """Changes the things of one world. ``create`` and ``remove`` put bodies into the world and take them out."""
+    """What has become of the things of one world, as it is shown in its engine."""
 
-    def __init__(
-        self,
-        bodies: Bodies,
-        rules: Rules,
-        rays: Rays,
-        falling: Falling,
-        held: dict[str, HeldObject],
-        create: Callable[[Body], None],
-        remove: Callable[[str], None],
-    ) -> None:
+    def __init__(self, bodies: Bodies, rules: Rules, rays: Rays, falling: Falling, held: dict[str, HeldObject]) -> None:
         self.bodies, self.rules = bodies, rules
         self.matter = Matter()
         """What things hold, and how they are, now."""
         self.count = 0
         """Number of changes made by actions; those that time brings are not counted."""
         self.rays, self.falling, self.held = rays, falling, held
-        self._create, self._remove = create, remove
         self._heats: dict[str, tuple[str, bool] | None] = {}
         """Results of :meth:`heated_by`, valid until something moves or a device is switched."""
         self._heats_at: object = None
-        self._heatable: dict[str, bool] = {}
-
-    # Questions
 
     def type_of(self, name: str) -> str:
         """Class of a thing now, after changes by heat."""
@@ -118,174 +96,55 @@ class Changes:
                 return device, True
         return None
 
-    def can_heat(self, name: str) -> bool:
-        """Check whether heat changes a thing or something in it, or has changed it."""
-        return any(map(self._is_heatable, (self.type_of(name), *self.matter.contents.get(name, ()))))
-
-    def _is_heatable(self, type: str) -> bool:
-        if type not in self._heatable:
-            self._heatable[type] = self.rules.can_heat(type)
-        return self._heatable[type]
-
-    # Effects of actions
-
-    def do(self, change: Change) -> float:
-        """Apply a change; return the volume that flowed [ml]."""
-        match change:
-            case Poured(source, target, amount):
-                return self.pour(source, target, amount)
-            case Transformed():
-                self._transform(change)
-            case TurnedOver(name):
-                self.turn_over(name)
-            case Switched(name, state):
-                self.switch(name, state)
-        return 0.0
-
-    def _transform(self, what: Transformed) -> None:
-        """Destroy inputs and create outputs; no effect if no input exists."""
-        bodies = self.bodies
-        inputs = {name: amount for name, amount in what.things if name in bodies.bodies and name not in bodies.removed}
-        places = [bodies.poses[name] for name in (*inputs, *(name for name, _ in what.used))]
-        sizes = [bodies.bodies[name].size for name in inputs]
-        origins = merged(inputs, *(origins_of(self, name) for name in inputs))
-        volume = sum(self.matter.total(name) or amount for name, amount in inputs.items())
-        taken = [portion for name, type in what.used for portion in self.consume(name, type)]
-        if (what.things or what.used) and not inputs and not taken:
-            return
-        for name in inputs:
-            self.destroy(name)
-        origins = merged(origins, *(portion.origins for portion in taken))
-        volume += sum(portion.amount for portion in taken)
-        place = places[0] if places else (bodies.poses[what.vessel] if what.vessel is not None else None)
-        shift = 0.0
-        for output in what.outputs:
-            amount = volume if output.amount is not None and len(what.outputs) == 1 and volume else output.amount
-            if what.vessel is not None and amount is not None:
-                self.fill(what.vessel, Portion(output.type, amount, origins))
-            elif place is not None:
-                size = self.rules.size(output.type) or (sizes[0] if sizes else PUDDLE)
-                at = Pose((place.position[0] + shift, *place.position[1:]))
-                self.create(output.name, output.type, size, at, origins, amount)
-                shift += size[0]
-
-    # Things
-
-    def create(self, name: str, type: str, size: Size, at: Pose, origins: Sequence[str], amount: float | None) -> None:
-        """Create a thing, at rest on what is below a pose; ``amount`` [ml] of its class, if given."""
-        shape = BodyShape.CYLINDER if math.isclose(size[0], size[1]) else BodyShape.BOX
-        self._create(Body(name, at, size, shape, type=type, movable=True))
-        self.matter = self.matter.created(name, origins)
-        if amount is not None:
-            self.matter = self.matter.put(name, Portion(type, amount, tuple(origins)))
-        rest, support = self.falling.rest(name)
-        if support is not None:
-            self.bodies.place(name, rest)
-        self.count += 1
-
-    def destroy(self, name: str) -> None:
-        """Destroy a thing and its contents."""
-        self._remove(name)
-        self.matter = self.matter.destroyed(name)
-        self.count += 1
-
-    def turn_over(self, name: str) -> None:
-        """Turn a thing over in place; no effect on a held one."""
-        pose, half_turn = self.bodies.poses[name], Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-        if name not in self.held:
-            self.bodies.place(name, upright(pose @ half_turn))
-            self.count += 1
-
-    def switch(self, name: str, state: str) -> None:
-        """Set the state of a device."""
-        self.matter = self.matter.switched(name, state)
-        self.count += 1
-
-    # Contents
-
-    def consume(self, name: str, type: str) -> list[Portion]:
-        """Take everything of a class out of a thing."""
-        content = self.matter.contents.get(name, {})
-        taken = {key: portion for key, portion in content.items() if self.rules.is_a(key, type)}
-        self.matter = self.matter.holding(name, {key: one for key, one in content.items() if key not in taken})
-        self.count += 1
-        return list(taken.values())
-
-    def fill(self, name: str, portion: Portion) -> None:
-        """Add a portion to a thing's contents."""
-        self.give([portion], name, self.bodies.poses[name].position)
-        self.count += 1
-
-    def pour(self, source: str, target: str, amount: float) -> float:
-        """Move an amount [ml] of a thing's contents onto or into another thing; return the amount moved."""
-        self.matter, portions = self.matter.take(source, amount)
-        if not self.is_vessel(source) and source not in self.matter.contents and portions:
-            self.destroy(source)
-        x, y, z = self.bodies.poses[target].position
-        top = z + float(half_extents(self.bodies.poses[target], self.bodies.bodies[target].size)[2])
-        self.give(portions, target, (x, y, top))
-        self.count += 1
-        return sum(portion.amount for portion in portions)
-
-    def drop(self, portions: Sequence[Portion], point: Point, source: str) -> str | None:
-        """Drop portions out of a thing from a point; return what they land on or in, None if nothing is below."""
+    def below(self, point: Point, but: str) -> tuple[str | None, float]:
+        """Find what is straight below a point, and at what height [m]; the thing ``but`` counts as absent."""
         start = np.array([point])
-        with self.rays.without(source):
+        with self.rays.without(but):
             names, heights = self.rays.down(start, start - np.array([0.0, 0.0, _DEEP]))
-        if names[0] is not None:
-            self.give(portions, names[0], (point[0], point[1], float(heights[0])))
-        return names[0]
+        return names[0], float(heights[0])
 
-    def give(self, portions: Sequence[Portion], target: str, point: Point) -> None:
-        """Put portions into an upright vessel, up to its capacity, or on another thing, at a point."""
-        if self.is_vessel(target) and self.bodies.poses[target].rotation[2, 2] > STANDS:
-            self._fill(portions, target)
-        elif target in self.matter.origins and target in self.matter.contents:
-            for one in portions:
-                self.matter = self.matter.put(target, one)
-        else:
-            for one in portions:
-                self._spread(one, target, point)
 
-    def _fill(self, portions: Sequence[Portion], vessel: str) -> None:
-        """Put portions into a vessel; the overflow lands beside it."""
-        body = self.bodies.bodies[vessel]
-        volume, room = sum(one.amount for one in portions), max(0.0, body.capacity - self.matter.total(vessel))
-        share = 1.0 if volume <= room else room / volume
-        self.matter = self.matter.cooled(vessel)
-        for one in portions:
-            self.matter = self.matter.put(vessel, Portion(one.type, one.amount * share, one.origins))
-        below = self.under(vessel) if share < 1 else None
-        if below is not None:
-            half_x, _, half_z = half_extents(self.bodies.poses[vessel], body.size).tolist()
-            x, y, z = self.bodies.poses[vessel].position
-            for one in portions:
-                beside = (x + half_x + self._size(one.type)[0] / 2 + BESIDE, y, z - half_z)
-                self._spread(Portion(one.type, one.amount * (1 - share), one.origins), below, beside)
+class Shown(Protocol):
+    """An engine in which a state is shown."""
 
-    def _spread(self, portion: Portion, target: str, point: Point) -> None:
-        """Put a portion on a thing: it joins a puddle of the same class, or becomes a new thing."""
-        for name in self.matter.origins:
-            x, y, z = self.bodies.poses[name].position
-            near = math.dist((x, y), point[:2]) <= ONE_PUDDLE and z <= point[2] + ONE_PUDDLE / 2
-            if near and name not in self.bodies.removed and portion.type == self.type_of(name):
-                self.matter = self.matter.put(name, portion)
-                return
-        size = self._size(portion.type)
-        name = self.new_name(f"{local_name(portion.type)}_on_{target}")
-        at = Pose((point[0], point[1], point[2] + size[2] / 2))
-        self.create(name, portion.type, size, at, portion.origins, portion.amount)
+    changes: Changes
 
-    def _size(self, type: str) -> Size:
-        return self.rules.size(type) or PUDDLE
+    def pose(self, name: str) -> Pose:
+        """Locate a body in the map."""
 
-    def new_name(self, wish: str) -> str:
-        """Find a name that nothing has or had here."""
-        number, name = 1, wish
-        while name in self.bodies.bodies:
-            number += 1
-            name = f"{wish}_{number}"
-        return name
+
+class EngineQueries:
+    """Implements :class:`planlang.state.Queries`: an engine is brought to the state that is asked about."""
+
+    def __init__(self, at: Callable[[WorldState], Shown], rules: Rules, things: Iterable[Body]) -> None:
+        """``at`` shows a state in the engine; ``things`` are those of the start."""
+        self._at, self.rules = at, rules
+        self._things = {body.name: body for body in things}
+
+    def thing(self, name: str) -> Body | None:
+        """Look up a thing of the start; None for a name that had no thing then."""
+        return self._things.get(name)
+
+    def pose(self, state: WorldState, name: str) -> Pose:
+        """Locate a thing in the map; one that is held is in the hand."""
+        return self._at(state).pose(name)
+
+    def under(self, state: WorldState, name: str) -> str | None:
+        """Find what a thing lies on."""
+        return self._at(state).changes.under(name)
+
+    def below(self, state: WorldState, point: Point, but: str) -> tuple[str | None, float]:
+        """Find what is straight below a point, and at what height [m]; the thing ``but`` counts as absent."""
+        return self._at(state).changes.below(point, but)
+
+    def rest(self, state: WorldState, name: str) -> Pose | None:
+        """Find where a thing would come to rest if released; None if nothing is below."""
+        rest, support = self._at(state).changes.falling.rest(name)
+        return None if support is None else rest
+
+    def heated_by(self, state: WorldState, name: str) -> tuple[str, bool] | None:
+        """Find the device that heats a thing, and whether the thing is inside it."""
+        return self._at(state).changes.heated_by(name)
 
 
 def amount_of(changes: Changes, name: str, type: str) -> float:
@@ -332,5 +191,4 @@ def came_to_be(changes: Changes, type: str) -> tuple[str, ...]:
 
 def origins_of(changes: Changes, name: str) -> tuple[str, ...]:
     """Name everything that went into a thing or its contents."""
-    content = changes.matter.contents.get(name, {}).values()
-    return merged(changes.matter.origins.get(name, ()), *(portion.origins for portion in content))
+    return changes.matter.went_into(name)

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 import numpy as np
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import moved
+from planlang.geometry.matrices import moved, upright
 from planlang.geometry.shapes import SolidKind, corners, footprint, half_extents, inside, outline_of
 from sim.bodies import Bodies
 from sim.camera import Rays
@@ -125,27 +125,6 @@ class Falling:
             else:
                 self.bodies.place(name, Pose((x, y, height), rest.orientation))
                 self.on_the_way[name] = (speed, rest)
-
-
-def upright(pose: Pose) -> Pose:
-    """Turn a pose so that its most vertical axis becomes exactly vertical."""
-    axes = pose.rotation
-    k = int(np.argmax(np.abs(axes[2])))
-    return turned_up(pose, k, math.copysign(1.0, axes[2, k]))
-
-
-def turned_up(pose: Pose, k: int, sign: float) -> Pose:
-    """Turn a pose so that its axis of number k points up, or down if the sign is negative."""
-    axis, goal = pose.rotation[:, k], np.array([0.0, 0.0, sign])
-    cross = np.cross(axis, goal)
-    sine, cosine = float(np.linalg.norm(cross)), float(axis @ goal)
-    if sine < 1e-9:
-        return pose
-    half = math.atan2(sine, cosine) / 2
-    x, y, z = (cross / sine * math.sin(half)).tolist()
-    turn = Pose((0.0, 0.0, 0.0), (x, y, z, math.cos(half)))
-    turned = turn @ Pose((0.0, 0.0, 0.0), pose.orientation)
-    return Pose(pose.position, turned.orientation)
 
 
 def resting(pose: Pose, size: Sequence[float], rays: Cast, *, cylinder: bool = False) -> tuple[Pose, str | None]:

@@ -5,21 +5,19 @@ Kinematic only: nothing has mass, nothing is pushed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from planlang.changes import Change
 from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
-from planlang.state.matter import ON, Matter
-from sim import snapshots
+from planlang.state import Grip, Hold, Made, WorldState
+from planlang.state.matter import ON
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Rays
-from sim.changes import Changes
+from sim.changes import Changes, EngineQueries
 from sim.contact import PARTED, Contacts, HeldObject, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
@@ -27,6 +25,7 @@ from sim.leaves import LeafGrasp, Leaves
 from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
 from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
+from sim.truth import ROBOT
 
 NEAR_BY = 0.01
 """Distance within which bodies may touch a leaf when a hand grasps it [m]: frames, neighbours, seals."""
@@ -67,31 +66,71 @@ class KinematicScene:
             self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves, self._gives_way)
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
-        self.changes = Changes(
-            self._bodies, scene.rules, self._rays, self._falling, self._held, self._create, self.remove
-        )
-        """Changes of things; actions apply theirs through :meth:`do`."""
+        self.changes = Changes(self._bodies, scene.rules, self._rays, self._falling, self._held)
+        """What has become of things."""
+        self._made: dict[str, Made] = {}
+        """Bodies of :meth:`arrange` that were not in the scene."""
         for body in scene.bodies:
             self._contain(body)
         self._show(self._now)
 
-    # Changes: implements planlang.changes.Physics
-
-    @property
-    def changed(self) -> int:
-        """Number of changes of things, whoever made them."""
-        return self.changes.count
-
-    def do(self, change: Change) -> float:
-        """Apply a change caused by an action; return the volume that flowed [ml]."""
-        return self.changes.do(change)
-
     def _gives_way(self, name: str) -> bool:
         return self.changes.matter.gives_way(name)
 
-    def is_free(self, name: str) -> bool:
-        """Check whether nothing has or had a name."""
-        return name not in self._bodies.bodies
+    # States
+
+    def queries(self, at: Callable[[WorldState], KinematicScene]) -> EngineQueries:
+        """Make the answers about states of this world, which ``at`` shows in it. Nothing may have been created yet."""
+        return EngineQueries(at, self.scene.rules, self._bodies.bodies.values())
+
+    def world_state(self, robot: str = ROBOT) -> WorldState:
+        """The present state as a value, in which the robot has a name; held bodies are where they are now."""
+        self._here()
+        held = {name: self._grip(name, one) for name, one in self._held.items() if one.on is None}
+        return WorldState(
+            {robot: self.configuration()} if self.has_robot else {},
+            {name: self._bodies.poses[name] for name in self.names()},
+            dict(self._leaves.values),
+            held,
+            self.led(),
+            {name: frozenset(one.touched) for name, one in self._held.items()},
+            self.changes.matter,
+            made=dict(self._made),
+            changes=self.changes.count,
+        )
+
+    def recall_touched(self, touched: Mapping[str, frozenset[str]]) -> None:
+        """Set what held bodies have touched since they were grasped; others keep what was computed then."""
+        for name, bodies in touched.items():
+            if name in self._held:
+                self._held[name].touched = set(bodies)
+
+    def _grip(self, name: str, held: HeldObject) -> Grip:
+        others = tuple(Hold(link, link, offset) for link, offset in held.others.items())
+        return Grip(held.link, held.link, held.offset, self._bodies.poses[name], others, self.riders(name))
+
+    def arrange(self, state: WorldState) -> None:
+        """Bring things to a state: make those that came to be, take out those that are not there, place the others.
+
+        What hands carry stays in them; what they carry and is not there falls out of them.
+        """
+        for name, made in state.made.items():
+            if self._made.get(name) != made:
+                self._made[name] = made
+                self._create(_body(name, made))
+        there, carried = self.poses(), state.carried()
+        for name in there:
+            if not state.there(name):
+                self.remove(name)
+        for name, pose in state.poses.items():
+            if name in state.away:
+                continue
+            if name not in there:
+                self.restore(name)
+            at = there[name] if name in there else self.pose(name)
+            if name not in carried and at is not pose and at != pose:
+                self.set_pose(name, pose)
+        self.changes.matter, self.changes.count = state.matter, state.changes
 
     # The robot
 
@@ -116,8 +155,6 @@ class KinematicScene:
         target = Configuration(configuration.base, {**self._now.joints, **configuration.joints})
         self._show(target)
         self._now = target
-        if self._robot is not None:
-            self._contacts.part()
 
     def link_pose(self, link: str) -> Pose:
         """Pose of a link frame in the map; ``KeyError`` for an unknown link."""
@@ -262,9 +299,11 @@ class KinematicScene:
 
     def _create(self, body: Body) -> None:
         """Add a new body to the world."""
-        self.scene = replace(self.scene, bodies=(*self.scene.bodies, body))
+        others = (one for one in self.scene.bodies if one.name != body.name)
+        self.scene = replace(self.scene, bodies=(*others, body))
         self._bodies.create(body)
-        self._leaves.movable.append(body.name)
+        if body.name not in self._leaves.movable:
+            self._leaves.movable.append(body.name)
 
     def _contain(self, body: Body) -> None:
         """Set the initial contents and device state of a body."""
@@ -362,26 +401,13 @@ class KinematicScene:
             self.changes.matter.state(),
         )
 
-    def snapshot(self) -> dict[str, Any]:
-        """Serialise created bodies and the contents and states of things, which a belief does not record."""
-        return {"created": snapshots.created(self._bodies), "matter": self.changes.matter.snapshot()}
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a :meth:`snapshot` of the same scene, in a world in which nothing has been created yet.
-
-        Raises ValueError if it is damaged or belongs to another scene.
-        """
-        try:
-            for body in snapshots.created_of(state["created"], self._bodies):
-                self._create(body)
-            self.changes.matter = Matter.of(state["matter"], self._bodies.bodies)
-            for name in self.changes.matter.gone:
-                self._bodies.remove(name)
-        except (KeyError, TypeError, AttributeError) as problem:
-            raise ValueError(f"the state of the world is damaged: {problem!r}") from None
-
     def close(self) -> None:
         """Disconnect the physics client; the world cannot be used afterwards. Closing twice does nothing."""
         if self._client >= 0:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1
+
+
+def _body(name: str, made: Made) -> Body:
+    shape = BodyShape.CYLINDER if made.is_round else BodyShape.BOX
+    return Body(name, made.at, made.size, shape, type=made.type, movable=True)

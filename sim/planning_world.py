@@ -202,12 +202,6 @@ class PlanningWorld(KinematicScene):
         self._show(configuration)
         return {leaf: self._leaves.values[leaf] for leaf in self._leaves.led}
 
-    def flow(self, name: str, amount: float, point: tuple[float, float, float]) -> tuple[float, str | None]:
-        """Let an amount [ml] flow out of a thing from a point; return what flowed, and what it landed on or in."""
-        self.changes.matter, portions = self.changes.matter.take(name, amount)
-        below = self.changes.drop(portions, point, name) if portions else None
-        return sum(one.amount for one in portions), below
-
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Bodies in touch with a held one since it was grasped: slight contact with them is allowed."""
         return frozenset(self._held[name].touched)
@@ -216,12 +210,6 @@ class PlanningWorld(KinematicScene):
         """Compute what each held body would still touch of that if the robot were at a configuration."""
         self._show(configuration)
         return {name: frozenset(self._contacts.still_touched(name)) for name in self._held}
-
-    def recall_touched(self, touched: Mapping[str, frozenset[str]]) -> None:
-        """Set what held bodies have touched since they were grasped; others keep what was computed then."""
-        for name, bodies in touched.items():
-            if name in self._held:
-                self._held[name].touched = set(bodies)
 
     def clear_lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Check which lines from starts (n, 3) to ends (n, 3) hit no body, ignoring the robot, (n,)."""

@@ -6,21 +6,20 @@ in steps; nothing here is random.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from planlang.geometry import Pose
+from planlang.geometry.matrices import turned_up
 from planlang.records import dataclass
+from planlang.state import Queries, WorldState, flow, warm
 from sim.bodies import BLADE, axes_of
 from sim.changes import Changes
-from sim.falling import turned_up
 from sim.scene import Body
 
 NEAR_BLADE = 0.03
 """Distance of a thing's centre from a blade up to which the blade carries it [m]."""
-ROUNDING = 1e-6
-"""Error of a sum over many steps [s]."""
 RISEN = 1e-6
 """Rise of a blade within a step above which it counts as rising [m]."""
 
@@ -37,28 +36,42 @@ class Riding:
 class Processes:
     """Advances the processes of one world."""
 
-    def __init__(self, changes: Changes) -> None:
+    def __init__(
+        self,
+        changes: Changes,
+        queries: Queries,
+        now: Callable[[], WorldState],
+        become: Callable[[WorldState], object],
+    ) -> None:
+        """``now`` tells the state of the world; ``become`` brings it to another one."""
         self._changes, self._bodies = changes, changes.bodies
+        self._queries, self._now, self._become = queries, now, become
         self.riding: dict[str, Riding] = {}
         self.heights: dict[str, float] = {}
         """Tool -> height of its blade one step earlier [m]."""
+        self.flowed: dict[str, float] = {}
+        """Vessel -> volume that has flowed out of it [ml]."""
+        self.carried: dict[str, int] = {}
+        """Thing -> number of times that a blade took it along."""
 
     def step(self, seconds: float) -> None:
         """Advance by some seconds: flow, blades, heat."""
         self.flow(seconds)
         self.carry()
-        warm(self._changes, seconds)
+        if any(map(self._changes.matter.is_on, self._changes.matter.states)):
+            self._become(warm(self._now(), seconds, self._queries))
 
     def flow(self, seconds: float) -> None:
         """Empty held vessels whose axis points down."""
-        changes, changed = self._changes, self._changes.count
-        for name in changes.held:
+        changes = self._changes
+        for name in tuple(changes.held):
             pose = self._bodies.poses[name]
             if name in changes.matter.contents and changes.is_vessel(name) and pose.rotation[2, 2] < 0:
-                changes.matter, portions = changes.matter.take(name, changes.rules.flow_rate * seconds)
                 mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
-                changes.drop(portions, mouth.position, name)
-        changes.count = changed  # flow is no change by anybody
+                amount = changes.rules.flow_rate * seconds
+                state, flowed, _ = flow(self._now(), name, amount, mouth.position, self._queries)
+                self.flowed[name] = self.flowed.get(name, 0.0) + flowed
+                self._become(state)
 
     def carry(self) -> None:
         """Move thin things with the blades under them; drop those whose blade turns over."""
@@ -108,6 +121,7 @@ class Processes:
             if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
                 side = 1.0 if blade.rotation[2, 2] > 0 else -1.0
                 self.riding[thing] = Riding(tool, self._bodies.poses[tool].inverse() @ place, side)
+                self.carried[thing] = self.carried.get(thing, 0) + 1
                 self._changes.falling.stop(thing)
 
     def _blade(self, tool: str) -> Pose:
@@ -124,18 +138,6 @@ class Processes:
         return self._bodies.poses[tool] @ Pose.from_matrix(matrix)
 
 
-def warm(changes: Changes, seconds: float) -> None:
-    """Heat things above devices that are on (lower side) or inside them (both sides); they may change class."""
-    bodies, matter = changes.bodies, changes.matter
-    if not any(map(matter.is_on, matter.states)):
-        return
-    for name in list(bodies.bodies):
-        if name in bodies.removed or not changes.can_heat(name):
-            continue
-        if (heat := changes.heated_by(name)) is not None:
-            _heat(changes, name, *heat, seconds)
-
-
 def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iterator[float]:
     """Yield the times [s] until heat makes something (of a class, if given) of things that are heated now."""
     for name in names:
@@ -146,23 +148,6 @@ def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iter
             result = changes.rules.result(one, changes.type_of(heat[0]))
             if result is not None and (type is None or changes.rules.is_a(result.output, type)):
                 yield max(0.0, result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
-
-
-def _heat(changes: Changes, name: str, device: str, within: bool, seconds: float) -> None:
-    rules = changes.rules
-    low, high = changes.matter.heated.get(name, (0.0, 0.0))
-    lies_on_lower = bool(changes.bodies.poses[name].rotation[2, 2] >= 0)
-    low, high = low + seconds * (within or lies_on_lower), high + seconds * (within or not lies_on_lower)
-    changes.matter = changes.matter.warmed(name, low, high)
-    source = changes.type_of(device)
-    type_now = changes.type_of(name)
-    result = rules.result(type_now, source)
-    if result is not None and max(low, high) >= result.seconds - ROUNDING:
-        changes.matter = changes.matter.became(name, result.output, type_now)
-    for type in changes.matter.contents.get(name, {}):
-        result = rules.result(type, source)
-        if result is not None and max(low, high) >= result.seconds - ROUNDING:
-            changes.matter = changes.matter.turned_into(name, type, result.output)
 
 
 def _blade_size(body: Body) -> tuple[float, float, float]:

@@ -9,18 +9,22 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.geometry import Array
+from planlang.changes import Change, Simulated
+from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration, Contact, Detection, Motion, MotionState, Touch, Trajectory
 from planlang.records import dataclass
+from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
 from sim.joints import Controls
 from sim.kinematic import KinematicScene
+from sim.mirror import become
 from sim.movers import Movers
 from sim.outlook import Outlook
 from sim.processes import Processes
 from sim.pushing import Pushing
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
+from sim.truth import ROBOT
 
 DEEPER = 0.003
 """Growth of a contact that existed before a motion beyond which it blocks the motion [m]."""
@@ -183,9 +187,14 @@ class PyBulletWorld(KinematicScene):
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
         """Motion group that pushes -> link of the hand with which it pushes."""
-        self._processes = Processes(self.changes)
+        self._queries = self.queries(self._become)
+        self._placed: Mapping[str, Pose] = {}
+        """Poses of the state to which things have been brought last."""
+        self._processes = Processes(self.changes, self._queries, self.world_state, self._become)
         self._movers = Movers(scene.movers, self._bodies.poses, self._bodies.place, rate)
         self._motions: dict[str, Playback] = {}
+        self._switched: dict[str, int] = {}
+        """Device -> number of times that a hand has switched it."""
         self._controls = Controls(
             scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
         )
@@ -310,6 +319,8 @@ class PyBulletWorld(KinematicScene):
     def set_configuration(self, configuration: Configuration) -> None:
         """Place the robot, with what it holds; joints not named keep their values. Motions in progress are halted."""
         super().set_configuration(configuration)
+        if self._robot is not None:
+            self._contacts.part()
         for group in self._motions:
             self.halt(group)
 
@@ -354,6 +365,58 @@ class PyBulletWorld(KinematicScene):
         if self._people.holder(name) is None:
             self._falling.begin(name, riders)
 
+    # Changes of things: implements planlang.changes.Physics
+
+    @property
+    def changed(self) -> int:
+        """Number of changes of things, whoever brought them about."""
+        return self.changes.count
+
+    @property
+    def simulated(self) -> Simulated:
+        """What has happened by physics so far."""
+        return Simulated(dict(self._processes.flowed), dict(self._processes.carried), dict(self._switched))
+
+    def bring_about(self, change: Change, since: Simulated | None = None) -> bool:
+        """Let a declared effect come true, as far as it has not happened by physics ``since`` an earlier moment.
+
+        Return False if nothing was left to do.
+        """
+        left = change if since is None else self.simulated.left_of(change, since)
+        if left is not None:
+            self._become(apply(left, self.world_state(), self._queries)[0])
+        return left is not None
+
+    def is_free(self, name: str) -> bool:
+        """Check whether nothing has or had a name."""
+        return is_free(self.world_state(), name, self._queries)
+
+    def world_state(self, robot: str = ROBOT) -> WorldState:
+        """The present state as a value, in which the robot has a name; held bodies are where they are now."""
+        state = super().world_state(robot)
+        self._placed = state.poses
+        return state
+
+    def begin(self, state: WorldState) -> None:
+        """Bring a world in which nothing is held to a state: the robot with what it holds, and all things.
+
+        Nothing moves yet; a body in the air falls once a hand releases it.
+        """
+        become(self, ROBOT, replace(state, held={}))
+        for name, grip in state.held.items():
+            self.set_pose(name, self.link_pose(grip.link) @ grip.offset)
+            for hand in grip.hands:
+                self.attach(hand.link, name)
+        self.recall_touched(state.touched)
+
+    def _become(self, state: WorldState) -> PyBulletWorld:
+        """Bring things to a state to which changes, flow or heat have led from the present one."""
+        if state.poses is not self._placed:
+            self.arrange(state)
+            self._placed = state.poses
+        self.changes.matter, self.changes.count = state.matter, state.changes
+        return self
+
     # Ground truth: implements sim.truth.Truth
 
     def contents(self, name: str) -> Mapping[str, float]:
@@ -366,6 +429,7 @@ class PyBulletWorld(KinematicScene):
 
     def _switch(self, device: str, state: str) -> None:
         """Switch a device by hand, which is no change by an action's effects."""
+        self._switched[device] = self._switched.get(device, 0) + 1
         self.changes.matter = self.changes.matter.switched(device, state)
 
     def falling(self, name: str) -> bool:

@@ -210,6 +210,9 @@ class Belief(KnownThings):
 
     def happened(self, state: WorldState) -> None:
         """Go on to a state that effects of an action, heat or flow have led to; what it means is recorded apart."""
+        known = self.memory.first
+        if new := {name: state.poses[name] for name in state.made if name not in known and state.there(name)}:
+            self.memory = replace(self.memory, first={**known, **new})
         self.state = state
 
     def came_to_be(self, thing: MapObject, pose: Pose) -> None:

@@ -16,8 +16,8 @@ from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Gaze
 from executive.motion.bodies import Solids
-from executive.robots import Robot
 from executive.robots.arms import ArmModel, Held
+from executive.robots.handle import RobotModel
 from planlang.designators import Device
 from planlang.geometry import Array
 from planlang.geometry.areas import Block
@@ -151,11 +151,9 @@ def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tu
 class Visibility(ScenePart):
     """Visibility of objects in the planning world for the robot's camera on its neck."""
 
-    def __init__(
-        self, mirror: WorldMirror, robot: Robot, belief: Belief, bodies: BelievedBodies, gaze: Gaze | None
-    ) -> None:
+    def __init__(self, mirror: WorldMirror, model: RobotModel, belief: Belief, bodies: BelievedBodies) -> None:
         super().__init__(mirror, belief)
-        self._robot, self._bodies, self.gaze = robot, bodies, gaze
+        self._robot, self._bodies, self.gaze = model.robot, bodies, model.gaze
         self._hidden: Kept[dict[tuple[BasePose, str], str | None]] = Kept()
         self._unseen: Kept[dict[str, Unseen]] = Kept()
 
@@ -232,11 +230,9 @@ class Visibility(ScenePart):
 class RobotArms(ScenePart):
     """Arms of the robot, with their poses and the objects that they are believed to hold."""
 
-    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, mirror: WorldMirror, model: RobotModel, belief: Belief) -> None:
         super().__init__(mirror, belief)
-        self._robot = robot
-        self.all: tuple[ArmModel, ...] = tuple(arms)
-        """All arms, in the robot's order."""
+        self._robot, self.all = model.robot, model.arms
 
     def of(self, device: Device) -> Sequence[ArmModel]:
         """Resolve a device designator to arms: by the robot's part, otherwise by type and side."""
@@ -249,11 +245,11 @@ class RobotArms(ScenePart):
 
     def tip(self, arm: ArmModel) -> Array:
         """Compute the pose (4, 4) of an arm's tip in the map."""
-        return self._world.link_pose(self._robot.arm(arm.name).tip).matrix()
+        return self._world.link_pose(arm.tip).matrix()
 
     def fingers(self, arm: ArmModel) -> tuple[float, ...]:
         """Look up the positions of the joints of an arm's fingers [rad, m]."""
-        gripper, joints = self._robot.arm(arm.name).gripper, self._belief.state.robots[self._belief.robot].joints
+        gripper, joints = arm.gripper, self._belief.state.robots[self._belief.robot].joints
         return () if gripper is None else tuple(joints[name] for name in gripper.joints)
 
     def held(self, arm: str) -> Held | None:
@@ -282,16 +278,14 @@ class PlanningScene:
     Functions take the part that they need. Nothing here reads or changes the true world.
     """
 
-    def __init__(
-        self, world: PlanningWorld, robot: Robot, belief: Belief, arms: Sequence[ArmModel], gaze: Gaze | None
-    ) -> None:
-        self.mirror, self.robot, self.belief = WorldMirror(world, belief.robot), robot, belief
+    def __init__(self, world: PlanningWorld, model: RobotModel, belief: Belief) -> None:
+        self.mirror, self.robot, self.belief = WorldMirror(world, belief.robot), model.robot, belief
         self.space: ExploredSpace | None = None
         """Explored space of the room; None unless an exploration has begun."""
         self.bodies = BelievedBodies(self.mirror, belief)
-        self.arms = RobotArms(self.mirror, robot, belief, arms)
-        self.collisions = SceneCollisions(self.mirror, robot, belief, arms)
-        self.visibility = Visibility(self.mirror, robot, belief, self.bodies, gaze)
+        self.arms = RobotArms(self.mirror, model, belief)
+        self.collisions = SceneCollisions(self.mirror, model, belief)
+        self.visibility = Visibility(self.mirror, model, belief, self.bodies)
 
     @property
     def world(self) -> PlanningWorld:

@@ -19,8 +19,9 @@ from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
 from executive.motion.clearance import EVERY, LACKING, SPARE, Band, Drivable, drivable, free_poses, outlines
-from executive.robots import Gripper, Robot
+from executive.robots import Gripper
 from executive.robots.arms import ArmModel
+from executive.robots.handle import RobotModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.areas import Block
@@ -44,14 +45,15 @@ ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
 MOST_FLOOR = 10_000.0
 """Largest area of a map for which base reachability is computed [m^2]."""
 
-
 CLOSING_STEPS = 24
 """Steps in which to check closing fingers: with Amigo's gripper, which opens 10 cm, about 2 mm each per finger."""
 
-
+MANY = 5000
+"""Pieces of bodies from which on a check leaves out distant ones; fewer are checked at once, for all questions."""
+BEYOND = 1.0
+"""Distance by which fingers that open, and the hand on its way, may be farther than the arm at a point [m]."""
 OPPOSED = -0.5
 """Cosine of the angle between two touch normals below which they count as opposed."""
-
 MOST_REMOVED = 8
 """Bodies near the straight line to remove hypothetically, one at a time."""
 
@@ -91,20 +93,17 @@ def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
 class SceneCollisions(ScenePart):
     """Collisions of the robot and its held objects in the planning world; results are cached until something moves."""
 
-    def __init__(self, mirror: WorldMirror, robot: Robot, belief: Belief, arms: Sequence[ArmModel]) -> None:
+    def __init__(self, mirror: WorldMirror, model: RobotModel, belief: Belief) -> None:
         super().__init__(mirror, belief)
-        self._robot, self._arms, world = robot, tuple(arms), self._world
+        self._robot, self._arms, world = model.robot, model.arms, self._world
         self._bodies: Kept[tuple[Boxes, Solids]] = Kept()
         self._floor: Kept[Floor] = Kept()
         self._drivable: Kept[Drivable] = Kept()
         self._reached: Kept[Drivable] = Kept()
         self._links = frozenset(world.robot.solid_names)
-        self._rest = {arm.name: self._links - self._own_links(arm) for arm in arms}
-        links = links_of(world)
-        self._chains = {
-            arm.name: ArmShapes(world, links, arm.solver.chain, robot.base_link, robot.arm(arm.name).tip)
-            for arm in arms
-        }
+        self._rest = {arm.name: self._links - self._own_links(arm) for arm in model.arms}
+        links, root = links_of(world), model.robot.base_link
+        self._chains = {arm.name: ArmShapes(world, links, arm.solver.chain, root, arm.tip) for arm in model.arms}
         self._checks: Kept[dict[object, QuickCheck]] = Kept()
         self._obstacles: Kept[Room] = Kept()
         self._near: Kept[Room] = Kept()
@@ -280,7 +279,7 @@ class SceneCollisions(ScenePart):
 
         Hinged fingers move forward while they close, so a body behind the object may stop them.
         """
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         if gripper is None:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
@@ -299,7 +298,7 @@ class SceneCollisions(ScenePart):
 
         ``fingers``: their positions before, by default fully open.
         """
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         joints = self.closed(base, arm, q, around, arm.openings.widest if fingers is None else fingers)
         if gripper is None or joints is None:
             return None
@@ -318,7 +317,7 @@ class SceneCollisions(ScenePart):
 
         None if another body stops them.
         """
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         if gripper is None:
             return None
         joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
@@ -425,7 +424,7 @@ class SceneCollisions(ScenePart):
 
     def touching_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that may touch an arm's object: fingers, but not the palm; without gripper, the hand."""
-        gripper = self._robot.arm(arm.name).gripper
+        gripper = arm.gripper
         return frozenset(gripper.finger_links) if gripper is not None else arm.hand_links
 
     def arm_check(
@@ -437,6 +436,15 @@ class SceneCollisions(ScenePart):
         """
         key, ignored = ("arm", arm.name, touches, fingers), (self.touching_links(arm), _names(touches))
         return self._check(key, near, lambda: self._bodies_of(arm, fingers), ignored)
+
+    def near(self, arm: ArmModel, points: Array) -> tuple[Array, float] | None:
+        """Bound what an arm may touch with its base or its tip at points (n, 3); None if few bodies are in the map."""
+        if len(self.solids().bodies) < MANY:
+            return None
+        low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0))  # so that questions share a check
+        bodies = self._bodies_of(arm, ())
+        beyond = float(np.linalg.norm(bodies.centre)) + bodies.reach + BEYOND
+        return (low + high) / 2, float(np.linalg.norm(high - low)) / 2 + beyond
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """Build a check that rules out base poses at which an arm in its current posture would be in collision."""

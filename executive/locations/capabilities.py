@@ -30,7 +30,7 @@ from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import Hold
-from sim import Body, BodyShape, PlanningWorld, Scene, WorldMirror, state_of
+from sim import Body, BodyShape, PlanningWorld, Scene, WorldMirror
 
 Maps = Mapping[GraspClass, ReachabilityMap]
 
@@ -167,7 +167,7 @@ def capabilities_of(
         reaches = tuple(
             ArmReach(
                 arm.name,
-                _reaches(known[arm.name]),
+                tuple(_reach(grasp, found) for grasp, found in known[arm.name].items()),
                 _own_body(robot, arm, known[arm.name], world),
                 max(found.spacing for found in known[arm.name].values()),
             )
@@ -196,10 +196,6 @@ def _percent(share: float) -> str:
 
 
 # Reach
-
-
-def _reaches(maps: Maps) -> tuple[Reach, ...]:
-    return tuple(_reach(grasp, found) for grasp, found in maps.items())
 
 
 def _reach(grasp: GraspClass, found: ReachabilityMap) -> Reach:
@@ -263,7 +259,7 @@ def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
     if arm is None:
         return Doorways(empty, None, None)
     offset = world.link_pose(arm.hand_link).inverse() @ Pose(world.link_pose(arm.tip).position)
-    with_mug = state_of(world, robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
+    with_mug = world.world_state(robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
     world = WorldMirror(world, robot.name).at(with_mug)
     x, y, z = world.pose(_MUG.name).position
     turns = np.arange(8) * (np.pi / 4)

@@ -32,6 +32,8 @@ AT_ONCE = 60
 """Places tested for visibility before and between validations."""
 MOST_AREAS = 600
 """Number of places to validate."""
+LEAST = 0.005
+"""Smallest lack of room that is reported [m]."""
 
 
 Samples = tuple[Array, Array, NDArray[np.intp]]
@@ -82,6 +84,8 @@ class FloorSearch:
         if not named and not len(good):
             self.poses.crowded = list(zip(score[crowded].tolist(), bases[crowded], strict=True))
             self.poses.name_crowding()
+            if len(crowded) and (lack := -float(room[crowded].max())) >= LEAST:
+                log.figures[NO_ROOM] = f"where it would have most room, the robot needs {lack:.2f} m more on a side"
         log.weigh(bases[good], total[good])
         order = good[np.argsort(-total[good].round(9), kind="stable")]
         is_found, hidden = False, 0

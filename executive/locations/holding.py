@@ -26,6 +26,7 @@ from executive.locations.rejections import Rejections
 from executive.maps import SemanticMap
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel
+from executive.robots.handle import RobotModel
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
@@ -137,8 +138,9 @@ def holdings(
     robot: Robot, models: Sequence[ArmModel], world: PlanningWorld, report: Report = unreported
 ) -> tuple[Holding, ...]:
     """Close the hands of a robot on the test things, which ``world`` contains. ``report`` gets the progress."""
-    belief = Belief(SemanticMap(None, _nothing(), (), ()), world, robot=robot.name, trusts_map=True)
-    scene = PlanningScene(world, robot, belief, models, None)
+    nothing = Ontology([Reading(Document(Path(), None, ""), Triples(""), ())])
+    belief = Belief(SemanticMap(None, nothing, (), ()), world, robot=robot.name, trusts_map=True)
+    scene = PlanningScene(world, RobotModel(robot, tuple(models), None), belief)
     found: list[Holding] = []
     for arm, model in zip(robot.arms, models, strict=True):
         if arm.gripper is not None:
@@ -146,10 +148,6 @@ def holdings(
             found.append(_Hand(arm, model, scene).holding(share))
             report("", 1.0)
     return tuple(found)
-
-
-def _nothing() -> Ontology:
-    return Ontology([Reading(Document(Path(), None, ""), Triples(""), ())])
 
 
 @cache

@@ -14,8 +14,8 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten
 from planlang.state.matter import KG_PER_ML, ON, Portion
+from planlang.state.rules import Heating, Rules, Size
 from sim import Body
-from sim.rules import Heating, Rules, Size
 
 MASS = ("massOfObject", "weightOfObject")
 """Properties that state the mass of an object [kg]."""

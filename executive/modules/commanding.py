@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import copy
+from dataclasses import replace
 from functools import partial
 from typing import NoReturn, Self, TypeVar
 
@@ -19,8 +20,9 @@ from executive.belief.scene_collisions import BasePose, pinched
 from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.out_of_arms import out_of_arms
 from executive.motion import time_path
-from executive.robots import Gripper, Robot
+from executive.robots import Robot
 from executive.robots.arms import ArmModel
+from executive.robots.handle import RobotHandle
 from executive.robots.openings import Fingers
 from planlang.designators import Object
 from planlang.failures import (
@@ -61,11 +63,23 @@ ASIDE, FARTHER = 0.01, 8
 class Control:
     """Robot in a true world, with a belief about that world and the scene in which motions are planned."""
 
-    world: RobotInterface
-    """The real robot: it takes commands, and the world is known only by its sensors."""
-    robot: Robot
+    handle: RobotHandle
     belief: Belief
     scene: PlanningScene
+
+    @property
+    def world(self) -> RobotInterface:
+        """The real robot: it takes commands, and the world is known only by its sensors."""
+        return self.handle.interface
+
+    @world.setter
+    def world(self, interface: RobotInterface) -> None:
+        self.handle = replace(self.handle, interface=interface)
+
+    @property
+    def robot(self) -> Robot:
+        """The bound robot."""
+        return self.handle.model.robot
 
     def base(self) -> BasePose:
         """Read the pose of the base from odometry."""
@@ -216,10 +230,6 @@ class Hands:
         self._at_rest: dict[str, float] = {}
         """Released object -> plan time at which it is expected to have come to rest [s]."""
 
-    def gripper(self, arm: ArmModel) -> Gripper | None:
-        """Look up the gripper of an arm; None if it has none."""
-        return self._control.robot.arm(arm.name).gripper
-
     def hold(self, what: Object) -> bool:
         """Check whether the robot holds an object; False if the designator resolves to none."""
         try:
@@ -229,7 +239,7 @@ class Hands:
 
     async def move(self, arm: ArmModel, *, closed: bool, fingers: Fingers = ()) -> Motion:
         """Close the fingers fully, or open them fully or to ``fingers``. Opening releases a handle."""
-        gripper = self.gripper(arm)
+        gripper = arm.gripper
         assert gripper is not None
         if not closed:
             self._release_handle(arm)
@@ -258,13 +268,13 @@ class Hands:
 
     def lead(self, arm: ArmModel, leaf: str) -> None:
         """Couple a door or drawer to the hand that has closed on its handle: from now on they move together."""
-        control, link = self._control, self._control.robot.arm(arm.name).tip
+        control, link = self._control, arm.tip
         control.world.grip(link)
         control.belief.leads(leaf, link)
         control.observe()
 
     def _release_handle(self, arm: ArmModel) -> None:
-        control, link = self._control, self._control.robot.arm(arm.name).tip
+        control, link = self._control, arm.tip
         control.world.loosen(link)
         for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
             control.belief.let_go(leaf)
@@ -284,7 +294,7 @@ class Hands:
 
         The object believed to be ``name`` moves with the hand from now on.
         """
-        control, link = self._control, self._control.robot.arm(arm.name).tip
+        control, link = self._control, arm.tip
         control.world.grip(link)
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
         control.belief.grasped(name, arm.name, link, offset)
@@ -310,7 +320,7 @@ class Hands:
 
         Raises ObjectLost if the body leaves the hand otherwise.
         """
-        pulled = partial(self._control.world.pulled, self._control.robot.arm(arm.name).tip)
+        pulled = partial(self._control.world.pulled, arm.tip)
         return bool(await self._control.wait_holding([arm.name], pulled, f"{name} taken", patience))
 
 

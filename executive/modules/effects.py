@@ -1,38 +1,36 @@
 """Effects of actions: once a module is done, apply what the action's class declares to the true world and the belief.
 
-Process modules do not create, destroy or transform objects themselves. ``physical = True`` on a module means that its
-motions pour or turn objects over in the simulator; these effects are then applied to the belief only. Likewise
-``by_hand = True`` means that its hand pushes buttons and turns knobs, so that the simulator switches their devices.
+Process modules do not create, destroy or transform objects themselves. A simulated world says what motions have poured,
+turned over and switched since the action began; declared effects are brought about in it only as far as that has not
+happened. The belief follows the declaration.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
 from itertools import count, islice
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 from executive.maps import MapObject
 from executive.maps.classes import known
 from executive.modules.platform import Platform
 from executive.modules.tools.turning_over import check_turned
-from planlang.changes import Change, Output, Physics, Poured, Switched, Transformed, TurnedOver
+from planlang.changes import Change, Output, Physics, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class
 from planlang.failures import ObjectNotTurned, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now, sleep
 from planlang.language.performing import actions_around
-from planlang.language.process_module import ProcessModule, WrappedModule
+from planlang.language.process_module import LEFT_TO_MOTIONS, ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
-from sim import PlanningWorld
+from planlang.records import dataclass
+from planlang.state import apply, is_free, warm
 from sim.changes import Changes
-from sim.processes import due, warm
-
-T = TypeVar("T")
+from sim.processes import due
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action that name what it destroys, turns over or pours."""
@@ -40,13 +38,24 @@ VESSELS = ("to_location", "device_used", *ACTED_ON)
 """Properties of an action that may name the vessel of a product, in order of preference."""
 
 
-class ActionEffects:
-    """Applies effects of actions to the worlds of one platform."""
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """An action that has begun: what it is measured by when its effects are applied."""
 
-    def __init__(self, platform: Platform) -> None:
-        self._platform = platform
-        self._physics = platform.world if isinstance(platform.world, Physics) else None
-        """The world, if it does not simulate the effects of actions by itself."""
+    simulated: Simulated
+    """What the world had simulated before."""
+    by_motions: tuple[type[Change], ...] = ()
+    """Kinds of effects that its module leaves to its motions, whatever they have done."""
+    done_by_motions: list[Change] = field(default_factory=list)
+    """Effects that were not brought about in a simulated world: the robot's motions have had them, or failed to."""
+
+
+class ActionEffects:
+    """Applies effects of actions to the belief of one platform, and to the world if it is simulated."""
+
+    def __init__(self, platform: Platform, physics: Physics | None) -> None:
+        """``physics``: the simulated world that the platform's interface commands; None if the world is real."""
+        self._platform, self._physics = platform, physics
         self.restored()
 
     def there(self) -> frozenset[str]:
@@ -72,7 +81,7 @@ class ActionEffects:
         belief, changes = self._platform.belief, self._believed
         passed = belief.heated_until(time)
         if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            self._happen(lambda world: warm(world.changes, passed))
+            belief.happened(warm(belief.state, passed, self._platform.scene.mirror.queries))
 
     @property
     def _believed(self) -> Changes:
@@ -117,27 +126,31 @@ class ActionEffects:
                 return min(due(self._believed, [name]), default=None)
         return None
 
-    def apply(self, action: Action, *, physical: bool, by_hand: bool) -> None:
+    def begins(self, by_motions: Collection[type[Change]]) -> Begun:
+        """Take down what the world has simulated before an action, of which ``by_motions`` are left to its motions."""
+        return Begun(Simulated() if self._physics is None else self._physics.simulated, tuple(by_motions))
+
+    def apply(self, action: Action, begun: Begun) -> None:
         """Apply the effects of a performed action and of an enclosing one that it completes; skip missing objects."""
         for cls in self.of(action).completes:
             outer = (one for one in actions_around() if expand(cls) in map(expand, self._platform.ancestors(one.type)))
             for one in islice(outer, 1):
-                self.apply(one, physical=physical, by_hand=by_hand)
+                self.apply(one, begun)
         effects = replace(self.of(action), completes=())
         if not effects:
             return
         before = set(self._platform.scene.world.names())
         if effects.flow_rate is None:  # pouring creates only the object that lands
-            self._transform(action, effects)
-        self._turn_over(action, effects, physical=physical)
-        self._switch(action, effects, by_hand=by_hand)
-        self._pour(action, effects, physical=physical)
+            self._transform(action, effects, begun)
+        self._turn_over(action, effects, begun)
+        self._switch(action, effects, begun)
+        self._pour(action, effects, begun)
         self._update_belief(before, {})
         self._name_what_landed(action, effects, before)
 
     # One kind of effect after the other
 
-    def _transform(self, action: Action, effects: Effects) -> None:
+    def _transform(self, action: Action, effects: Effects, begun: Begun) -> None:
         """Replace destroyed objects, and contents of vessels, by the objects created."""
         things, used = [], []
         for what, name in self._bound(action, ACTED_ON):
@@ -157,7 +170,7 @@ class ActionEffects:
         vessel = self._vessel(action, effects, things, used)
         amounts = tuple((name, self._usual_amount(self._believed.type_of(name)) or 0.0) for name in things)
         before = set(self._platform.scene.world.names())
-        self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel))
+        self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel), begun)
         self._update_belief(before, {output.name: described for output, described in outputs.items()})
         for output, described in outputs.items():
             if described is not None and output.name in self._platform.belief.memory.made:
@@ -169,7 +182,7 @@ class ActionEffects:
         taken: set[str] = set()
         for cls in created:
             names = (f"{local_name(cls)}_{number}" for number in count(1))
-            name = next(one for one in names if one not in taken and all(each.is_free(one) for each in self._worlds()))
+            name = next(one for one in names if one not in taken and self._is_free(one))
             taken.add(name)
             type = shorten(cls)
             what = next((one for one in stated if shorten(known(ontology, one.type)) == type), None)
@@ -192,9 +205,9 @@ class ActionEffects:
         objects = belief.of_class(Object(shorten(cls)))
         return sorted(objects, key=lambda name: math.dist(belief.pose(name).position[:2], (x, y)))
 
-    def _turn_over(self, action: Action, effects: Effects, *, physical: bool) -> None:
+    def _turn_over(self, action: Action, effects: Effects, begun: Begun) -> None:
         for name in self._turning(action, effects):
-            self._do(TurnedOver(name), only_believed=physical)
+            self._do(TurnedOver(name), begun)
             self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
     def _turning(self, action: Action, effects: Effects) -> Iterator[str]:
@@ -217,14 +230,14 @@ class ActionEffects:
         for name, pose in lay.items():
             await check_turned(self._platform, name, pose)
 
-    def _switch(self, action: Action, effects: Effects, *, by_hand: bool) -> None:
+    def _switch(self, action: Action, effects: Effects, begun: Begun) -> None:
         named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
         devices = {one.device for one in self._platform.scene.world.scene.controls}
         for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
-            self._do(Switched(name, shorten(effects.states[0])), only_believed=by_hand)
+            self._do(Switched(name, shorten(effects.states[0])), begun)
             self._platform.belief.switched(name, shorten(effects.states[0]))
 
-    def _pour(self, action: Action, effects: Effects, *, physical: bool) -> None:
+    def _pour(self, action: Action, effects: Effects, begun: Begun) -> None:
         if effects.flow_rate is None:
             return
         acted = self._bound(action, (*ACTED_ON, "device_used", "from_location"))
@@ -239,7 +252,7 @@ class ActionEffects:
         else:  # "pour the mix" empties the vessel, "pour from the bottle" pours the usual amount
             total = self._believed.matter.total(source)
             amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else total
-        flowed = self._do(Poured(source, target, amount), only_believed=physical)
+        flowed = self._do(Poured(source, target, amount), begun)
         self._platform.belief.poured(source, target, flowed)
 
     def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
@@ -251,23 +264,20 @@ class ActionEffects:
 
     # Helpers
 
-    def _worlds(self) -> list[Physics]:
-        """List the believed world and, if it does not simulate effects itself, the true one."""
-        return [self._platform.scene.world, *([] if self._physics is None else [self._physics])]
+    def _is_free(self, name: str) -> bool:
+        """Check that no thing has a name, nor ever had it, as it is believed and in truth."""
+        is_free_here = is_free(self._platform.belief.state, name, self._platform.scene.mirror.queries)
+        return is_free_here and (self._physics is None or self._physics.is_free(name))
 
-    def _do(self, change: Change, *, only_believed: bool = False) -> float:
+    def _do(self, change: Change, begun: Begun) -> float:
         """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
-        flowed = self._happen(partial(PlanningWorld.do, change=change))
-        if self._physics is not None and not only_believed:
-            self._physics.do(change)
-        return flowed
-
-    def _happen(self, happening: Callable[[PlanningWorld], T]) -> T:
-        """Let something happen to things as they are believed to be."""
         belief = self._platform.belief
-        state, result = self._platform.scene.mirror.after(belief.state, happening)
+        state, flowed = apply(change, belief.state, self._platform.scene.mirror.queries)
         belief.happened(state)
-        return result
+        physics = None if isinstance(change, begun.by_motions) else self._physics
+        if physics is None or not physics.bring_about(change, begun.simulated):
+            begun.done_by_motions.append(change)
+        return flowed
 
     def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
         """Remove destroyed objects of the planning scene from the belief, and add new ones."""
@@ -283,7 +293,8 @@ class ActionEffects:
         ``outputs``: name of a new object -> the action's designator of it.
         """
         world, belief = self._platform.scene.world, self._platform.belief
-        for name in (name for name in world.names() if name not in before and name not in belief.names()):
+        new = belief.state.made.keys() - belief.memory.made.keys()
+        for name in (name for name in world.names() if name not in before and name in new):
             body, what = world.scene.body(name), outputs.get(name)
             iri = None if what is None else what.iri
             thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
@@ -311,9 +322,10 @@ class ActionEffects:
 class ModuleWithEffects(WrappedModule):
     """Process module that applies the effects declared by an action's class after performing it."""
 
-    def __init__(self, module: ProcessModule, effects: ActionEffects) -> None:
+    def __init__(self, module: ProcessModule, effects: ActionEffects, stated: Sequence[str] = ()) -> None:
+        """``stated``: attributes of earlier versions that the module has set, of ``LEFT_TO_MOTIONS``."""
         super().__init__(module)
-        self._effects = effects
+        self._effects, self._stated = effects, stated
 
     @property
     def failures(self) -> Sequence[type[Exception]]:
@@ -330,6 +342,7 @@ class ModuleWithEffects(WrappedModule):
         if (due := self._effects.due(action)) is not None:
             await sleep(due)
         before, lay = self._effects.there(), self._effects.lying(action) or {}
+        begun = self._effects.begins([kind for name in self._stated for kind in LEFT_TO_MOTIONS[name]])
         result = await super().execute(action)
         self._effects.learn(before)
         self._effects.catch_up()
@@ -339,11 +352,11 @@ class ModuleWithEffects(WrappedModule):
                 "an ObjectChange for the class of its actions (docs/guides/modules.md)"
             )
         there = self._effects.lying(action)
-        self._effects.apply(action, physical=self.physical, by_hand=self.by_hand)
+        self._effects.apply(action, begun)
         self._effects.restored()
         if there == {}:
             raise ObjectNotTurned(f"there is nothing that {local_name(action.type)} could turn over")
-        if self.physical and there:
+        if there and any(isinstance(change, TurnedOver) for change in begun.done_by_motions):
             await self._effects.check_turned(there | lay)
         return result
 

@@ -19,7 +19,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved
 from planlang.geometry.shapes import SolidKind
 from planlang.protocols import Configuration
-from sim import PlanningWorld, WorldMirror, state_of
+from sim import PlanningWorld, WorldMirror
 
 RED, GREEN, BLUE = (205, 70, 60, 255), (70, 150, 75, 255), (65, 100, 200, 255)
 """Colours of the x, y and z axes of a frame."""
@@ -66,7 +66,7 @@ def hand_picture(robot: Robot, arm: Arm, world: PlanningWorld, size: tuple[int, 
     if arm.gripper is not None:
         joints = world.configuration().joints
         opened = {name: arm.gripper.opened.get(name, value) for name, value in joints.items()}
-        state = state_of(world, robot.name).with_robot(robot.name, Configuration(ORIGIN, opened))
+        state = world.world_state(robot.name).with_robot(robot.name, Configuration(ORIGIN, opened))
         world = WorldMirror(world, robot.name).at(state)
     fingers = frozenset(arm.gripper.finger_links) if arm.gripper is not None else frozenset[str]()
     models = list(_models(robot, world, fingers, links))

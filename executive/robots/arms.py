@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from executive.motion import Chain, Gaze, InverseKinematics
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Openings, bare_hand, openings_of
-from executive.robots.robot import CARRYING, Arm, Robot
+from executive.robots.robot import CARRYING, Arm, Gripper, Robot
 from planlang.diagnostics import note
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
@@ -22,7 +21,7 @@ from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import Hold, WorldState
-from sim import Body, PlanningWorld, Scene, WorldMirror, state_of
+from sim import Body, PlanningWorld, Scene, WorldMirror
 
 SAMPLES = 400
 """Number of random configurations from which the reach of an arm is estimated."""
@@ -111,15 +110,12 @@ class Lift:
 class ArmModel:
     """One arm, with the joints that carry it (the torso), as planning sees it; d joints."""
 
-    name: str
-    joints: tuple[str, ...]
-    lower: Array
-    upper: Array
+    part: Arm
+    """What it is, by the self-model or the robot file."""
     solver: InverseKinematics
     resolution: Array
     """Resolution of collision checks along motions, (d,) [rad, m]."""
     frame: HandFrame
-    max_opening: float
     hand_links: frozenset[str]
     hand_radius: float
     """Radius of the hand about the approach axis through the tip [m]."""
@@ -133,8 +129,6 @@ class ArmModel:
     """Initial postures for inverse kinematics, (s, d)."""
     lift: Lift | None = None
     """The torso, if it lifts the arm straight up."""
-    payload: float = math.inf
-    """Largest mass that the hand carries [kg]."""
     openings: Openings = field(default_factory=Openings)
     """Openings of the hand."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
@@ -145,6 +139,46 @@ class ArmModel:
     """Link of the hand, no finger, whose shape is around the grip point, so that nothing fits there; None as a rule."""
     bare: str = ""
     """Which links of the hand lack the collision shapes that its opening follows from; "" as a rule."""
+
+    @property
+    def name(self) -> str:
+        """Name of the arm."""
+        return self.part.name
+
+    @property
+    def tip(self) -> str:
+        """Link whose frame is the grip point."""
+        return self.part.tip
+
+    @property
+    def gripper(self) -> Gripper | None:
+        """Its hand; None for an arm without fingers."""
+        return self.part.gripper
+
+    @property
+    def max_opening(self) -> float:
+        """Width of the widest object that fits between the opened fingers [m]; 0 without fingers."""
+        return 0.0 if self.part.gripper is None else self.part.gripper.max_opening
+
+    @property
+    def payload(self) -> float:
+        """Largest mass that the hand carries [kg]."""
+        return self.part.payload
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of its joints, torso included, (d,)."""
+        return self.solver.chain.names
+
+    @property
+    def lower(self) -> Array:
+        """Lower limits of its joints, (d,) [rad, m]."""
+        return self.solver.chain.lower
+
+    @property
+    def upper(self) -> Array:
+        """Upper limits of its joints, (d,) [rad, m]."""
+        return self.solver.chain.upper
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
@@ -198,15 +232,10 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
     shoulders[:, 2] = np.clip(tips[:, 2], low[2], high[2])
     fingers = arm.gripper.finger_links if arm.gripper is not None else ()
     return ArmModel(
-        name=arm.name,
-        joints=chain.names,
-        lower=chain.lower,
-        upper=chain.upper,
+        part=arm,
         solver=InverseKinematics(chain),
         resolution=np.where(chain.prismatic, SLIDE_STEP, TURN_STEP),
         frame=HandFrame(arm.approach, arm.closing),
-        payload=arm.payload,
-        max_opening=arm.gripper.max_opening if arm.gripper is not None else 0.0,
         openings=openings_of(arm, world),
         hand_links=world.robot.hand_links(arm.tip),
         hand_radius=world.robot.hand_radius(arm.tip, arm.approach),
@@ -305,7 +334,7 @@ def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), rep
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
     world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
-    mirror, state = WorldMirror(world, robot.name), state_of(world, robot.name)
+    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name)
     for link, body, offset in held:
         state = state.gripped(body.name, Hold(link, link, offset))
     try:

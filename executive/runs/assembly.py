@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from itertools import chain, islice
 from typing import Any
 
@@ -29,21 +29,22 @@ from executive.modules.looking_first import LookingFirst
 from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.arms import arm_models, gaze_of
+from executive.robots.handle import RobotHandle, RobotModel
 from executive.runs.final_state import Tilts
 from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
+from planlang.changes import Physics
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.language.process_module import ModuleOnce, ProcessModule
+from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
 from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from planlang.state import Hold
+from planlang.state import Hold, restored, saved
 from planlang.words import Blank, Option, Text
-from sim import PlanningWorld, Scene, WorldMirror, perturb, state_of
+from sim import PlanningWorld, Scene, WorldMirror, perturb
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -74,7 +75,7 @@ def world_at_start(
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
-        state = state_of(world, robot.name)
+        state = world.world_state(robot.name)
         for one in held:
             state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
         world = WorldMirror(world, robot.name).at(state)
@@ -137,7 +138,8 @@ def platform_of(
     belief = Belief(
         semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown, recognised=classes
     )
-    planning_scene = PlanningScene(believed, robot, belief, arm_models(robot, believed), gaze_of(robot))
+    handle = RobotHandle(robot.name, interface, RobotModel.of(robot, believed))
+    planning_scene = PlanningScene(believed, handle.model, belief)
     ontology = semantic_map.ontology
 
     @cache
@@ -145,8 +147,7 @@ def platform_of(
         return tuple(map(shorten, ontology.ancestors(expand(cls))))
 
     return Platform(
-        interface,
-        robot,
+        handle,
         belief,
         planning_scene,
         Resolver(planning_scene, report),
@@ -165,17 +166,27 @@ def _finding(ontology: Ontology) -> frozenset[str]:
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
-    def __init__(self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]]) -> None:
-        """``modules`` are classes of process modules; the first that performs an action is used."""
+    def __init__(
+        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]], physics: Physics | None
+    ) -> None:
+        """``modules`` are classes of process modules; the first that performs an action is used.
+
+        ``physics`` is the simulated world that the platform's interface commands, in which effects come true; None if
+        the interface is that of a real robot.
+        """
         self.platform = platform
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of carried things, measured by a watcher of the true world."""
-        self._effects = ActionEffects(platform)
+        self._effects = ActionEffects(platform, physics)
         self.finding = _finding(platform.belief.map.ontology)
         """Action classes that search for things."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(LookingFirst(noting, platform, self.finding), self._effects)
-            for noting in (NotingHands(ModuleOnce(create(platform)), platform.belief) for create in modules)
+            ModuleWithEffects(
+                LookingFirst(NotingHands(ModuleOnce(one), platform.belief), platform, self.finding),
+                self._effects,
+                stated_as_before(one),
+            )
+            for one in (create(platform) for create in modules)
         )
         self._start = self._believed()
 
@@ -317,7 +328,7 @@ class RobotExecutive:
         platform = self.platform
         return {
             "belief": platform.belief.snapshot(),
-            "things": platform.scene.world.snapshot(),
+            "things": saved(platform.belief.state),
             "leaning": sorted(platform.leaning),
         }
 
@@ -326,8 +337,8 @@ class RobotExecutive:
         platform = self.platform
         try:
             left = with_changes(self._start, changed)
-            restored = partial(PlanningWorld.restore_state, state=left["things"])
-            platform.belief.happened(platform.scene.mirror.after(platform.belief.state, restored)[0])
+            known = {body.name for body in platform.scene.world.scene.bodies}
+            platform.belief.happened(restored(platform.belief.state, left["things"], known))
             platform.belief.restore(left["belief"])
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()

@@ -11,7 +11,9 @@ from executive.robots import Robot
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.records import dataclass
+from planlang.state import Hold
 from sim import Body, PyBulletWorld, Scene
+from sim.truth import ROBOT
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +39,15 @@ def in_hands(robot: Robot, semantic_map: SemanticMap, scene: Scene) -> tuple[InH
 
 def take(platform: Platform, truth: PyBulletWorld, held: Sequence[InHand]) -> None:
     """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
+    state = truth.world_state()
     for one in held:
         scene, name = platform.scene, one.body.name
         arm = next(arm for arm in platform.scene.arms.all if arm.name == one.arm)
         base, q = platform.base(), platform.arm_joints(arm)
         in_hand = scene.belief.state.placed({name: scene.world.link_pose(one.link) @ one.offset})
         fingers = scene.supposing(in_hand).collisions.closed_on(base, arm, q, name)
-        truth.set_configuration(Configuration(base, dict(fingers or {})))
-        truth.set_pose(name, truth.link_pose(one.link) @ one.offset)
-        truth.attach(one.link, name)
+        there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
+        state = state.with_robot(ROBOT, there).gripped(name, Hold(one.arm, one.link, one.offset))
         platform.belief.grasped(name, one.arm, one.link, one.offset)
+    if held:
+        truth.begin(state)

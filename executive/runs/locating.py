@@ -291,7 +291,7 @@ def _hands(base: BasePose, platform: Platform) -> Iterator[dict[str, Any]]:
             yield {
                 "arm": arm.name,
                 "reach": hand.plan.label,
-                "link": platform.robot.arm(arm.name).tip,
+                "link": arm.tip,
                 "fingers": dict(hand.plan.fingers) or None,
                 "torso": values[0][arm.joints.index(torso)] if torso in arm.joints else None,
                 "postures": [

@@ -16,6 +16,7 @@ from executive.runs.settings import RunSettings
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import framed
 from planlang.progress import Report, unreported
+from planlang.protocols import RobotInterface
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.runs.trace import Listener
@@ -71,6 +72,8 @@ class RunOptions(RunSettings):
     """Called with the true world before the plan runs and after each step of the world."""
     listeners: tuple[Listener, ...] = ()
     """Get each record of the trace as it is written."""
+    interface: Callable[[RobotInterface], RobotInterface] = lambda robot: robot
+    """Makes what the run senses and commands the simulated robot with; may decorate it, for example with noise."""
     around: Callable[[RobotExecutive], None] = lambda executive: None
     """Called with the executive before the plan runs; may wrap its process modules, for example to inject faults."""
 

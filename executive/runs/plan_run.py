@@ -186,7 +186,7 @@ class Run:
             found += able_robots(options, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         platform, truth = self._assemble(subject, robot, given, held)
-        executive = RobotExecutive(platform, self._modules)
+        executive = RobotExecutive(platform, self._modules, truth)
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
         if self._lacks(assessment):  # after the map: another robot would not help
@@ -274,7 +274,7 @@ class Run:
         platform = platform_of(
             robot,
             subject.map,
-            truth,
+            options.interface(truth),
             believed,
             options.seed,
             options.long_work,

@@ -117,24 +117,22 @@ class Block:
         turn = direction - self.yaw
         return abs(math.cos(turn)) * self.half_x + abs(math.sin(turn)) * self.half_y
 
-    def around(
-        self, words: str, body: str, headings: tuple[float, ...], bounds: Bounds, radius: float, *, negated: bool
-    ) -> Area:
+    def around(self, words: str, body: str, headings: tuple[float, ...], bounds: Bounds, radius: float) -> Area:
         """Make the area within distances of it [m], on sides with these headings [rad], all around without any."""
-        return Area(words, body, self, radius, *bounds, headings, negated)
+        return Area(words, body, self, radius, *bounds, headings)
 
-    def towards(self, words: str, other: Block, *, negated: bool) -> Strip:
+    def towards(self, words: str, other: Block) -> Strip:
         """Make the strip between it and another block."""
-        return Strip(words, self, other, negated)
+        return Strip(words, self, other)
 
-    def faced(self, words: str, *, negated: bool) -> Facing:
+    def faced(self, words: str) -> Facing:
         """Make the headings of a base towards it."""
-        return Facing(words, self, negated)
+        return Facing(words, self)
 
-    def cleared(self, words: str, body: str, doors: tuple[Door, ...], radius: float, *, negated: bool) -> Clear:
+    def cleared(self, words: str, body: str, doors: tuple[Door, ...], radius: float) -> Clear:
         """Make the places clear of it and of doors, one of which may be the body itself, which its sweep surrounds."""
         is_door = any(door.name == body for door in doors)
-        return Clear(words, None if is_door else self, doors, radius, negated)
+        return Clear(words, None if is_door else self, doors, radius)
 
     def covers(self, other: Block) -> bool:
         """Check whether the outline has all of another's inside."""

@@ -197,7 +197,9 @@ class _Corners:
 
     def separate(self) -> Faces:
         """Triangles, each for itself."""
-        return np.concatenate([np.zeros((0, 3), np.int64), *(_threes(run) for run in self._runs())])
+        return np.concatenate(
+            [np.zeros((0, 3), np.int64), *(run[: len(run) // 3 * 3].reshape(-1, 3) for run in self._runs())]
+        )
 
     def listed(self) -> Faces:
         """Polygons in one run, with a list of their numbers of corners."""
@@ -243,10 +245,6 @@ _READERS = {
     "tristrips": _Corners.strips,
     "trifans": _Corners.fans,
 }
-
-
-def _threes(run: Faces) -> Faces:
-    return run[: len(run) // 3 * 3].reshape(-1, 3)
 
 
 def _whole_numbers(text: str | None) -> Faces:

@@ -237,3 +237,24 @@ def facing(origin: Sequence[float], forward: Array, up: Array) -> Pose:
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = x, y, np.cross(x, y), np.asarray(origin, dtype=float)
     return Pose.from_matrix(matrix)
+
+
+def upright(pose: Pose) -> Pose:
+    """Turn a pose so that its most vertical axis becomes exactly vertical."""
+    axes = pose.rotation
+    k = int(np.argmax(np.abs(axes[2])))
+    return turned_up(pose, k, math.copysign(1.0, axes[2, k]))
+
+
+def turned_up(pose: Pose, k: int, sign: float) -> Pose:
+    """Turn a pose so that its axis of number k points up, or down if the sign is negative."""
+    axis, goal = pose.rotation[:, k], np.array([0.0, 0.0, sign])
+    cross = np.cross(axis, goal)
+    sine, cosine = float(np.linalg.norm(cross)), float(axis @ goal)
+    if sine < 1e-9:
+        return pose
+    half = math.atan2(sine, cosine) / 2
+    x, y, z = (cross / sine * math.sin(half)).tolist()
+    turn = Pose((0.0, 0.0, 0.0), (x, y, z, math.cos(half)))
+    turned = turn @ Pose((0.0, 0.0, 0.0), pose.orientation)
+    return Pose(pose.position, turned.orientation)

@@ -5,10 +5,11 @@ Attributes that a module leaves out have the defaults of the protocol.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
+from planlang.changes import Change, Poured, Switched, TurnedOver
 from planlang.designators import Action
 from planlang.kernel import Recorded
 from planlang.kernel.core import here
@@ -35,16 +36,6 @@ class ProcessModule(Protocol):
         """Failure classes that the module may raise; any other exception is a programming error."""
 
     @property
-    def physical(self) -> bool:
-        """True if pouring and turning over result from simulated motions, so that they are not applied as effects."""
-        return False
-
-    @property
-    def by_hand(self) -> bool:
-        """True if the simulated hand operates switches, so that switching is not applied as an effect."""
-        return False
-
-    @property
     def once(self) -> bool:
         """True if an action with effects outside the world must not be executed again when a run is resumed.
 
@@ -66,6 +57,8 @@ class ProcessModule(Protocol):
 
 NEEDED = ("name", "actions", "failures", "resources", "execute")
 """Attributes without defaults."""
+LEFT_TO_MOTIONS: Mapping[str, tuple[type[Change], ...]] = {"physical": (Poured, TurnedOver), "by_hand": (Switched,)}
+"""Attributes of earlier versions -> effects that a module with one leaves to its motions, whatever they have done."""
 _MARK = "__planlang_process_module__"
 
 
@@ -85,6 +78,11 @@ def process_module(cls: type[M]) -> type[M]:
         raise TypeError(f"failures of {cls.__name__} has to be a tuple of failure classes")
     setattr(cls, _MARK, cls)
     return cls
+
+
+def stated_as_before(module: object) -> tuple[str, ...]:
+    """List the attributes of earlier versions, of :data:`LEFT_TO_MOTIONS`, that a module or its class has set."""
+    return tuple(name for name in LEFT_TO_MOTIONS if getattr(module, name, False))
 
 
 def is_marked(cls: object) -> bool:
@@ -130,16 +128,6 @@ class WrappedModule(ProcessModule):
     def failures(self) -> Sequence[type[Exception]]:
         """Failure classes that the module may raise."""
         return self.wrapped.failures
-
-    @property
-    def physical(self) -> bool:
-        """True if pouring and turning over result from simulated motions."""
-        return bool(getattr(self.wrapped, "physical", False))
-
-    @property
-    def by_hand(self) -> bool:
-        """True if the simulated hand operates switches."""
-        return bool(getattr(self.wrapped, "by_hand", False))
 
     @property
     def once(self) -> bool:

@@ -131,7 +131,7 @@ def _nothing() -> NoReturn:
 class _ReplayedModule:
     """Process module that repeats a recorded request, with its duration, resources and result."""
 
-    physical = by_hand = once = False
+    once = False
 
     def __init__(
         self,

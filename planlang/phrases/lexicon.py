@@ -97,8 +97,9 @@ class Lexicon:
         things, called = dict(things or {}), called or {}
         used = dict.fromkeys(thing.type for thing in things.values())
         own: dict[str, Object] = {}
-        for wording in (_whole, _head):
-            _add(own, ((wording(name), kinds[name](name)) for name in kinds), used)
+        _add(own, ((_whole(name), kinds[name](name)) for name in kinds), used)
+        heads = {name: local_name(name).partition("-")[0] for name in kinds}  # Bed-PieceOfFurniture is a bed
+        _add(own, ((_whole(head), kinds[name](name)) for name, head in heads.items()), used)
         classes = dict(own)
         _add(classes, ((words, thing) for thing in things.values() for words in called.get(thing.iri or "", ())), used)
         _add(classes, ((words, kinds[name](name)) for name in kinds for words in called.get(name, ())), used)
@@ -174,11 +175,6 @@ def _add(classes: dict[str, Object], worded: Iterable[tuple[str, Object]], used:
 def _whole(name: str) -> str:
     """Convert DrinkingBottle to "drinking bottle"."""
     return " ".join(_PIECES.findall(local_name(name))).lower()
-
-
-def _head(name: str) -> str:
-    """Convert Bed-PieceOfFurniture to "bed"."""
-    return _whole(local_name(name).partition("-")[0])
 
 
 def _speakable(words: str) -> bool:

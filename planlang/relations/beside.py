@@ -50,7 +50,8 @@ class Beside(RelationType):
         limits = self.distances(at, subject)
         assert limits is not None, f"{self.name} has no distance for a {subject}"
         headings = self.headings(at, bodies)
-        return bodies.block(at.body).around(at.words, at.body, headings, limits, radius, negated=at.negated)
+        area = bodies.block(at.body).around(at.words, at.body, headings, limits, radius)
+        return replace(area, negated=at.negated)
 
     def headings(self, at: Conjunct, bodies: Bodies) -> tuple[float, ...]:
         """Return the headings of the sides in the map [rad]: those of X's own front or, without one, the viewer's."""
@@ -160,7 +161,8 @@ class Between(RelationType):
 
     def base(self, at: Conjunct, bodies: Bodies, radius: float) -> Strip:
         """Be in the strip."""
-        return bodies.block(at.body).towards(at.words, bodies.block(at.bodies[1]), negated=at.negated)
+        one, other = map(bodies.block, at.bodies)
+        return replace(one.towards(at.words, other), negated=at.negated)
 
     def hand(self, at: Conjunct, bodies: Bodies) -> Strip:
         """Be in the strip."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from planlang.relations.demands import Bodies, Conjunct, See
@@ -39,7 +40,7 @@ class Faces(RelationType):
 
     def base(self, at: Conjunct, bodies: Bodies, radius: float) -> Facing:
         """Face it."""
-        return bodies.block(at.body).faced(at.words, negated=at.negated)
+        return replace(bodies.block(at.body).faced(at.words), negated=at.negated)
 
 
 class ClearOf(RelationType):
@@ -54,8 +55,8 @@ class ClearOf(RelationType):
 
     def base(self, at: Conjunct, bodies: Bodies, radius: float) -> Clear:
         """Neither touch it nor stand in the sweep of its doors."""
-        doors = tuple(bodies.doors(at.body))
-        return bodies.block(at.body).cleared(at.words, at.body, doors, radius, negated=at.negated)
+        clear = bodies.block(at.body).cleared(at.words, at.body, tuple(bodies.doors(at.body)), radius)
+        return replace(clear, negated=at.negated)
 
 
 _VIEW = Meaning("the viewer of the other relations is at X")

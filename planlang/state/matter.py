@@ -73,6 +73,11 @@ class Matter:
         """Check whether a device is on."""
         return self.states.get(name) == ON
 
+    def went_into(self, name: str) -> tuple[str, ...]:
+        """Name everything that went into a thing or its contents."""
+        content = self.contents.get(name, {}).values()
+        return merged(self.origins.get(name, ()), *(portion.origins for portion in content))
+
     def state(self) -> tuple[object, ...]:
         """Summarise as a hashable value."""
         contents = tuple((name, tuple(content.values())) for name, content in self.contents.items())
@@ -128,7 +133,7 @@ class Matter:
 
     def created(self, name: str, origins: Iterable[str]) -> Matter:
         """Add a thing that was made of others."""
-        return replace(self, origins={**self.origins, name: tuple(origins)})
+        return replace(self, origins={**self.origins, name: tuple(origins)}, gone=without(self.gone, name))
 
     def destroyed(self, name: str) -> Matter:
         """Destroy a thing and its contents."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
@@ -47,6 +48,23 @@ class Grip:
         return tuple(hand.arm for hand in self.hands)
 
 
+@dataclass(frozen=True, slots=True)
+class Made:
+    """Thing that came to be after the start: its class, its extents along its own axes [m], and where it appeared."""
+
+    type: str
+    size: tuple[float, float, float]
+    at: Pose
+    """Pose of its box centre in the map at first, before it came to rest."""
+    capacity: ClassVar[float] = 0.0
+    """Nothing is poured into it: what joins it becomes a part of it [ml]."""
+
+    @property
+    def is_round(self) -> bool:
+        """Check whether it is an upright cylinder rather than a box."""
+        return math.isclose(self.size[0], self.size[1])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WorldState:
     """What is where, at one moment or in one hypothesis. Immutable: the object itself is the version.
@@ -71,6 +89,10 @@ class WorldState:
     """What things hold, and how they are."""
     away: frozenset[str] = frozenset()
     """Bodies with a pose that are not in the room: in a person's hands, or in reserve."""
+    made: Mapping[str, Made] = field(default_factory=dict)
+    """Things that came to be, in order, with those that are gone again."""
+    changes: int = 0
+    """Number of changes that actions have made; those that time brings are not counted."""
 
     def with_robot(self, name: str, configuration: Configuration) -> WorldState:
         """Make the state in which a robot has another configuration."""
@@ -85,6 +107,10 @@ class WorldState:
             else:
                 there[name] = pose
         return replace(self, poses=there)
+
+    def there(self, name: str) -> bool:
+        """Check whether a body is in the room."""
+        return name in self.poses and name not in self.away
 
     def gripped(self, name: str, hand: Hold) -> WorldState:
         """Make the state in which a hand holds an object, in addition to others that hold it already."""

@@ -7,13 +7,50 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import Any
 
+from planlang.changes import Change, Output, Transformed
 from planlang.designators import Action, Condition, Location, Object
+from planlang.geometry import Pose
 from planlang.misuse import Usage
 from planlang.records import dataclass
+from planlang.state import Made, Matter, Portion, WorldState, apply
+from planlang.state.applying import Point
+from planlang.state.matter import ON
+from planlang.state.rules import PUDDLE, Rules
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
 """Pose of the base: x, y [m], yaw [rad]."""
+
+
+ROOM, NOWHERE = "room", Pose((0.0, 0.0, 0.0))
+"""What a scripted world has of geometry: everything is in one room, and in the same place."""
+
+
+class WithoutPlaces:
+    """Implements :class:`planlang.state.Queries` for a scripted world, in which nothing is below or above another."""
+
+    rules = Rules()
+
+    def thing(self, name: str) -> Made:
+        """Describe an object, whose name stands for its class."""
+        return Made(name, PUDDLE, NOWHERE)
+
+    def pose(self, state: WorldState, name: str) -> Pose:
+        """Locate an object where all are."""
+        return NOWHERE
+
+    def under(self, state: WorldState, name: str) -> None:
+        """Find nothing, as :meth:`below`, :meth:`rest` and :meth:`heated_by` do."""
+
+    def below(self, state: WorldState, point: Point, but: str) -> tuple[None, float]:
+        """Find nothing."""
+        return None, 0.0
+
+    def rest(self, state: WorldState, name: str) -> None:
+        """Find nothing."""
+
+    def heated_by(self, state: WorldState, name: str) -> None:
+        """Find nothing."""
 
 
 @dataclass(eq=False)
@@ -117,27 +154,38 @@ class Belief:
             case "created":
                 return first in self.made and first not in self.gone
             case "transformed_into":
-                return self._went_into(first, others[0])
+                return first in self.matter().went_into(others[0])
         return False
-
-    def _went_into(self, what: str, result: str) -> bool:
-        parts, visited = [result], {result}
-        for part in parts:  # the list grows during the loop
-            parts += [origin for origin in self.made.get(part, ()) if origin not in visited]
-            visited.update(parts)
-        return what != result and what in visited
 
     def destroy(self, *things: str) -> None:
         """Remove objects from the world."""
-        self.gone.extend(thing for thing in things if thing not in self.gone)
-        for thing in things:
-            self.drop(thing)
+        self.happens(Transformed(tuple((thing, 0.0) for thing in things), (), (), None), *things)
 
     def create(self, thing: str, *of: str) -> None:
         """Create an object from others, which are destroyed."""
-        self.destroy(*of)
-        self.made[thing] = list(of)
-        self.gone[:] = [destroyed for destroyed in self.gone if destroyed != thing]
+        self.happens(Transformed(tuple((one, 0.0) for one in of), (), (Output(thing, thing, None),), ROOM), *of)
+
+    def happens(self, change: Change, *things: str) -> None:
+        """Apply a change as the simulator does, but without poses; ``things`` are those that it needs to be there."""
+        state = WorldState({}, dict.fromkeys((ROOM, *things), NOWHERE), matter=self.matter())
+        after = apply(change, state, WithoutPlaces())[0].matter
+        self.contents = {
+            name: {one.type: one.amount for one in content.values()} for name, content in after.contents.items()
+        }
+        self.made = {name: list(origins) for name, origins in after.origins.items()}
+        self.gone[:], self.on[:] = after.gone, filter(after.is_on, after.states)
+        for thing in filter(after.gone.__contains__, things):
+            self.drop(thing)
+
+    def matter(self) -> Matter:
+        """What objects contain and were made of, and which devices are on, as the simulator has it."""
+        contents = {
+            name: {type: Portion(type, amount) for type, amount in content.items()}
+            for name, content in self.contents.items()
+        }
+        origins = {name: tuple(origins) for name, origins in self.made.items()}
+        states, gone = dict.fromkeys(self.on, ON), dict.fromkeys(self.gone)
+        return Matter(contents, self.heated, states, origins=origins, gone=gone)
 
     def hold(self, what: str | None) -> None:
         """Hold an object, which then has no place."""

@@ -31,7 +31,7 @@ class ScriptedModule:
     actions: Sequence[str]
     executive: ScriptedExecutive
     failures: Sequence[type[Exception]] = (PlanFailure,)
-    physical = by_hand = once = False
+    once = False
     performs = ProcessModule.performs
 
     def resources(self, action: Action) -> tuple[str, ...]:

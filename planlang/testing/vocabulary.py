@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from functools import cache
 
 from planlang.action_conditions import Pattern, declared
+from planlang.changes import Switched
 from planlang.designators import Action, Device, Location, Object, Posture, snake_case
 from planlang.effects import effects_of
 from planlang.files import bundled
-from planlang.object_changes import state_word
 from planlang.ontology import Ontology, expand, load, shorten
 from planlang.recipe.actions import read_primitives
 from planlang.records import dataclass
+from planlang.state.matter import OFF, ON
 from planlang.testing.script import Belief, names_of
 
 _OF_THE_HAND = ("in_center_of", "in_front_of")
@@ -27,7 +28,7 @@ class ActionChange:
     """Conditions that the action achieves, with the predicates that must hold before."""
     ended: tuple[Pattern, ...]
     switched: str | None
-    """State of devices afterwards: "on" or "off"."""
+    """State of devices afterwards, such as DeviceStateOn."""
 
 
 class ActionVocabulary:
@@ -76,8 +77,9 @@ class ActionVocabulary:
             if pattern.predicate == "holding":
                 for what in _things(action, pattern) or ((belief.around,) if "reached" in given else ()):
                     belief.hold(what)
-        for what in _names(action.get("object_acted_on")) if change.switched is not None else ():
-            belief.on[:] = [device for device in belief.on if device != what] + [what] * (change.switched == "on")
+        if change.switched is not None:
+            for what in _names(action.get("object_acted_on")):
+                belief.happens(Switched(what, change.switched))
 
     def _achieve(self, belief: Belief, action: Action, pattern: Pattern, given: tuple[str, ...]) -> None:
         """Apply an achieved condition, except "holding", as an object held before has to be released first."""
@@ -101,11 +103,11 @@ class ActionVocabulary:
         if classes not in self._changes:
             iris = tuple(dict.fromkeys(map(expand, classes)))
             effects = [effect for cls in iris for effect in self.declared.effects.get(cls, ())]
-            states = map(state_word, effects_of(self.ontology, iris[0], iris).states)
+            states = map(shorten, effects_of(self.ontology, iris[0], iris).states)
             self._changes[classes] = ActionChange(
                 tuple((_with_roles(pattern), tuple(need.predicate for need in given)) for pattern, given in effects),
                 tuple(_with_roles(pattern) for cls in iris for pattern in self.declared.ends.get(cls, ())),
-                next((state for state in states if state in ("on", "off")), None),
+                next((state for state in states if state in (ON, OFF)), None),
             )
         return self._changes[classes]
 

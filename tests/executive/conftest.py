@@ -17,9 +17,8 @@ from executive.locations import Resolver
 from executive.maps import MapObject, SemanticMap
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
-from executive.motion import Gaze
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import ArmModel, arm_models, gaze_of
+from executive.robots.handle import RobotHandle, RobotModel
 from executive.runs.assembly import RobotExecutive
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
@@ -137,35 +136,36 @@ def vocabulary() -> Ontology:
     return load(bundled("ontologies") / "environments" / "hospital_room.omn")
 
 
-@pytest.fixture(scope="session")
-def limbs(amigo: Robot) -> tuple[tuple[ArmModel, ...], Gaze | None]:
-    """Amigo's arms and neck; they do not depend on the room."""
-    world = PlanningWorld(Scene(()), amigo.body())
-    models = arm_models(amigo, world)
+def model_of(robot: Robot) -> RobotModel:
+    """Model a robot; its arms and neck do not depend on the room."""
+    world = PlanningWorld(Scene(()), robot.body())
+    model = RobotModel.of(robot, world)
     world.close()
-    return models, gaze_of(amigo)
+    return model
 
 
 @pytest.fixture(scope="session")
-def furnish(amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]) -> Iterator[MakeStage]:
+def model(amigo: Robot) -> RobotModel:
+    """Amigo's model."""
+    return model_of(amigo)
+
+
+@pytest.fixture(scope="session")
+def furnish(model: RobotModel, vocabulary: Ontology) -> Iterator[MakeStage]:
     """Furnishes rooms that stay until the end of the session."""
-    yield from furnisher(amigo, vocabulary, limbs)
+    yield from furnisher(model, vocabulary)
 
 
 @pytest.fixture
-def make_stage(
-    amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
-) -> Iterator[MakeStage]:
+def make_stage(model: RobotModel, vocabulary: Ontology) -> Iterator[MakeStage]:
     """Furnishes rooms for one test."""
-    yield from furnisher(amigo, vocabulary, limbs)
+    yield from furnisher(model, vocabulary)
 
 
 @pytest.fixture
-def make_blind(
-    amigo: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
-) -> Iterator[MakeStage]:
+def make_blind(model: RobotModel, vocabulary: Ontology) -> Iterator[MakeStage]:
     """Furnishes rooms for a robot without camera."""
-    yield from furnisher(replace(amigo, camera=None), vocabulary, (limbs[0], None))
+    yield from furnisher(replace(model, robot=replace(model.robot, camera=None), gaze=None), vocabulary)
 
 
 @pytest.fixture
@@ -204,9 +204,7 @@ def _close(stage: Stage, arm: str) -> None:
             return
 
 
-def furnisher(
-    robot: Robot, vocabulary: Ontology, limbs: tuple[tuple[ArmModel, ...], Gaze | None]
-) -> Iterator[MakeStage]:
+def furnisher(model: RobotModel, vocabulary: Ontology) -> Iterator[MakeStage]:
     """Yields what furnishes rooms for a robot, and ends their worlds when it is asked for more."""
     worlds: list[KinematicScene] = []
 
@@ -216,14 +214,13 @@ def furnisher(
         truth: Sequence[Body] | None = None,
         bounds: tuple[float, float, float, float] = BOUNDS,
     ) -> Stage:
-        real = PyBulletWorld(Scene(tuple(truth or bodies), bounds, start), robot.body())
-        believed = PlanningWorld(with_store(Scene(bodies, bounds, start)), robot.body())
+        real = PyBulletWorld(Scene(tuple(truth or bodies), bounds, start), model.robot.body())
+        believed = PlanningWorld(with_store(Scene(bodies, bounds, start)), model.robot.body())
         worlds.extend((real, believed))
         belief = Belief(SemanticMap(None, vocabulary, tuple(map(_thing, bodies)), ()), believed)
-        scene = PlanningScene(believed, robot, belief, limbs[0], limbs[1])
+        scene = PlanningScene(believed, model, belief)
         platform = Platform(
-            world=real,
-            robot=robot,
+            RobotHandle(model.robot.name, real, model),
             belief=belief,
             scene=scene,
             resolver=Resolver(scene),
@@ -231,7 +228,7 @@ def furnisher(
             releasing=RELEASING,
             rng=np.random.default_rng(0),
         )
-        return Stage(real, platform, RobotExecutive(platform, bundled_registry().resolve([])))
+        return Stage(real, platform, RobotExecutive(platform, bundled_registry().resolve([]), real))
 
     yield make
     for world in worlds:

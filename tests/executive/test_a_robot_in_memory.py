@@ -159,7 +159,8 @@ def served(stack: ExitStack) -> Callable[[type[MemoryRobot]], MemoryRobot]:
         believed = world_at_start(scene_of(semantic_map), robot, None, stack)
         poses = {thing.name: thing.pose for thing in semantic_map.objects if thing.pose is not None}
         real = kind(robot, believed.configuration(), poses["bottle1"], poses["patient1"])
-        executive = RobotExecutive(platform_of(robot, semantic_map, real, believed, 0), bundled_registry().resolve([]))
+        platform = platform_of(robot, semantic_map, real, believed, 0)
+        executive = RobotExecutive(platform, bundled_registry().resolve([]), physics=None)
         plan = compiled(Path(bundled("recipes")) / "serve_a_drink.omn")
         run(plan, host=SimulationHost(real), executive=executive, max_steps=20_000)
         return real

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from executive.robots import bind_robot
 from executive.runs.final_state import state_lines
+from planlang.changes import Switched
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.state.matter import OFF, ON, Portion
@@ -31,12 +32,12 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
         assert list(state_lines(world, ["oven"])) == ["door: open by 3 degrees"]
         assert list(state_lines(world, ["cup"])) == ["cup: at rest on oven", "door: left open by 3 degrees"]
         world.set_joint("door", 1.0)
-        world.changes.switch("oven", ON)
+        world.bring_about(Switched("oven", ON))
         world.changes.matter = world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
         told = ["cup: at rest on oven", "cup: holds 50 ml of Milk", "door: open by 57 degrees", "oven: on"]
         assert list(state_lines(world, names)) == told
-        world.changes.switch("oven", OFF)
-        world.changes.switch("cup", "Clean")
+        world.bring_about(Switched("oven", OFF))
+        world.bring_about(Switched("cup", "Clean"))
         assert [line for line in state_lines(world, names) if line in ("oven: off", "cup: Clean")] == [
             "cup: Clean",
             "oven: off",

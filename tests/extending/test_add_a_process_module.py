@@ -149,6 +149,17 @@ def test_of_two_modules_the_one_of_the_more_specific_class_is_used(kitchen: Path
     assert answer("run", kitchen / "stir.py", *WHERE, *both)["failure"]["class"] == "WhiskLost"
 
 
+def test_attributes_of_earlier_versions_are_noted_once_for_each_module(kitchen: Path) -> None:
+    before = "    physical = by_hand = True\n\n    def resources"
+    (kitchen / "before.py").write_text(STIRRING.replace("    def resources", before, 1))
+    registry, found = bundled_registry(), list[Diagnostic]()
+    registry.add_file(kitchen / "before.py")
+    registry.resolve(found)
+    assert [(one.code, one.message) for one in found] == [
+        ("X034", "Stirring of before.py sets physical and by_hand, which is no longer needed")
+    ]
+
+
 def test_a_file_outranks_planlang_with_a_note_and_another_file_is_a_conflict(kitchen: Path) -> None:
     (kitchen / "mine.py").write_text(STIRRING.replace('("Stirring",)', '("Stirring", "Perceiving")'))
     registry = bundled_registry()

@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 import planlang
 from executive.modules.arm.reaching import Reaching
-from executive.modules.base.navigation import Navigation
-from executive.modules.gripper.grasping import Grasping
-from executive.modules.gripper.handing_over import Handover
+from executive.modules.gripper import Grasping, Handover
 from executive.modules.looking.perception import Head, Perception
+from executive.modules.navigation import Navigation
 from executive.runs.assembly import RobotExecutive
 from planlang.changes import Physics
 from planlang.failures import LowLevelFailure, PlanFailure
@@ -22,7 +21,7 @@ from planlang.geometry import Pose
 from planlang.language.executive import Executive
 from planlang.language.process_module import NEEDED, ProcessModule
 from planlang.protocols import Configuration, Contact, Detection, Motion, RobotInterface
-from sim import PlanningWorld, PyBulletWorld
+from sim import PyBulletWorld
 from sim.truth import Truth
 
 length = st.floats(-10.0, 10.0)
@@ -111,7 +110,7 @@ def public(protocol: type) -> set[str]:
     [
         (RobotInterface, PyBulletWorld),
         (Truth, PyBulletWorld),
-        (Physics, PlanningWorld),
+        (Physics, PyBulletWorld),
         (Executive, RobotExecutive),
     ],
 )

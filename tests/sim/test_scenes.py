@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from planlang.geometry import Pose
+from planlang.geometry.matrices import upright
 from sim import Body, PyBulletWorld, Scene, perturb
-from sim.falling import upright
 from sim.scene import Cavity, Handle
 from sim.truth import at_rest_on, held_by
 from tests.sim.conftest import AMIGO, ROOM, AskableWorld, MakeWorld

@@ -110,4 +110,4 @@ def room(
     real = PyBulletWorld(replace(there, bounds=BOUNDS, start=start), bound.body())
     stack.callback(real.close)
     platform = platform_of(bound, semantic_map, real, believed, 0)
-    return Room(real, platform, RobotExecutive(platform, bundled_registry().resolve([])))
+    return Room(real, platform, RobotExecutive(platform, bundled_registry().resolve([]), real))

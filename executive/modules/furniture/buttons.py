@@ -70,7 +70,7 @@ class ButtonStrokes(StrokeWork):
     def _constraints(self) -> tuple[MotionConstraint, ...]:
         """Build the constraints: the tip is over the button, and the hand leans little from its normal."""
         x, y, z = map(float, self._arm.frame.approach)
-        hand = self.platform.robot.arm(self._arm.name).hand
+        hand = self._arm.part.hand
         tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
         of = self.platform.scene.bodies.designator(self._button.body)
         button = a_feature("PLANE", of=of, position=self._button.point, direction=self._button.normal)

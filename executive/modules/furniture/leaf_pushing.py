@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.belief.believed_bodies import MEANT
 from executive.modules.furniture.leaf_grips import hand_with, outwards_of
-from executive.modules.furniture.witnessing import is_witnessed
+from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
 from executive.modules.tools.motion_grounding import Grounding
@@ -100,7 +100,7 @@ class LeafStrokes(StrokeWork):
         heights = (local - local[1]) @ normal
         points = np.column_stack([local - heights[:, None] * normal, heights])
         lap = await self.stroke(grounding, plane, points, closed=False)
-        link, feels = platform.robot.arm(arm.name).tip, False
+        link, feels = arm.tip, False
         try:
             await platform.follow(arm.name, lap, pushes=link)
             feels = self._feels(arm)
@@ -111,7 +111,7 @@ class LeafStrokes(StrokeWork):
         await self.leave(arm, lap, joint.leaf)
         if platform.robot.camera is not None:
             platform.belief.doubted(joint.leaf)
-            if not await is_witnessed(self, joint.leaf, drives=False) and feels:
+            if not await is_seen_from_here(platform, joint.leaf) and feels:
                 platform.belief.touched(joint.leaf, self._value())
         turn = product(joint.motion(self._value()).matrix(), joint.motion(value).inverse().matrix())
         distance = float(np.linalg.norm(moved(turn, path[1]) - path[1]))
@@ -161,7 +161,7 @@ class LeafStrokes(StrokeWork):
     def _constraints(self, arm: ArmModel, path: Array, tips: Pose) -> tuple[MotionConstraint, ...]:
         """Build the constraints: fingertips (``tips`` in the tip frame) on the leaf, bounds of how the hand leans."""
         x, y, z = map(float, arm.frame.approach)
-        hand = self.platform.robot.arm(arm.name).hand
+        hand = arm.part.hand
         tip = a_feature("LINE", of=hand, position=tips.position, direction=(x, y, z))
         pose = self.platform.belief.pose(self._joint.leaf)
         px, py, pz = moved(inverse(pose.matrix()), path[1]).tolist()

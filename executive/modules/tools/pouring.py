@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from functools import partial
 
 import numpy as np
 
@@ -27,8 +26,8 @@ from planlang.language.performing import actions_around
 from planlang.ontology import expand
 from planlang.protocols import Trajectory
 from planlang.records import dataclass
+from planlang.state import flow as state_after_flow
 from planlang.state.matter import KG_PER_ML
-from sim import PlanningWorld
 
 WITHIN, WITHIN_SHARE = 5.0, 0.05
 """Tolerance of a poured amount: the larger of the two [ml, share]."""
@@ -232,11 +231,11 @@ class Pouring:
     def _flowed(self, flow: Flow, seconds: float) -> None:
         """Update belief and record: the vessel has flowed for some time [s] into, or onto, what is below."""
         platform, pour = self._platform, self._phase.pours.get(flow.name)
-        belief, tip = platform.belief, platform.world.link_pose(platform.robot.arm(flow.arm.name).tip)
+        belief, tip = platform.belief, platform.world.link_pose(flow.arm.tip)
         mouth = tip @ flow.offset @ Pose((0.0, 0.0, platform.scene.world.size(flow.name)[2] / 2))
         before = belief.state.matter
-        flows = partial(PlanningWorld.flow, name=flow.name, amount=self._flow_rate * seconds, point=mouth.position)
-        state, (flowed, below) = platform.scene.mirror.after(belief.state, flows)
+        amount, queries = self._flow_rate * seconds, platform.scene.mirror.queries
+        state, flowed, below = state_after_flow(belief.state, flow.name, amount, mouth.position, queries)
         belief.happened(state)
         if flowed:
             belief.poured(flow.name, below or "the floor", flowed)

@@ -91,9 +91,10 @@ def test_nothing_is_on_one_of_two_things_and_between_them(make_stage: MakeStage)
         next(stage.resolver.things(a_location(on=THE_CABINET, between=(THE_CABINET, THE_BED)), THE_CUP))
 
 
-def test_without_room_between_two_things_the_failure_counts_what_is_not(make_stage: MakeStage) -> None:
+def test_without_room_between_two_things_the_failure_says_how_much_is_lacking(make_stage: MakeStage) -> None:
     near = replace(CABINET, pose=Pose((BED.pose.position[0] + BED.size[0] / 2 + 0.45, 0.0, CABINET.pose.position[2])))
     stage = make_stage(BED, near)
     with pytest.raises(LocationUnresolvable) as caught:
         next(stage.resolver.bases(a_location(between=(THE_BED, THE_CABINET))))
     assert {"not between bed and cabinet", "no room for the base"} <= caught.value.counts.keys()
+    assert "the robot needs 0.21 m more" in caught.value.figures, "it is 0.67 m wide, and they are 0.25 m apart"

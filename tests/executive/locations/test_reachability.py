@@ -17,6 +17,7 @@ from executive.locations.base_candidates import InverseMap
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, is_bound, sampled
 from executive.locations.reachability_maps import build_map, bundled_file, map_key, packed, reachability_map, unpacked
 from executive.motion import Chain, InverseKinematics
+from executive.robots import Arm, Gripper
 from executive.robots.arms import ArmModel, HandFrame, lift_of
 from planlang.geometry import Array
 
@@ -53,6 +54,9 @@ GANTRY = [
 ]
 
 
+GRIPPER = Gripper("gripper", None, (), {}, {}, (), max_opening=0.1)
+
+
 def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS, torso: str | None = None) -> ArmModel:
     """By default seven joints on a lift, 0.32 m from shoulder to tip; ``torso`` is the joint that lifts them."""
     links = "".join(
@@ -67,14 +71,10 @@ def arm_of(folder: Path, joints: Sequence[tuple[str, ...]] = JOINTS, torso: str 
     chain = Chain.from_urdf(folder / "arm.urdf", "l0", "tip")
     middle = (chain.lower + chain.upper) / 2
     return ArmModel(
-        name="arm",
-        joints=chain.names,
-        lower=chain.lower,
-        upper=chain.upper,
+        part=Arm("arm", None, None, chain.names, "l0", "tip", "tip", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), GRIPPER),
         solver=InverseKinematics(chain),
         resolution=np.full(len(joints), 0.05),
         frame=HandFrame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-        max_opening=0.1,
         hand_links=frozenset({"tip"}),
         hand_radius=0.03,
         shoulder_low=np.array([0.1, 0.0, 0.6]),

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import arm_models, gaze_of, with_carrying
+from executive.robots.arms import with_carrying
 from planlang import at_location, perform
 from planlang.designators import Location, a_device, a_location, a_person, action, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
-from sim import Body, PlanningWorld, Scene
+from sim import Body
 from tests.executive.conftest import (
     BOTTLE,
     CABINET,
@@ -27,6 +27,7 @@ from tests.executive.conftest import (
     Stage,
     furnisher,
     hold_bottle,
+    model_of,
     stand,
 )
 from tests.executive.locations.conftest import Judge, MakeJudge
@@ -129,10 +130,7 @@ def furnish_for(vocabulary: Ontology) -> Iterator[Furnish]:
     running = []
 
     def make(robot: Robot) -> Callable[..., Stage]:
-        world = PlanningWorld(Scene(()), robot.body())
-        limbs = arm_models(robot, world), gaze_of(robot)
-        world.close()
-        running.append(furnisher(robot, vocabulary, limbs))
+        running.append(furnisher(model_of(robot), vocabulary))
         return next(running[-1])
 
     yield make

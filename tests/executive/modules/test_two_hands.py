@@ -10,16 +10,16 @@ from dataclasses import replace
 import pytest
 
 from executive.robots import Robot, bind_robot
-from executive.robots.arms import ArmModel, arm_models, gaze_of
+from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import a_location, action, an_object
 from planlang.failures import ActionUnresolvable, HandsLacking, LocationUnresolvable, ObjectLost, TooHeavy
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
-from sim import Body, PlanningWorld, Scene
+from sim import Body
 from sim.scene import Handle
 from sim.truth import at_rest_on, held_by
-from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher
+from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher, model_of
 from tests.support.extras import skip_without_pr2
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
@@ -42,10 +42,7 @@ def pr2() -> Robot:
 
 @pytest.fixture(scope="module")
 def stage_of(pr2: Robot, vocabulary: Ontology) -> Iterator[MakeStage]:
-    world = PlanningWorld(Scene(()), pr2.body())
-    limbs = arm_models(pr2, world), gaze_of(pr2)
-    world.close()
-    yield from furnisher(pr2, vocabulary, limbs)
+    yield from furnisher(model_of(pr2), vocabulary)
 
 
 def taken(stage: Stage) -> None:

@@ -48,7 +48,7 @@ class Wheels(PlatformModule):
 
 def ask(truth: PyBulletWorld, platform: Platform, wanted: Action) -> list[str]:
     """Perform an action with the user's module; return the paths of what was performed before it ended the run."""
-    executive, trace = RobotExecutive(platform, (Wheels, *bundled_registry().resolve([]))), Trace()
+    executive, trace = RobotExecutive(platform, (Wheels, *bundled_registry().resolve([])), truth), Trace()
     with pytest.raises(Asked):
         run(lambda: perform(wanted), host=SimulationHost(truth), executive=executive, max_steps=20_000, trace=trace)
     return [str(one["path"]) for one in with_paths(trace.events) if one["event"] == "request"]

@@ -27,8 +27,6 @@ class Unusual:
     name = "unusual"
     actions = ("Icing",)
     failures = (GraspMissed,)
-    physical = True
-    by_hand = True
     once = True
 
     def __init__(self, platform: object = None) -> None:
@@ -113,9 +111,8 @@ def test_wrappers_of_wrappers_forward_what_the_innermost_module_says() -> None:
     wrapped: Any = Unusual()
     for make in reversed(MADE.values()):  # the module on demand is the innermost
         wrapped = make(wrapped)
-    assert {name: said(wrapped, name) for name in ("physical", "by_hand", "performs", "resources")} == {
-        "physical": True,
-        "by_hand": True,
+    assert {name: said(wrapped, name) for name in ("once", "performs", "resources")} == {
+        "once": True,
         "performs": [True, False],
         "resources": [("left hand",), ("right hand",)],
     }
@@ -127,4 +124,4 @@ def test_what_a_module_leaves_out_is_as_its_protocol_says_behind_every_wrapper()
 
     for make in (MADE[WrappedModule], MADE[RecordedModule], MADE[ModuleWithEffects]):
         wrapped = make(Plain())  # type: ignore[arg-type]
-        assert (wrapped.physical, wrapped.by_hand, wrapped.performs(action("Icing"))) == (False, False, True)
+        assert (wrapped.once, wrapped.performs(action("Icing"))) == (False, True)

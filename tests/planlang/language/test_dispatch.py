@@ -107,16 +107,16 @@ class Answers:
 
 
 class Right(Left):
-    """A module that moves things itself, and performs all actions of its class."""
+    """A module that acts outside the world, and performs all actions of its class."""
 
     performs = None
-    physical = by_hand = True
+    once = True
 
 
 def test_what_a_module_says_besides_is_forwarded_and_not_asked_where_it_says_nothing() -> None:
     answers = Answers()
     for around in (WrappedModule(Right()), RecordedModule(Right(), answers)):  # type: ignore[arg-type]
-        assert (around.physical, around.by_hand, around.performs(action("Reaching"))) == (True, True, True)
+        assert (around.once, around.performs(action("Reaching"))) == (True, True)
     assert answers.kept == {}
 
 

@@ -55,6 +55,7 @@ from planlang.failures import (
 )
 from planlang.misuse import PlanStructureError
 from planlang.recoveries import find_strategy, recovery_strategy, registered_strategies
+from tests.support.refusals import failing
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
 
@@ -78,7 +79,7 @@ def test_after_the_body_the_goal_must_hold(executive: Any) -> None:
 
     assert go(partial(achieve, holding(BOTTLE), grasps), executive) == "grasped"
     executive.facts.clear()
-    with pytest.raises(GoalNotAchieved, match=r"holding\(bottle1\)"):
+    with failing(GoalNotAchieved, goal="holding(bottle1)"):
         go(partial(achieve, holding(BOTTLE), does_nothing), executive)
 
 
@@ -94,7 +95,7 @@ def test_a_goal_may_come_true_a_while_after_the_body() -> None:
 
     assert go(partial(par, partial(achieve, settled, body, within=2), settles))[0] == "let go"
     settled.set(False)
-    with pytest.raises(GoalNotAchieved, match="settled"):
+    with failing(GoalNotAchieved, goal="settled"):
         go(partial(par, partial(achieve, settled, body, within=0.5), settles))
 
 
@@ -153,7 +154,7 @@ def test_looking_from_another_place_goes_where_it_should_be_visible_and_repeats(
 def test_not_finding_it_there_either_is_left_to_the_body(executive: Any, module: Any) -> None:
     eyes(executive, module)
     recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE), retries=2, otherwise=ObjectNowhereToBeFound)
-    with pytest.raises(ObjectNowhereToBeFound, match="bottle1"):
+    with failing(ObjectNowhereToBeFound, what="bottle1"):
         go(partial(with_failure_handling, find, recovery), executive)
     assert [line for line in executive.log if line.startswith("looks")] == ["looks at 0"] * 2 + ["looks at 1"] * 5
 
@@ -323,7 +324,7 @@ def test_what_cannot_be_delivered_is_put_down_and_grasped_again(executive: Any, 
 def test_what_cannot_be_put_down_stays_held_and_the_failure_goes_outward(executive: Any, module: Any) -> None:
     setting_aside(executive, module, "bottle1")
     executive.facts["holding(bottle1)"] = True
-    with pytest.raises(ObjectUnreachable, match="place"):
+    with failing(ObjectUnreachable, what="place"):
         regrasping(executive, ObjectUnreachable(what="place"))
 
 

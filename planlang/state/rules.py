@@ -44,6 +44,7 @@ class Rules:
     """Size [m] of a created thing of a class; None if the class states none."""
     flow_rate: float = 20.0
     """Outflow of a vessel that is turned over [ml/s]."""
+    _heatable: dict[str, bool] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def result(self, type: str, source: str) -> Heating | None:
         """Find the rule for heating a thing by a source, given their classes; the most specific output wins."""
@@ -62,5 +63,9 @@ class Rules:
         )
 
     def can_heat(self, type: str) -> bool:
-        """Check whether heat changes things of a class, or has changed them."""
-        return any(self.is_a(type, cls) for one in self.heating for cls in (*one.inputs, one.output))
+        """Check whether heat changes things of a class, or has changed them; asked of all things in every step."""
+        if type not in self._heatable:
+            self._heatable[type] = any(
+                self.is_a(type, cls) for one in self.heating for cls in (*one.inputs, one.output)
+            )
+        return self._heatable[type]
