@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field
 
 from planlang.designators import local_name
-from planlang.ontology import Literal, Ontology, Term, once_per_ontology
+from planlang.kept import kept
+from planlang.ontology import Literal, Ontology, Term
 from planlang.records import dataclass
 
 Named = Callable[[str], Iterable[str]]
@@ -87,7 +88,7 @@ class Declared:
         return {cls: tuple(name for one in ended for name in one.properties) for cls, ended in found if ended}
 
 
-@once_per_ontology
+@kept
 def declared(ontology: Ontology) -> Declared:
     """Return the declared conditions; an ontology is read once."""
     found = Declared()

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable
 
 from planlang.diagnostics import BadInput, Span, error
-from planlang.ontology import Literal, Ontology, Term, expand, once_per_ontology
+from planlang.kept import kept
+from planlang.ontology import Literal, Ontology, Term, expand
 from planlang.records import dataclass
 from planlang.units import IncompatibleUnits, stated_number, unit_of_property
 
@@ -115,7 +116,7 @@ def number_of_individual(ontology: Ontology, individual: str, name: str) -> floa
     return _checked(found[-1].object, name, found[-1].span) if found else None
 
 
-@once_per_ontology
+@kept
 def _declared(ontology: Ontology) -> dict[str, list[Effects]]:
     """Return the declared effects by class of actions; an ontology is read once."""
     table: dict[str, list[Effects]] = {}

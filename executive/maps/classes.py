@@ -19,7 +19,8 @@ from executive.maps.measures import Size, read_size, read_transform
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.geometry import Pose
-from planlang.ontology import Literal, Ontology, expand, once_per_ontology
+from planlang.kept import kept
+from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
 from planlang.spelling import similar
 
@@ -49,7 +50,7 @@ def meanings(ontology: Ontology, cls: str) -> tuple[str, ...]:
     return tuple(_classes_by_name(ontology).get(local_name(iri).lower(), (iri,)))
 
 
-@once_per_ontology
+@kept
 def _classes_by_name(ontology: Ontology) -> dict[str, dict[str, None]]:
     """Lower-case name -> classes with it: local names, other names, and first parts that only one class has."""
     names: dict[str, dict[str, None]] = {}
@@ -64,7 +65,7 @@ def _classes_by_name(ontology: Ontology) -> dict[str, dict[str, None]]:
     return {key: classes for key, classes in short.items() if len(classes) == 1} | names
 
 
-@once_per_ontology
+@kept
 def _used(ontology: Ontology) -> frozenset[object]:
     """Classes with individuals in the ontology."""
     return frozenset(triple.object for triple in ontology.triples(p=RDF.type))

@@ -13,7 +13,7 @@ Pellet. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction
-from planlang.ontology.ontology import Ontology, load, once_per_ontology
+from planlang.ontology.ontology import Ontology, load
 from planlang.ontology.terms import BNode, Literal, Term, Triple, expand, shorten
 
 __all__ = [
@@ -25,6 +25,5 @@ __all__ = [
     "Triple",
     "expand",
     "load",
-    "once_per_ontology",
     "shorten",
 ]

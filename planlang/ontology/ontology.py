@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, wraps
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any
 
 from planlang.designators import label_iris, local_part
 from planlang.diagnostics import Diagnostic, Span
+from planlang.kept import kept
 from planlang.ontology.checks import check
 from planlang.ontology.classes import (
     Restriction,
@@ -34,22 +35,6 @@ from planlang.ontology.triples import Triples
 
 _CLASS_KINDS = frozenset((OWL.Class, RDFS.Class))
 _LANGUAGE = (OWL, RDF, RDFS)
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-def once_per_ontology(compute: Callable[Concatenate[Ontology, P], R]) -> Callable[Concatenate[Ontology, P], R]:
-    """Compute a result once for each ontology and further arguments, which must be hashable and have no names."""
-
-    @wraps(compute)
-    def computed(ontology: Ontology, /, *args: P.args, **_: P.kwargs) -> R:
-        key = (compute, *args)
-        if key not in ontology.kept:
-            ontology.kept[key] = compute(ontology, *args, **_)
-        result: R = ontology.kept[key]
-        return result
-
-    return computed
 
 
 def load(
@@ -100,7 +85,7 @@ class Ontology:
         """Folders in which files are searched that are not beside the one that names them."""
         self.documents: tuple[Document, ...] = tuple(reading.document for reading in readings)
         self.kept: dict[object, Any] = {}
-        """Results of :func:`once_per_ontology`."""
+        """Results of functions (:func:`planlang.kept.kept`)."""
         self._main = self.store.ranges[0]
         self._type = self.store.number(RDF.type)
         self._class_kinds = frozenset(map(self.store.number, _CLASS_KINDS))
@@ -209,7 +194,7 @@ class Ontology:
         iris = (self.store.name(number) for number in self._named(names))
         return tuple(iri for iri in iris if iri is not None)
 
-    @once_per_ontology
+    @kept
     def _named(self, names: tuple[str, ...]) -> dict[int, None]:
         used = ((number, self.store.name(number) or "") for number in self.store.used)
         return {number: None for number, iri in used if local_part(iri) in names}
@@ -251,7 +236,7 @@ class Ontology:
         definition = definition if definition >= 0 else first[number]
         return linked, store.span(definition) if definition >= 0 else None
 
-    @once_per_ontology
+    @kept
     def _indices(self, names: tuple[str, ...]) -> dict[int, int]:
         """Number of each property with one of these local names -> index of that name."""
         return {number: index for index, name in enumerate(names) for number in self._named((name,))}
@@ -273,7 +258,7 @@ class Ontology:
 
     # entities
 
-    @once_per_ontology
+    @kept
     def types(self, individual: str | BNode) -> tuple[str, ...]:
         """Named classes stated as types of an individual, except terms of RDF, RDFS and OWL."""
         stated = self._values(individual, (self._type,))
@@ -292,7 +277,7 @@ class Ontology:
         )
         return frozenset(related.union(self._of_types(self._class_kinds)))
 
-    @once_per_ontology
+    @kept
     def class_names(self) -> tuple[str, ...]:
         """All declared classes in document order."""
         names = map(self.store.name, self._of_types(self._class_kinds))
@@ -433,7 +418,7 @@ class Ontology:
 
     # class expressions
 
-    @once_per_ontology
+    @kept
     def restrictions(self, cls: str | BNode) -> tuple[Restriction, ...]:
         """Restrictions stated of a class itself, in source order; for a blank node those it consists of."""
         number = self._number(cls)
@@ -481,7 +466,7 @@ class Ontology:
         """
         return self._with_subproperties(tuple(one for one in self.ancestors(action) if one in self._parameters))
 
-    @once_per_ontology
+    @kept
     def _with_subproperties(self, classes: tuple[str, ...]) -> tuple[str, ...]:
         listed = (prop for cls in classes for prop in self._parameters[cls])
         return tuple(dict.fromkeys(sub for prop in listed for sub in self.subproperties(prop)))

@@ -168,7 +168,7 @@ class _Reader:
                     help = f"relations with a distance: {', '.join(RELATIONS[name].forms[0] for name in measured())}"
                     self.wrong("P006", f"{RELATIONS[name].forms[0]!r} has no distance to bound", word, help)
                     return None
-                return self._bounded(name, nothing, **bounds)
+                return self._bounded(name, nothing * RELATIONS[name].arity, **bounds)
         raise AssertionError(tree.data)
 
     def _bounded(self, name: str, what: tuple[Object, ...], **bounds: float | None) -> Relation | None:

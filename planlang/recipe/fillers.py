@@ -9,7 +9,8 @@ import math
 from collections.abc import Iterator
 
 from planlang.designators import local_name
-from planlang.ontology import BNode, Literal, Ontology, Term, expand, once_per_ontology, shorten
+from planlang.kept import kept
+from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import (
@@ -154,7 +155,7 @@ def takes_things(ontology: Ontology, property_name: str) -> bool:
     return any(is_localised(ontology, cls) for cls in ranges)
 
 
-@once_per_ontology
+@kept
 def takes_numbers(ontology: Ontology, property_name: str) -> bool:
     """True for a property with a numeric range, its own or inherited, or with a physical dimension.
 
@@ -324,7 +325,7 @@ def fillings(ontology: Ontology, iri: str, more: tuple[Filling, ...] = ()) -> It
     yield from _levels(ontology, cls)
 
 
-@once_per_ontology
+@kept
 def _levels(ontology: Ontology, cls: str) -> list[list[Filling]]:
     """Fillings from the restrictions of a class and of its ancestors, nearest first."""
     return [level for ancestor in ontology.ancestors(cls) if (level := _restricted(ontology, ancestor))]
@@ -335,7 +336,7 @@ def _may_fill(property_name: str) -> bool:
     return not is_word(property_name, *NO_PARAMETERS, *REGISTERED_WORDS)
 
 
-@once_per_ontology
+@kept
 def _restricted(ontology: Ontology, cls: str) -> list[Filling]:
     """Fillings from the restrictions of a class; none for classes of the bundled vocabulary, of SOMA and of DUL."""
     is_users = (shorten(cls) == cls and not cls.startswith(UPPER)) or ontology.main(cls)
@@ -391,12 +392,14 @@ def _facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
             yield Filling(triple.predicate, triple.object, triple.span)
 
 
+@kept
 def action_properties(ontology: Ontology) -> tuple[str, ...]:
     """Properties (IRIs) that the vocabulary lists for any class of actions."""
     properties = {triple.object: None for triple in ontology.triples(p=expand("hasParameter"))}
     return tuple(name for name in properties if isinstance(name, str))
 
 
+@kept
 def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
     """True for a property that the vocabulary lists for a class of actions, or a subproperty of one."""
     return any(

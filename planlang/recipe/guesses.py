@@ -7,7 +7,8 @@ from difflib import SequenceMatcher
 
 from planlang.designators import local_name
 from planlang.diagnostics import Rename
-from planlang.ontology import Ontology, expand, once_per_ontology
+from planlang.kept import kept
+from planlang.ontology import Ontology, expand
 from planlang.ontology.terms import RDF
 from planlang.recipe.fillers import is_vocabulary_class
 from planlang.spelling import Spellings
@@ -57,13 +58,13 @@ class Known:
         return Rename(written, self._by_part[similar_parts[0]], is_sure=is_sure)
 
 
-@once_per_ontology
+@kept
 def classes_of_vocabulary(ontology: Ontology) -> Known:
     """Classes of the bundled vocabulary, for guesses."""
     return Known(filter(is_vocabulary_class, ontology.class_names()))
 
 
-@once_per_ontology
+@kept
 def classes_of_actions(ontology: Ontology) -> Known:
     """Classes of actions, for guesses."""
     return Known(ontology.subclasses(expand("Action")))
@@ -80,7 +81,7 @@ def nearest_action(ontology: Ontology, iri: str) -> Rename | None:
     return Known(classes_beside(ontology, iri)).guess(iri) or classes_of_actions(ontology).guess(iri)
 
 
-@once_per_ontology
+@kept
 def names_of_file(ontology: Ontology) -> Known:
     """Names that the main document gives a type, for guesses."""
     subjects = (triple.subject for triple in ontology.triples(p=RDF.type))

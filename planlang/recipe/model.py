@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 
 from planlang.designators import local_name
 from planlang.diagnostics import Span
+from planlang.kept import kept
 from planlang.motion_constraints import ConstraintKind, Speed
 from planlang.ontology.documents import Syntax
 from planlang.records import dataclass
@@ -438,15 +439,17 @@ class Recipe(_Action):
     """
     syntax: Syntax | None = field(default=None, repr=False, compare=False)
     """Syntax of its file, in which advice is written."""
-    derived: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Cache of results derived from the other fields; see :mod:`planlang.recipe.order`."""
+    kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Results of functions (:func:`planlang.kept.kept`)."""
 
     def step(self, iri: str) -> Step:
         """Step with this IRI. Raises KeyError if there is none."""
-        if "steps" not in self.derived:
-            self.derived["steps"] = {step.iri: step for step in reversed(self.steps)}
-        step: Step = self.derived["steps"][iri]
-        return step
+        return _steps_of(self)[iri]
+
+
+@kept
+def _steps_of(recipe: Recipe) -> dict[str, Step]:
+    return {step.iri: step for step in reversed(recipe.steps)}
 
 
 @dataclass(frozen=True, slots=True)

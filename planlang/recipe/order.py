@@ -20,6 +20,7 @@ from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
 from planlang.closure import reached
+from planlang.kept import kept
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
 from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
@@ -63,6 +64,14 @@ class Precedence(Generic[Node]):
             position_of[index] = position
         self._later = [0] * len(extension)
         self._covers: list[list[int]] = [[] for _ in extension]
+        # Why one test of a bit decides about an edge u -> w: the edges of u are taken by the positions of their ends.
+        #
+        #     u ---> v ---> ... ---> w        an edge u -> w that others imply has such a path beside it,
+        #      \_____________________^        and every linear extension puts v before w
+        #
+        # So u -> v was taken before, and what comes after v, w among it, is in ``descendants``. The other way round,
+        # what is in there was reached by edges that are kept: then u -> w says nothing new. Nodes are taken from the
+        # last one on, so that ``_later`` of v is complete when u asks for it.
         for position in range(len(extension) - 1, -1, -1):
             descendants = 0
             for after in sorted([position_of[other] for other in successors[extension[position]]]):
@@ -147,6 +156,8 @@ def _linear_extension(successors: list[list[int]]) -> list[int]:
     for after in successors:
         for other in after:
             unplaced_before[other] += 1
+    # A heap, not a queue: among the nodes that may come next the one that the file states first does, whatever order
+    # the pairs come in, so that equal recipes give equal plans (A. B. Kahn, 1962, with the lowest number first).
     ready = [number for number, count in enumerate(unplaced_before) if not count]
     order: list[int] = []
     while ready:
@@ -172,26 +183,22 @@ def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) ->
     return goal in reached((start,), lambda step: follows.get(step, ()))
 
 
+@kept
 def recipe_order(recipe: Recipe) -> Precedence[str]:
     """Partial order of a recipe, computed once. Raises ValueError if it has a cycle."""
-    if "order" not in recipe.derived:
-        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-        recipe.derived["order"] = Precedence((step.iri for step in recipe.steps), pairs)
-    order: Precedence[str] = recipe.derived["order"]
-    return order
+    pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+    return Precedence((step.iri for step in recipe.steps), pairs)
 
 
+@kept
 def recipe_cycle(recipe: Recipe) -> tuple[str, ...] | None:
     """A shortest cycle among the orderings of a recipe, computed once; None if there is none."""
-    if "cycle" not in recipe.derived:
-        try:
-            recipe_order(recipe)
-            recipe.derived["cycle"] = None
-        except ValueError:
-            pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
-            recipe.derived["cycle"] = shortest_cycle(order_graph((step.iri for step in recipe.steps), pairs))
-    cycle: tuple[str, ...] | None = recipe.derived["cycle"]
-    return cycle
+    try:
+        recipe_order(recipe)
+    except ValueError:
+        pairs = ((ordering.before, ordering.after) for ordering in recipe.orderings)
+        return shortest_cycle(order_graph((step.iri for step in recipe.steps), pairs))
+    return None
 
 
 def shortest_cycle(graph: nx.DiGraph) -> tuple[Node, ...] | None:

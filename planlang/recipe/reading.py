@@ -10,7 +10,8 @@ from typing import TypeVar
 from planlang.designators import is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
-from planlang.ontology import BNode, Literal, Ontology, expand, once_per_ontology, shorten
+from planlang.kept import kept
+from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import UPPER
 from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
@@ -305,7 +306,7 @@ def _condition(ontology: Ontology, cls: str) -> Description | None:
     return next((condition for condition in stated if condition is not None), None)
 
 
-@once_per_ontology
+@kept
 def _stated_condition(ontology: Ontology, cls: str) -> Description | None:
     for restriction in ontology.restrictions(cls):
         if is_word(restriction.property, "conditionEvaluated") and restriction.kind in KINDS:

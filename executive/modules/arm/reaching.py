@@ -85,7 +85,7 @@ class HandReaching(HandWork):
         if not any(self.platform.arms.begun_grasp(arm, location) for arm in arms):
             await self._look_first(location)
         bodies = self.platform.scene.bodies
-        names = [bodies.bind(one.reference) for one in location.relations if isinstance(one.reference, Object)]
+        names = [bodies.bind(one) for one in location.objects()]
         await Skill(
             lambda: arms,
             partial(self._reach, location=location),

@@ -71,8 +71,8 @@ def _of_task(ontology: Ontology, task: str) -> Iterator[Diagnostic]:
         elif isinstance(one.filler, BNode) and partial_order.is_sub_action(one):
             yield from _of_mention(ontology, task, one.filler, one.span)
         elif is_word(one.property, *_CONSTRAINTS):
-            for triple in ontology.triples(s=one.filler):
-                if isinstance(triple.object, BNode) and is_word(triple.predicate, *_ENDS):
+            for triple in ontology.said(one.filler, *_ENDS):
+                if isinstance(triple.object, BNode):
                     what = f"{local_name(triple.predicate)} of `{local_name(str(one.filler))}`"
                     yield _unread(ontology, what, triple.object, triple.span, "name a step")
 

@@ -10,9 +10,11 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 from planlang.designators import local_name, local_part, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
+from planlang.kept import kept
 from planlang.ontology import BNode, Ontology, Triple, expand
 from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import OWL, PREFIXES, RDF, RDFS
@@ -245,6 +247,7 @@ ROLES: dict[str, tuple[str, ...]] = {
     "closes a gripper": ("ClosingAGripper",),
 }
 """Role of a step -> classes of actions with this role."""
+_CLASSES = {role: frozenset(map(expand, names)) for role, names in ROLES.items()}
 
 
 WORK = (
@@ -269,6 +272,13 @@ class _Facts:
     where: frozenset[str] = frozenset()
 
 
+class _Whole(NamedTuple):
+    """Roles of all steps of a recipe, and whether a gripper is opened to grasp, not to let go."""
+
+    roles: list[str]
+    grasps: bool
+
+
 @check("R042", unless=(*RECURSIVE, "R012"))
 def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     """Report orderings that are probably missing."""
@@ -280,12 +290,15 @@ def missing_orders(checked: CheckedRecipe) -> Iterator[Diagnostic]:
 
 
 def plausible(checked: CheckedRecipe) -> tuple[tuple[str, str, str], ...]:
-    """Cached result of :func:`plausible_orders`, which several checks need."""
-    derived, key = checked.recipe.derived, f"plausible with {checked.added}"
-    if key not in derived:
-        derived[key] = tuple(plausible_orders(checked.actions, checked.recipe, checked.added))
-    orders: tuple[tuple[str, str, str], ...] = derived[key]
-    return orders
+    """Result of :func:`plausible_orders`, which several checks need."""
+    return _plausible(checked.recipe, checked.actions, checked.added)
+
+
+@kept
+def _plausible(
+    recipe: Recipe, actions: Actions, added: tuple[tuple[str, str], ...]
+) -> tuple[tuple[str, str, str], ...]:
+    return tuple(plausible_orders(actions, recipe, added))
 
 
 def plausible_orders(
@@ -302,16 +315,16 @@ def plausible_orders(
         yield from ((before, after, "the steps are numbered in this order") for before, after in missing)
         return
     facts = {step.iri: _facts(actions, step) for step in recipe.steps}
-    all_roles = [role for fact in facts.values() for role in fact.roles]
+    roles = [role for fact in facts.values() for role in fact.roles]
     # actions such as handing over let go by themselves: then a gripper is opened for the grasp
-    grasps = actions.is_a(recipe, *ROLES["acquires"]) or "delivers" in all_roles
+    whole = _Whole(roles, actions.is_a(recipe, *ROLES["acquires"]) or "delivers" in roles)
     active = [step.iri for step in recipe.steps if facts[step.iri].roles]
     if len(active) < 2:
         return
     order = recipe_order(recipe)
 
     def reason(first: str, second: str) -> str | None:
-        return _why(facts[first], facts[second], all_roles, grasps=grasps)
+        return _why(facts[first], facts[second], whole)
 
     if joined := joints(actions, recipe, order, reason):
         yield from joined
@@ -325,7 +338,7 @@ def plausible_orders(
         follows.setdefault(before, []).append(after)
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
-        reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, all_roles, grasps))
+        reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, whole))
         unordered = reasonable & ~(order.later(first) | order.earlier(first) | order.bit(first))
         for second in sorted(order.members(unordered), key=rank.__getitem__):
             why = reason(first, second)
@@ -353,20 +366,16 @@ def _by_number(recipe: Recipe) -> list[str]:
     return steps if stated <= set(pairwise(steps)) and not recipe.overlaps else []
 
 
-def _may(first: frozenset[str], second: frozenset[str], all_roles: list[str], grasps: bool) -> bool:
+def _may(first: frozenset[str], second: frozenset[str], whole: _Whole) -> bool:
     """True if steps with these roles should be ordered, at least if they involve the same object."""
     nothing, same = frozenset[str](), frozenset({""})
     return any(
-        _why(_Facts(first, about, about), _Facts(second, about, about), all_roles, grasps=grasps) is not None
-        for about in (nothing, same)
+        _why(_Facts(first, about, about), _Facts(second, about, about), whole) is not None for about in (nothing, same)
     )
 
 
-def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -> str | None:
-    """Reason why the first step should come before the second; None if there is none.
-
-    ``all_roles`` are the roles of all steps. ``grasps`` is true if a gripper is opened to grasp, not to let go.
-    """
+def _why(first: _Facts, second: _Facts, whole: _Whole) -> str | None:
+    """Reason why the first step should come before the second; None if there is none."""
     is_related = not first.about.isdisjoint(second.about)
     a, b = first.roles, second.roles
     if "acquires" in a:
@@ -388,16 +397,16 @@ def _why(first: _Facts, second: _Facts, all_roles: list[str], *, grasps: bool) -
     if "moves the base" in a and "moves the base" not in b and not first.where.isdisjoint(second.where or second.about):
         return "the base drives there before the hand reaches there"
     if "reaches" in a:
-        if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(all_roles):
+        if b & {"acquires", "moves a handle"} and not {"delivers", "lets go"} & set(whole.roles):
             return "the hand reaches for a thing before it grasps it"
-        if "lets go" in b and "acquires" in all_roles:
+        if "lets go" in b and "acquires" in whole.roles:
             return "the hand reaches the target before it releases the object"
     if "moves a handle" in a and "releases" in b:
         return "a handle is moved before it is released"
-    if all_roles.count("opens a gripper") == all_roles.count("closes a gripper") == 1:
-        if grasps and "opens a gripper" in a and "closes a gripper" in b:
+    if whole.roles.count("opens a gripper") == whole.roles.count("closes a gripper") == 1:
+        if whole.grasps and "opens a gripper" in a and "closes a gripper" in b:
             return "a gripper is opened before it is closed on something"
-        if not grasps and "closes a gripper" in a and "opens a gripper" in b:
+        if not whole.grasps and "closes a gripper" in a and "opens a gripper" in b:
             return "a gripper is closed on something before it releases it"
     return None
 
@@ -407,7 +416,7 @@ _ABOUT = ("objectActedOn", "toLocation", "recipient")
 
 def _facts(actions: Actions, step: Step) -> _Facts:
     above = {*actions.ontology.ancestors(step.action_class)}
-    roles = {role for role, names in ROLES.items() if not above.isdisjoint(map(expand, names))}
+    roles = {role for role, classes in _CLASSES.items() if not above.isdisjoint(classes)}
     if actions.is_base_motion(step):
         roles.add("moves the base")
     about = {name: frozenset(one for filler in step.fillers(name) for one in iris_in(filler)) for name in _ABOUT}

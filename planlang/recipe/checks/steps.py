@@ -13,7 +13,8 @@ from difflib import get_close_matches
 from planlang.closure import reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
-from planlang.ontology import BNode, Ontology, Restriction, expand, once_per_ontology, shorten
+from planlang.kept import kept
+from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
@@ -255,7 +256,7 @@ def _dependency(ontology: Ontology, cls: str, restriction: Restriction) -> Itera
         yield error("R046", message, restriction.span, "depend on each of them, or on one")
 
 
-@once_per_ontology
+@kept
 def _alternatives(ontology: Ontology, word: str, ending: str) -> Known:
     """Classes to suggest: capabilities or components with the same uninformative ending, if any."""
     upper = _UPPER.get(word)

@@ -15,7 +15,8 @@ from itertools import product
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
-from planlang.ontology import BNode, Literal, Ontology, expand, once_per_ontology, shorten
+from planlang.kept import kept
+from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.terms import OWL
 from planlang.recipe import graphs as nx
 from planlang.recipe.fillers import fillings
@@ -138,7 +139,7 @@ def _products(ontology: Ontology, cls: str) -> frozenset[str]:
     return frozenset().union(*(table.get(above, ()) for above in ontology.ancestors(cls)))
 
 
-@once_per_ontology
+@kept
 def _products_by_class(ontology: Ontology) -> dict[str, set[str]]:
     table: dict[str, set[str]] = {}
     for one in ontology.individuals(expand("Primitive")):
@@ -148,7 +149,7 @@ def _products_by_class(ontology: Ontology) -> dict[str, set[str]]:
     return table
 
 
-@once_per_ontology
+@kept
 def _states_outputs(ontology: Ontology) -> bool:
     """True if any document states outputs."""
     store = ontology.store

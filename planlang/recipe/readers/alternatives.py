@@ -12,7 +12,8 @@ from dataclasses import replace
 
 from planlang.designators import local_name, local_part
 from planlang.diagnostics import Span
-from planlang.ontology import BNode, Ontology, Term, once_per_ontology, shorten
+from planlang.kept import kept
+from planlang.ontology import BNode, Ontology, Term, shorten
 from planlang.ontology.terms import OWL, RDFS
 from planlang.recipe.fillers import action_class, fillings
 from planlang.recipe.model import Ordering
@@ -131,7 +132,7 @@ def is_union(ontology: Ontology, expression: BNode) -> bool:
     return bool(members) and all(any(isinstance(one, str) for one in ontology.members(each)) for each in members)
 
 
-@once_per_ontology
+@kept
 def _unions(ontology: Ontology) -> Mapping[str, BNode | str]:
     """Map each class outside the bundled vocabulary without sub-actions of its own to the union that defines it."""
     store, union_of = ontology.store, dict[str, BNode | str]()

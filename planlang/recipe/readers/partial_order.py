@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from planlang.ontology import BNode, Ontology, Restriction, once_per_ontology
+from planlang.kept import kept
+from planlang.ontology import BNode, Ontology, Restriction
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.recipe.model import EQUIVALENT, FLAT, INTERSECTION, SUB_EVENTS, Dialect, Ordering
 from planlang.recipe.readers.alternatives import mention, read_union
@@ -151,7 +152,7 @@ def foreign_words(ontology: Ontology, restrictions: tuple[Restriction, ...]) -> 
     return tuple(foreign.values())
 
 
-@once_per_ontology
+@kept
 def _undefined_classes(ontology: Ontology) -> frozenset[str]:
     """Undefined classes (IRIs) whose local name is that of a constraint class of the vocabulary."""
     store = ontology.store

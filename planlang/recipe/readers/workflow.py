@@ -16,7 +16,8 @@ from itertools import product
 
 from planlang.closure import reached
 from planlang.designators import local_name
-from planlang.ontology import BNode, Ontology, Restriction, expand, once_per_ontology, shorten
+from planlang.kept import kept
+from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
 from planlang.recipe.fillers import action_class
 from planlang.recipe.model import WORKFLOW, Allen, Flow, Ordering, Overlap
 from planlang.recipe.statements import Filling, Statements, SubAction, facts, is_word, named_iris
@@ -238,7 +239,7 @@ class _Nesting:
         return [name] if name in known else [one for one in known[1:] if one in above]
 
 
-@once_per_ontology
+@kept
 def _nesting(ontology: Ontology) -> _Nesting:
     return _Nesting(ontology)
 

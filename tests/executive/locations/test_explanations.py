@@ -218,7 +218,7 @@ def test_what_the_plan_around_acts_on_is_not_supposed_away(make_stage: MakeStage
 
 def test_a_sentence_about_changes_in_vain_states_what_was_searched(make_stage: MakeStage) -> None:
     bed = an_object(str(BED.type), PLACE + BED.name)
-    location = TO_GRASP & a_location(near=bed, within=0.5)
+    location = TO_GRASP & a_location(in_reach_of=a_location(above=bed))
     with pytest.raises(LocationUnresolvable) as caught:
         next(make_stage(CABINET, BOTTLE, BED).resolver.bases(location))
     assert re.search(r"a short search found nothing with bottle at x = -?\d\.\d+, y = -?\d\.\d+", caught.value.figures)

@@ -251,6 +251,7 @@ def only(phrase: str) -> Diagnostic:
         ("3 m to 1 m left of the bed", "P004", 1, None),
         ("in reach of the bed with the left arm and near patient1 with the right arm", "P005", 57, None),
         ("at most 3 m visible from the bed", "P006", 13, "relations with a distance: above, in front of"),
+        ("at most 3 m between the bed and the patient", "P006", 13, "relations with a distance: above, in front of"),
         ("between the bed and the patiant", "P002", 25, "did you mean 'patient'?"),
         ("betwen the bed and the patient", "P001", 1, "did you mean 'between'"),
         ("between the bed", "P003", 16, "for example: between the bed and the table"),
