@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from executive.locations.hand_solutions import base_matrices
-from executive.locations.taking_out import way_out
+from executive.locations.headroom import way_out
 from executive.maps import MapObject
 from executive.modules.furniture.leaf_grips import grips_of
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
