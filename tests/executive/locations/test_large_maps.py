@@ -45,7 +45,7 @@ def test_a_hand_reaches_among_many_bodies_what_it_reaches_among_few(
     else:
         assert [one.plan.label for one in few] == [one.plan.label for one in many_ if isinstance(one, HandSolution)]
         joints = [np.concatenate([one.joints for one in some if isinstance(one, HandSolution)]) for some in told]
-        assert np.array_equal(*joints)
+        assert np.array_equal(joints[0], joints[1])
 
 
 def test_where_a_thing_can_be_handed_over_does_not_depend_on_how_many_bodies_there_are(
