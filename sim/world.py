@@ -398,11 +398,16 @@ class PyBulletWorld(KinematicScene):
         return state
 
     def begin(self, state: WorldState) -> None:
-        """Bring the world to a state as it may be before the first step: the robot with what it holds, and all things.
+        """Bring a world in which nothing is held to a state: the robot with what it holds, and all things.
 
-        Nothing moves in it yet; a body in the air falls once a hand releases it.
+        Nothing moves yet; a body in the air falls once a hand releases it.
         """
-        become(self, ROBOT, state)
+        become(self, ROBOT, replace(state, held={}))
+        for name, grip in state.held.items():
+            self.set_pose(name, self.link_pose(grip.link) @ grip.offset)
+            for hand in grip.hands:
+                self.attach(hand.link, name)
+        self.recall_touched(state.touched)
 
     def _become(self, state: WorldState) -> PyBulletWorld:
         """Bring things to a state to which changes, flow or heat have led from the present one."""

@@ -165,15 +165,12 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
 
 def _parameter(symbols: Symbols, thing: Thing) -> str:
     """Parameter with its default; for a slot without a default, and annotated with its name in the recipe."""
-    name, type = symbols.thing(thing), _type(symbols, thing)
+    kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
+    name = symbols.thing(thing)
+    type = " | ".join(symbols.use(TYPES[kind]) if kind in TYPES else "float" for kind in kinds)
     if thing.slot is None:
         return f"{name}: {type} = {symbols.constant(thing)}"
     return f"{name}: {symbols.use('Annotated', 'typing')}[{type}, {quoted(thing.name)}]"
-
-
-def _type(symbols: Symbols, thing: Thing) -> str:
-    kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
-    return " | ".join(symbols.use(TYPES[kind]) if kind in TYPES else "float" for kind in kinds)
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from executive.modules.arm_choices import ArmChoices
-from executive.modules.gripper.grasping import Grasping
+from executive.modules.gripper import Grasping
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import world_at_start
