@@ -122,7 +122,7 @@ def options(tmp_path: Path) -> RunOptions:
     frames = (robots / "amigo.omn").read_text(encoding="utf-8").split("\n\n")
     robot.write_text("\n\n".join(f for f in frames if not re.match(r"Individual: \w+_gripper\b", f)), encoding="utf-8")
     room = ONTOLOGIES / "environments" / "hospital_room.omn"
-    return RunOptions(plan=PLAN, robot=robot, urdf=urdf, environment=room, trace=tmp_path / "run.jsonl")
+    return RunOptions(recipe=PLAN, robot=robot, urdf=urdf, environment=room, trace=tmp_path / "run.jsonl")
 
 
 def told(result: RunResult) -> list[tuple[str, str, int]]:

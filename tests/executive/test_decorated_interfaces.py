@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from executive.runs.options import RunOptions
 from planlang.geometry import Pose
 from planlang.protocols import Detection, RobotInterface
 from tests.support.extras import skip_without_pr2
-from tests.support.scenarios import at_home, judged_run, options_of, parsed, scenarios
+from tests.support.scenarios import at_home, judged_run, parsed, scenarios
 
 NOISE = 0.001
 """Standard deviation of the places that the camera tells [m]."""
@@ -41,7 +42,7 @@ def test_what_is_stirred_is_mixed_in_truth_though_the_camera_is_decorated() -> N
         made.append(NoisyCamera(robot))
         return made[-1]
 
-    options = options_of(parsed([*map(at_home, scenario.arguments), "--json"]))
+    options = RunOptions.of(parsed([*map(at_home, scenario.arguments), "--json"]))
     ended = judged_run(scenario, replace(options, interface=decorated))
     assert (ended.result.message, ended.unmet) == ("done", ())
     own = {name for one in (NoisyCamera, made[0]) for name in vars(one) if not name.startswith("_")}

@@ -103,7 +103,7 @@ class PairPaths:
         ``world``: of a state that is supposed; by default as is believed.
         """
         joints = dict(zip(self.pair.names, q.tolist(), strict=True)) | dict(fingers)
-        grippers = [self.control.robot.arm(arm.name).gripper for arm in self.pair.arms]
+        grippers = [arm.gripper for arm in self.pair.arms]
         links = [link for one in grippers if one is not None for link in sorted(one.finger_links)]
         ignore = [(link, name) for link in links] if name is not None else []
         world, moving = world or self.control.scene.world, (*self.pair.names, *(joint for joint, _ in fingers))

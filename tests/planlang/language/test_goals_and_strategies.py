@@ -12,7 +12,6 @@ from planlang import (
     Action,
     Fluent,
     Recovery,
-    Return,
     Trace,
     a_location,
     a_posture,
@@ -422,13 +421,6 @@ def test_whenever_ends_where_its_body_has_evaporated_it() -> None:
     with pytest.raises(BranchEvaporated):
         go(partial(tag, "watching", partial(whenever, Fluent(True), body)))
     assert bodies == [1]
-
-
-def test_whenever_leaves_with_what_its_body_returns() -> None:
-    async def body() -> Return[str]:
-        return Return("left")
-
-    assert go(partial(whenever, Fluent(True), body)) == "left"
 
 
 async def shout(failure: object) -> object: ...
