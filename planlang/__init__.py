@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 # The library's functions stay out of __all__: `from planlang import *` in a plan would hide Python's own compile.
 if TYPE_CHECKING:
-    from executive.library.recipes import check as check
-    from executive.library.recipes import compile as compile
-    from executive.library.worlds import locate as locate
-    from executive.library.worlds import simulate as simulate
-    from executive.library.worlds import sweep as sweep
+    from executive.keywords import check as check
+    from executive.keywords import compile as compile
+    from executive.keywords import locate as locate
+    from executive.keywords import simulate as simulate
+    from executive.keywords import sweep as sweep
     from planlang.authoring import *  # noqa: F403  its __all__ is checked
     from planlang.authoring import BadInput as BadInput
 
@@ -24,10 +24,8 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
             from importlib.metadata import version  # slow to import, and hardly ever asked for
 
             return version("planlang")
-        if name in ("check", "compile"):
-            import executive.library.recipes as home  # here and below: nothing is loaded before it is asked for
-        elif name in ("locate", "simulate", "sweep"):
-            import executive.library.worlds as home
+        if name in ("check", "compile", "locate", "simulate", "sweep"):
+            import executive.keywords as home  # here and below: nothing is loaded before it is asked for
         else:
             import planlang.authoring as home  # not `from planlang`: that would ask here for authoring
         try:

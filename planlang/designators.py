@@ -7,11 +7,8 @@ Properties are written in snake case (``object_acted_on`` is ``objectActedOn``).
 from __future__ import annotations
 
 import math
-import re
-import unicodedata
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import field, replace
-from itertools import chain, count
 from numbers import Real
 from typing import Any, cast
 from warnings import warn
@@ -21,6 +18,9 @@ from planlang.iris import label_iris as label_iris
 from planlang.iris import local_name as local_name
 from planlang.iris import local_part as local_part
 from planlang.iris import names_of as names_of
+from planlang.iris import snake_case as snake_case
+from planlang.iris import told_apart as told_apart
+from planlang.iris import unused_name as unused_name
 from planlang.lengths import metres
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.records import dataclass
@@ -503,35 +503,3 @@ def located(where: Location, what: Object | None = None) -> Condition:
     if what is not None:
         _LOCATED.instance("what", what, Object, "an object")
     return Condition("located", (where,) if what is None else (where, what))
-
-
-def snake_case(name: str) -> str:
-    """Convert ``MoveBaseToGraspPose`` to ``move_base_to_grasp_pose``, a valid Python identifier.
-
-    Digits stay with the word before them (``bottle1``). Other characters become ``_``, as does the place before a
-    leading digit.
-    """
-    text = unicodedata.normalize("NFKC", name)
-    parts: list[str] = []
-    for index, character in enumerate(text):
-        if not f"a{character}".isidentifier():
-            parts.append("_")
-            continue
-        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
-        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
-            parts.append("_")
-        parts.append(character.lower())
-    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
-    return result if result.isidentifier() else f"_{result}"
-
-
-def unused_name(wanted: str, taken: Container[str]) -> str:
-    """Return the first of ``wanted``, ``wanted_2``, ``wanted_3``, ... that is not taken."""
-    every = chain([wanted], (f"{wanted}_{number}" for number in count(2)))
-    return next(name for name in every if name not in taken)
-
-
-def told_apart(first: str, second: str) -> tuple[str, str]:
-    """Return distinct names of two things (IRIs): their local names or, if these are equal, the whole IRIs."""
-    short = local_name(first), local_name(second)
-    return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")

@@ -92,9 +92,10 @@ class Diagnostic:
         return visible(f"{text}\n    help: {self.help}" if self.help else text)
 
     def said(self, face: Face) -> Diagnostic:
-        """Say message and help in the words of a face; ``str()`` has those of Python."""
+        """Say it in the words of a face, also where its file is an option; ``str()`` has the words of Python."""
         help = None if self.help is None else said(self.help, face)
-        return replace(self, message=said(self.message, face), help=help)
+        span = None if self.span is None else self.span._replace(file=said(self.span.file, face))
+        return replace(self, message=said(self.message, face), help=help, span=span)
 
     def as_json(self) -> dict[str, object]:
         """Convert to a JSON object; span and help may be null, the suggestion may be missing."""

@@ -1,8 +1,11 @@
-"""Names of IRIs: their last part, and readable names where that is a number or random letters."""
+"""Names of IRIs: their last part, readable names where that is a number or random letters, and names in Python."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import unicodedata
+from collections.abc import Container, Mapping
+from itertools import chain, count
 
 _READABLE: dict[str, str] = {}
 """IRI, or its local part -> readable name."""
@@ -48,3 +51,35 @@ def label_iris(names: Mapping[str, str]) -> None:
         _READABLE[iri] = name
         _NAMED[name] = iri
         _READABLE.setdefault(part, name)
+
+
+def snake_case(name: str) -> str:
+    """Convert ``MoveBaseToGraspPose`` to ``move_base_to_grasp_pose``, a valid Python identifier.
+
+    Digits stay with the word before them (``bottle1``). Other characters become ``_``, as does the place before a
+    leading digit.
+    """
+    text = unicodedata.normalize("NFKC", name)
+    parts: list[str] = []
+    for index, character in enumerate(text):
+        if not f"a{character}".isidentifier():
+            parts.append("_")
+            continue
+        before, after = text[index - 1 : index] if index else "", text[index + 1 : index + 2]
+        if character.isupper() and (before.islower() or before.isdigit() or (before.isupper() and after.islower())):
+            parts.append("_")
+        parts.append(character.lower())
+    result = re.sub("_+", "_", unicodedata.normalize("NFKC", "".join(parts))).strip("_")
+    return result if result.isidentifier() else f"_{result}"
+
+
+def unused_name(wanted: str, taken: Container[str]) -> str:
+    """Return the first of ``wanted``, ``wanted_2``, ``wanted_3``, ... that is not taken."""
+    every = chain([wanted], (f"{wanted}_{number}" for number in count(2)))
+    return next(name for name in every if name not in taken)
+
+
+def told_apart(first: str, second: str) -> tuple[str, str]:
+    """Return distinct names of two things (IRIs): their local names or, if these are equal, the whole IRIs."""
+    short = local_name(first), local_name(second)
+    return short if short[0] != short[1] else (f"<{first}>", f"<{second}>")

@@ -45,14 +45,15 @@ ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
 MOST_FLOOR = 10_000.0
 """Largest area of a map for which base reachability is computed [m^2]."""
 
-
 CLOSING_STEPS = 24
 """Steps in which to check closing fingers: with Amigo's gripper, which opens 10 cm, about 2 mm each per finger."""
 
-
+MANY = 5000
+"""Pieces of bodies from which on a check leaves out distant ones; fewer are checked at once, for all questions."""
+BEYOND = 1.0
+"""Distance by which fingers that open, and the hand on its way, may be farther than the arm at a point [m]."""
 OPPOSED = -0.5
 """Cosine of the angle between two touch normals below which they count as opposed."""
-
 MOST_REMOVED = 8
 """Bodies near the straight line to remove hypothetically, one at a time."""
 
@@ -435,6 +436,15 @@ class SceneCollisions(ScenePart):
         """
         key, ignored = ("arm", arm.name, touches, fingers), (self.touching_links(arm), _names(touches))
         return self._check(key, near, lambda: self._bodies_of(arm, fingers), ignored)
+
+    def near(self, arm: ArmModel, points: Array) -> tuple[Array, float] | None:
+        """Bound what an arm may touch with its base or its tip at points (n, 3); None if few bodies are in the map."""
+        if len(self.solids().bodies) < MANY:
+            return None
+        low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0))  # so that questions share a check
+        bodies = self._bodies_of(arm, ())
+        beyond = float(np.linalg.norm(bodies.centre)) + bodies.reach + BEYOND
+        return (low + high) / 2, float(np.linalg.norm(high - low)) / 2 + beyond
 
     def stance_check(self, near: tuple[Array, float] | None = None) -> QuickCheck:
         """Build a check that rules out base poses at which an arm in its current posture would be in collision."""

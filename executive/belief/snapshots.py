@@ -43,7 +43,7 @@ def dump_belief(state: WorldState, memory: Memory) -> dict[str, Any]:
         "felt": [name for name in state.poses if name in NAMES and name not in reserve],
         "leaves": {leaf: value for leaf, value in state.joints.items() if value},
         "led": dict(state.led),
-        **({"failing": dict(memory.failing)} if memory.failing else {}),
+        "failing": dict(memory.failing),
         "witnessed": sorted(memory.witnessed),
         "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
         "moves": memory.moves,
@@ -79,7 +79,7 @@ def load_belief(
         bound={load(what): name for what, name in left["bound"]},
         met=None if left["met"] is None else str(left["met"]),
         dropped={str(arm): str(name) for arm, name in left["dropped"].items()},
-        failing={str(arm): int(times) for arm, times in left.get("failing", {}).items()},
+        failing={str(arm): int(times) for arm, times in left["failing"].items()},
         refused={str(name): tuple(map(_pose, offsets)) for name, offsets in left["refused"].items()},
     )
     for name, iri, types, size, pose in left["made"]:

@@ -14,12 +14,11 @@ import typer
 from executive.cli import arguments as local
 from executive.cli import authoring_arguments as authoring
 from executive.cli import server_arguments as server
+from executive.cli.answers import Answer, ExitCode
+from executive.cli.base_arguments import Arguments
+from executive.cli.command_lines import Commands, command_of, parsed, with_parameters
 from executive.cli.console import answer, give, say, usage
 from executive.cli.usage import explain, guessed_value
-from executive.commands import arguments as shared
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.base_arguments import Arguments
-from executive.commands.command_lines import Commands, command_of, with_parameters
 from executive.commands.resources import check_memory
 
 _RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
@@ -33,7 +32,8 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
         def work() -> Answer:
             if name in _RUNNING:
                 check_memory()
-            reply: Answer = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}").command(given)
+            module = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}")
+            reply: Answer = module.command(parsed(given))
             return reply
 
         with usage():
@@ -45,15 +45,15 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
 
 _COMMANDS: tuple[tuple[str, type[Arguments], str], ...] = (
     ("new", authoring.NewArguments, "project my_task"),
-    ("compile", shared.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
-    ("check", shared.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
+    ("compile", local.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
+    ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
     ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
     ("list", local.ListArguments, "classes bottle"),
     ("show", local.ShowArguments, "hospital_room -o room.png --view top"),
     ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
-    ("run", shared.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
-    ("sweep", shared.SweepArguments, "serve_a_drink --worlds 100 --output drinks.jsonl"),
+    ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --output drinks.jsonl"),
     ("sweep-merge", local.SweepMergeArguments, "shard1.jsonl shard2.jsonl --output drinks.jsonl"),
     ("sweep-table", local.SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
     ("enable", local.EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
@@ -62,7 +62,7 @@ _COMMANDS: tuple[tuple[str, type[Arguments], str], ...] = (
     ("export", local.ExportArguments, "run.jsonl --to neem -o experience"),
     (
         "locate",
-        shared.LocateArguments,
+        local.LocateArguments,
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
     ("serve", server.ServeArguments, "--store kb.sqlite --port 8080"),

@@ -1,4 +1,4 @@
-"""Arguments of further commands, as in :mod:`executive.commands.arguments`."""
+"""Arguments of commands: fields are parameters, the docstring is the help; those of the API's have its options."""
 
 from __future__ import annotations
 
@@ -6,27 +6,32 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from executive.commands.arguments import (
+from executive.cli.base_arguments import Arguments, Detail, OntologyArguments, TaskArguments
+from executive.options.declaring import argument, option
+from executive.options.recipes import CheckOptions, CompileOptions
+from executive.options.running import (
     Accept,
     Csv,
     Environment,
     Force,
+    IgnoreUnread,
+    LocateOptions,
+    Modules,
     Recipe,
     Robot,
+    RunSettings,
     Set,
-    SituationArguments,
+    SituationSettings,
     Start,
+    SweepOptions,
     Trust,
     Units,
+    Urdf,
 )
-from executive.commands.base_arguments import Arguments, Detail, OntologyArguments, TaskArguments
-from executive.runs.settings import IgnoreUnread, Modules, Urdf
 from planlang.records import dataclass
 
 Output = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the text to this file instead of stdout.")
+    Path | None, option("-o", "--output", metavar="FILE", help="Write the text to this file instead of stdout.")
 ]
 
 
@@ -54,6 +59,54 @@ class Listed(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class CompileArguments(CompileOptions, Arguments):
+    """Compile a recipe to a plan in Python.
+
+    With --output, an unedited copy is also written beside the plan, PLAN.base, for --merge to find your edits.
+    Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckArguments(CheckOptions, Arguments):
+    """Check a recipe, a plan or a map; nothing is run.
+
+    Recipe: lists all problems; only the first of several with the same advice. Folder: prints a table of its recipes.
+    Map: counts its contents; with --verbose lists them.
+    Plan: shows whether its recipe or the compiler has changed since it was compiled, and what was edited by hand.
+    """
+
+    @property
+    def summed(self) -> Detail:
+        """Print every advice: a check is run for it."""
+        return Detail.ADVICE
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunArguments(RunSettings, Arguments):
+    """Run a plan or a recipe in a simulated world.
+
+    planlang run --resume TRACE resumes an interrupted run; name plan, robot and environment unless they are bundled.
+    """
+
+    verbose: Annotated[bool, option(help="List all notes and warnings, and actions inside process modules.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocateArguments(LocateOptions, Arguments):
+    """Find poses that match a phrase, for the robot's base or for a thing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepArguments(SweepOptions, Arguments):
+    """Run a plan or a recipe in many worlds, and count the outcomes.
+
+    The worlds are those of planlang run --seed 1, 2, ...: the same robot and map, with things displaced.
+    Exit code 1: in some worlds the plan failed or the run crashed.
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
 class ListArguments(Arguments):
     """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
 
@@ -62,10 +115,10 @@ class ListArguments(Arguments):
     Exit code 1: no word of a name, label or description begins with WORD.
     """
 
-    kind: Annotated[Listed, typer.Argument(help="What to list.", show_default=False)]
+    kind: Annotated[Listed, argument(help="What to list.", shows_default=False)]
     word: Annotated[
         str | None,
-        typer.Argument(metavar="WORD", help="List only entries whose name or description has a word that begins so."),
+        argument(metavar="WORD", help="List only entries whose name or description has a word that begins so."),
     ] = None
 
 
@@ -77,14 +130,14 @@ class ShowArguments(TaskArguments):
     With --output also draws it (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid; traces: an HTML page).
     """
 
-    file: Annotated[str, typer.Argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
+    file: Annotated[str, argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Draw to this file; the suffix selects the format."),
+        option("-o", "--output", metavar="FILE", help="Draw to this file; the suffix selects the format."),
     ] = None
     view: Annotated[
         str | None,
-        typer.Option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+        option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
     ] = None
     ignore_unread: IgnoreUnread = False
     force: Force = False
@@ -94,8 +147,8 @@ class ShowArguments(TaskArguments):
 class ConvertArguments(Arguments):
     """Convert an ontology, such as a recipe, to another syntax, and list what is lost."""
 
-    file: Annotated[str, typer.Argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
-    to: Annotated[Syntax, typer.Option("--syntax", "--to", help="The target syntax.", show_default=False)]
+    file: Annotated[str, argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
+    to: Annotated[Syntax, option("--syntax", "--to", help="The target syntax.", shows_default=False)]
     output: Output = None
     units: Units = None
     ignore_unread: IgnoreUnread = False
@@ -116,19 +169,19 @@ class ExportArguments(Arguments):
     their resolutions.
     """
 
-    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
-    to: Annotated[Form, typer.Option("--format", "--to", help="The target format.", show_default=False)]
+    trace: Annotated[Path, argument(metavar="TRACE", help="The trace of a run.")]
+    to: Annotated[Form, option("--format", "--to", help="The target format.", shows_default=False)]
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl to this folder."),
+        option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl to this folder."),
     ]
     began: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="Start time of the run, in ISO 8601; default: 1970-01-01T00:00:00Z."),
+        option(metavar="TIME", help="Start time of the run, in ISO 8601; default: 1970-01-01T00:00:00Z."),
     ] = None
     poses: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also use the pose log that planlang run --poses wrote of this run."),
+        option(metavar="FILE", help="Also use the pose log that planlang run --poses wrote of this run."),
     ] = None
     force: Force = False
 
@@ -141,11 +194,11 @@ class MergeArguments(OntologyArguments):
     """
 
     maps: Annotated[
-        list[str], typer.Argument(metavar="MAP...", help="Map files (OWL or URDF), or names of bundled environments.")
+        list[str], argument(metavar="MAP...", help="Map files (OWL or URDF), or names of bundled environments.")
     ]
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
+        option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
     ] = None
     ignore_unread: IgnoreUnread = False
     force: Force = False
@@ -167,21 +220,21 @@ class MatchArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReportArguments(SituationArguments):
+class ReportArguments(SituationSettings, Arguments):
     """Write an HTML page of a recorded run: plan, world and causes on one time line.
 
     The run is repeated to find where things were; name plan, robot and environment unless they are bundled. If it
     cannot be repeated, the page has no world and explains why.
     """
 
-    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    trace: Annotated[Path, argument(metavar="TRACE", help="The trace of a run.")]
     file: Annotated[
         str | None,
-        typer.Argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
+        argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
     ] = None
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FILE", help="Write the page to this file; default: TRACE.html."),
+        option("-o", "--output", metavar="FILE", help="Write the page to this file; default: TRACE.html."),
     ] = None
 
 
@@ -195,11 +248,11 @@ class EnableArguments(OntologyArguments):
 
     recipe: Annotated[
         str,
-        typer.Argument(metavar="TASK|RECIPE", help="An action class, the label or name of a recipe, or a recipe file."),
+        argument(metavar="TASK|RECIPE", help="An action class, the label or name of a recipe, or a recipe file."),
     ]
     source: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--from",
             metavar="URL|STORE",
             envvar="PLANLANG_SERVER",
@@ -209,37 +262,37 @@ class EnableArguments(OntologyArguments):
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
-    room: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this room: number or name.")] = None
-    floor: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this floor.")] = None
-    building: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this building.")] = None
-    street: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Only maps of this street, with or without number.")
-    ] = None
-    city: Annotated[str | None, typer.Option(metavar="TEXT", help="Only maps of this city.")] = None
+    room: Annotated[str | None, option(metavar="TEXT", help="Only maps of this room: number or name.")] = None
+    floor: Annotated[str | None, option(metavar="TEXT", help="Only maps of this floor.")] = None
+    building: Annotated[str | None, option(metavar="TEXT", help="Only maps of this building.")] = None
+    street: Annotated[str | None, option(metavar="TEXT", help="Only maps of this street, with or without number.")] = (
+        None
+    )
+    city: Annotated[str | None, option(metavar="TEXT", help="Only maps of this city.")] = None
     store: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "--folder",
             "--store",
             metavar="FOLDER",
             help="Folder for downloads; default: ROBOT_knowledge in the current folder.",
         ),
     ] = None
-    task: Annotated[str | None, typer.Option(metavar="CLASS", help="The task, if RECIPE states several.")] = None
+    task: Annotated[str | None, option(metavar="CLASS", help="The task, if RECIPE states several.")] = None
     modules: Modules = None
     trust: Trust = False
     limit: Annotated[
-        int, typer.Option(min=1, metavar="N", help="Read at most N recipes and maps to find a combination.")
+        int, option(least=1, metavar="N", help="Read at most N recipes and maps to find a combination.")
     ] = 300
-    dry: Annotated[bool, typer.Option("--dry", help="Explain what would be downloaded, and stop.")] = False
-    run: Annotated[bool, typer.Option("--run", help="Then run the task.")] = False
+    dry: Annotated[bool, option(help="Explain what would be downloaded, and stop.")] = False
+    run: Annotated[bool, option(help="Then run the task.")] = False
     ignore_unread: IgnoreUnread = False
-    set_: Set = None
+    set: Set = None
     start: Start = None
     seed: Annotated[
-        int, typer.Option(min=0, metavar="N", help="With --run: seed for displacing things; 0: displace nothing.")
+        int, option(least=0, metavar="N", help="With --run: seed for displacing things; 0: displace nothing.")
     ] = 0
-    trace: Annotated[Path | None, typer.Option(metavar="FILE", help="With --run: write the trace.")] = None
+    trace: Annotated[Path | None, option(metavar="FILE", help="With --run: write the trace.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,10 +302,10 @@ class ReplayArguments(TaskArguments):
     Results of process modules, base poses, sensor readings and beliefs are taken from the trace.
     """
 
-    trace: Annotated[Path, typer.Argument(metavar="TRACE", help="The trace of a run.")]
+    trace: Annotated[Path, argument(metavar="TRACE", help="The trace of a run.")]
     file: Annotated[
         str | None,
-        typer.Argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
+        argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
     ] = None
     accept: Accept = None
     modules: Modules = None
@@ -266,14 +319,14 @@ class InspectArguments(Arguments):
     Exit code 3 if the robot has no arm.
     """
 
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
+    robot: Annotated[str, argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
     urdf: Urdf = None
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the robot, its hands and its reach, as PNG or SVG.")
+        Path | None, option(metavar="FILE", help="Draw the robot, its hands and its reach, as PNG or SVG.")
     ] = None
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),
+        option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),
     ] = None
     force: Force = False
 
@@ -285,10 +338,10 @@ class MakeArguments(Arguments):
     A comment gives the reason for each derived value; missing values are comments, too.
     """
 
-    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="The robot's URDF.")]
+    urdf: Annotated[Path, argument(metavar="URDF", help="The robot's URDF.")]
     srdf: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="The robot's SRDF; default: the file of the same name beside the URDF."),
+        option(metavar="FILE", help="The robot's SRDF; default: the file of the same name beside the URDF."),
     ] = None
     output: Output = None
     force: Force = False
@@ -303,10 +356,10 @@ class MakeArguments(Arguments):
 class SweepMergeArguments(Arguments):
     """Merge the shards of a sweep into one file."""
 
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
+    files: Annotated[list[Path], argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
     output: Annotated[
         Path,
-        typer.Option("-o", "--output", "--out", metavar="FILE", help="Write the merged sweep to this file."),
+        option("-o", "--output", "--out", metavar="FILE", help="Write the merged sweep to this file."),
     ]
     csv: Csv = None
     force: Force = False
@@ -316,6 +369,6 @@ class SweepMergeArguments(Arguments):
 class SweepTableArguments(Arguments):
     """Print the table of a recorded sweep."""
 
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file written by planlang sweep --output.")]
+    file: Annotated[Path, argument(metavar="FILE", help="A file written by planlang sweep --output.")]
     csv: Csv = None
     force: Force = False

@@ -6,10 +6,9 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from executive.commands.arguments import Force
-from executive.commands.base_arguments import Arguments
+from executive.cli.base_arguments import Arguments
+from executive.options.declaring import argument, option
+from executive.options.running import Force
 from planlang.records import dataclass
 
 
@@ -31,7 +30,7 @@ class NewArguments(Arguments):
     All of them run as they are. planlang robot make writes a robot file for your URDF.
     """
 
-    kind: Annotated[Template, typer.Argument(help="What to write.")]
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name: lower-case letters, digits and _.")]
-    folder: Annotated[Path, typer.Option(metavar="DIR", help="Write to this folder.")] = Path()
+    kind: Annotated[Template, argument(help="What to write.")]
+    name: Annotated[str, argument(metavar="NAME", help="Its name: lower-case letters, digits and _.")]
+    folder: Annotated[Path, option(metavar="DIR", help="Write to this folder.")] = Path()
     force: Force = False

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from executive.cli.answers import Answer
 from executive.cli.server_arguments import BackupArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import refuse
+from executive.runs.files import refuse
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.backup import back_up, in_use
 from planlang.knowledge.entries import SCHEME

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
+from executive import api
+from executive.cli.answers import Answer, answer_of
+from executive.cli.arguments import CheckArguments
 from executive.cli.console import progress_of, waiting
-from executive.commands.answers import Answer
-from executive.commands.arguments import CheckArguments
-from executive.commands.check import check
 
 
 def command(arguments: CheckArguments) -> Answer:
     """Check a file or a folder of recipes, or fix a recipe. Raises BadInput."""
-    return check(arguments, report=progress_of(arguments), waiting=partial(waiting, arguments))
+    options = replace(arguments, lists_contents=arguments.verbose)
+    return answer_of(api.check(options, report=progress_of(arguments), waiting=partial(waiting, arguments)))

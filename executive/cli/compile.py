@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.arguments import CompileArguments
-from executive.commands.compile import compiled
+from executive import api
+from executive.cli.answers import Answer, ExitCode
+from executive.cli.arguments import CompileArguments
+from executive.commands.compile import CONFLICT
 from planlang.plan_versions import backup_path
 
 
 def command(arguments: CompileArguments) -> Answer:
     """Compile a recipe; raises BadInput."""
     output, graph = arguments.output, arguments.graph
-    plan, has_conflicts = compiled(arguments)
+    plan = api.compile(arguments)
+    has_conflicts = any(one.code == CONFLICT for one in plan.diagnostics)
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
     data |= {"graph": str(graph)} if graph is not None else {}
     data |= {"plan": str(output)} if output is not None else {"source": plan.source}

@@ -14,9 +14,9 @@ from typing import Any
 
 import typer
 
+from executive.cli.answers import Answer, ExitCode
+from executive.cli.base_arguments import Arguments, Detail
 from executive.cli.progress import PROGRESS
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.base_arguments import Arguments, Detail
 from executive.commands.resources import file_problem, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity, WrongOption
 from planlang.progress import Report, unreported

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from executive.cli.answers import Answer
 from executive.cli.arguments import ConvertArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import refuse
 from executive.maps.unread import settled
+from executive.runs.files import refuse
 from planlang.diagnostics import error
 from planlang.files import Bundled
 from planlang.ontology import Literal

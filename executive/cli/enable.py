@@ -9,17 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from executive.cli import run
-from executive.cli.arguments import EnableArguments
+from executive.cli.answers import Answer, ExitCode
+from executive.cli.arguments import EnableArguments, RunArguments
 from executive.cli.console import say, show
 from executive.cli.match import possessions_in
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.arguments import RunArguments
-from executive.commands.inputs import check_files, check_trusted, chosen, environments, refuse
 from executive.enabling.explanation import Explanation
 from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.enabling.stock import Folder, Stock
 from executive.modules.bundled import performed_by
+from executive.options.values import Name, names
+from executive.runs.files import check_files, check_trusted, chosen, environments, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.files import Bundled
 from planlang.knowledge.entries import Kind, Unusable
@@ -32,7 +32,7 @@ def command(arguments: EnableArguments) -> Answer:
     check_files(problems, urdf=arguments.urdf, modules=arguments.modules)
     check_trusted(problems, arguments.modules or (), trust=arguments.trust)
     robot = chosen(Bundled.ROBOT, arguments.robot, None, problems, needs="what is missing depends on the robot: enable")
-    maps = environments(arguments.environment, problems)
+    maps = environments(names(arguments.environment or ()), problems)
     if arguments.source is None:
         problems.append(error("K030", "no server was named", help="add --from URL, or set PLANLANG_SERVER"))
     refuse(problems)
@@ -104,9 +104,9 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
     *further, recipe = [folder.file(one) for one in used if one.kind is Kind.RECIPE] or [Path(arguments.recipe)]
     is_own = os.path.isfile(arguments.recipe)
     about = next((one.about for one in reversed(used) if one.kind is Kind.RECIPE), None)
-    maps = [str(folder.file(one)) for one in explanation.maps()]
+    maps: list[Name] = [folder.file(one) for one in explanation.maps()]
     run_arguments = RunArguments(
-        file=arguments.recipe if is_own else str(recipe),
+        recipe=arguments.recipe if is_own else recipe,
         task=arguments.task if is_own else about,
         robot=arguments.robot,
         urdf=arguments.urdf,
@@ -116,7 +116,7 @@ def _run(arguments: EnableArguments, explanation: Explanation, folder: Folder) -
         trust=arguments.trust,
         ignore_unread=arguments.ignore_unread,
         ontologies=arguments.ontologies,
-        set_=arguments.set_,
+        set=arguments.set,
         start=arguments.start,
         seed=arguments.seed,
         trace=arguments.trace,

@@ -11,9 +11,9 @@ from typing import Any
 
 import typer
 
+from executive.cli.answers import Answer
 from executive.cli.arguments import ExportArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import refuse
+from executive.runs.files import refuse
 from executive.runs.traces import damaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.experience import Experience, experience_of, narrative

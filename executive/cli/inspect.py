@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import InspectArguments
 from executive.cli.capabilities import capability_data, doorway_lines, holding_lines, holds_data, warning_lines
 from executive.cli.console import progress_of
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.inputs import check_files, refuse
 from executive.locations.capabilities import ArmReach, Capabilities, capabilities_of
 from executive.locations.reachability import YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map
@@ -22,6 +21,7 @@ from executive.robots.arms import arm_models, called, with_carrying
 from executive.robots.draft import sunk_in_floor
 from executive.robots.mechanism import source_of
 from executive.robots.openings import REMEDY
+from executive.runs.files import check_files, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace

@@ -6,15 +6,15 @@ import os
 from pathlib import Path
 from typing import Any
 
+from executive.cli.answers import Answer
 from executive.cli.arguments import MakeArguments
 from executive.cli.capabilities import capability_data, capability_lines, holds_data
 from executive.cli.console import progress_of, waiting
-from executive.commands.answers import Answer
-from executive.commands.inputs import check_files, refuse
 from executive.locations.capabilities import capabilities_of
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
+from executive.runs.files import check_files, refuse
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import check_outputs, write_text
 from planlang.shell import quoted

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import MatchArguments
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.inputs import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions
 from executive.robots.robot import claims_of, parts_of, read_self_model
 from executive.robots.tasks import match
+from executive.runs.files import check_files, check_trusted, chosen, programs, read_recipe_file, refuse
 from planlang.diagnostics import BadInput, Diagnostic, Span, has_errors, note
 from planlang.files import Bundled
 from planlang.ontology import Ontology, expand, load

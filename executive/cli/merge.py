@@ -6,10 +6,10 @@ from typing import Any
 
 import typer
 
+from executive.cli.answers import Answer
 from executive.cli.arguments import MergeArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import environments, refuse
 from executive.maps.merging import merge
+from executive.runs.files import environments, refuse
 from planlang.diagnostics import Diagnostic
 from planlang.outputs import check_outputs, write_text
 

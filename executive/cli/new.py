@@ -8,9 +8,9 @@ import re
 import sys
 from pathlib import Path
 
+from executive.cli.answers import Answer
 from executive.cli.authoring_arguments import NewArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import refuse
+from executive.runs.files import refuse
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import check_outputs, make_folder, write_text
 from planlang.shell import quoted

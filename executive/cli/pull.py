@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from executive.cli.answers import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PullArguments
-from executive.commands.answers import Answer
 from planlang.diagnostics import warning
 from planlang.knowledge.client import Client
 from planlang.knowledge.entries import Kind

@@ -8,10 +8,10 @@ from hashlib import sha256
 from mimetypes import guess_type
 from pathlib import Path
 
+from executive.cli.answers import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PushArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import check_files, refuse
+from executive.runs.files import check_files, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.files import Bundled, read_file
 from planlang.knowledge.answers import RefusedByChecks, Taken

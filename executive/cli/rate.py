@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from executive.cli.answers import Answer
 from executive.cli.server import ask
 from executive.cli.server_arguments import RateArguments
-from executive.commands.answers import Answer
 from planlang.knowledge.client import Client
 
 

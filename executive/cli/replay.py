@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import ReplayArguments
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.inputs import RecipeFile, accepted, check_files, check_trusted, programs, read, refuse
 from executive.runs.options import RunOptions
 from executive.runs.plan_run import Run
+from executive.runs.prepared import prepared_to_replay
 from executive.runs.traces import read_trace
-from planlang.diagnostics import Diagnostic
-from planlang.language.source import PlanSource
 from planlang.runs import Different
 
 WIDTH = 56
@@ -22,20 +20,16 @@ WIDTH = 56
 def command(arguments: ReplayArguments) -> Answer:
     """Replay a trace; raises BadInput."""
     recorded, header = read_trace(arguments.trace)
-    file = read(arguments.file or header.plan(str(arguments.trace)))
-    problems: list[Diagnostic] = []
-    check_files(problems, modules=arguments.modules)
-    check_trusted(problems, programs(file, arguments.modules), trust=arguments.trust)
-    refuse(problems)
     options = RunOptions(
-        plan=file.path if isinstance(file, PlanSource) else None,
-        recipe=file.path if isinstance(file, RecipeFile) else None,
-        task=arguments.task or header.task,
-        accepted=accepted(arguments.accept),
-        ontologies=arguments.folders,
+        recipe=arguments.file,
+        task=arguments.task,
+        accept=arguments.accept,
+        ontologies=arguments.ontologies,
         modules=arguments.modules,
+        trust=arguments.trust,
+        repeated=recorded,
     )
-    with Run(options) as run:
+    with Run(prepared_to_replay(options, header)) as run:
         result = run.replay(recorded)
     data: dict[str, Any] = {"equal": result.equal, "lines": result.of, "repeated": result.lines}
     if result.difference is None:

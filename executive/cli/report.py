@@ -6,17 +6,18 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from executive import api
+from executive.cli.answers import Answer
 from executive.cli.arguments import ReportArguments
 from executive.cli.console import progress_of, say
-from executive.commands.answers import Answer
-from executive.commands.arguments import RunArguments, SituationArguments
-from executive.commands.inputs import RecipeFile, read, refuse
-from executive.commands.run import options_of
-from executive.runs.plan_run import run_plan_file
+from executive.options.declaring import values_of
+from executive.options.running import SituationSettings
+from executive.runs.files import RecipeFile, read, refuse
+from executive.runs.options import RunOptions
 from executive.runs.reporting import context_of
 from executive.runs.traces import TraceHeader, recorded_run
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
@@ -87,9 +88,14 @@ def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -
     if "robot" not in recorded.header:
         return ("The run was scripted, without a world: the page shows plan, lanes and failures only.",)
     try:
-        options = options_of(_as_run(arguments))
-        long_work = progress_of(arguments)
-        result = run_plan_file(replace(options, report=output, trace=None, repeats=True, long_work=long_work))
+        options = RunOptions(
+            **values_of(arguments, SituationSettings),
+            recipe=arguments.file,
+            report=output,
+            repeated=recorded,
+            long_work=progress_of(arguments),
+        )
+        result = api.run(options)
     except BadInput as problem:
         first = problem.diagnostics[0]
         return (f"The world is not shown: the run could not be repeated: {first.message.splitlines()[0]}.",)
@@ -98,17 +104,11 @@ def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -
     return ()
 
 
-def _as_run(arguments: ReportArguments) -> RunArguments:
-    """Arguments of ``planlang run --resume`` for the same run."""
-    same = {one.name: getattr(arguments, one.name) for one in fields(SituationArguments)}
-    return RunArguments(**same, file=arguments.file, resume=arguments.trace)
-
-
 def _context(arguments: ReportArguments, header: Mapping[str, Any]) -> Context:
     """Plan and recipe of a run that is not repeated, if they are found and match the trace."""
     named = arguments.file or header.get("plan")
     with suppress(BadInput):
         source = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
-        plan, recipe = (None, source.path) if isinstance(source, RecipeFile) else (source, None)
+        plan, recipe = (None, source) if isinstance(source, RecipeFile) else (source, None)
         return context_of(plan, None, recipe, frozenset(), arguments.folders, of=header)
     return Context()

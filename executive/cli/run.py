@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from executive import api
+from executive.cli.answers import Answer, ExitCode
+from executive.cli.arguments import RunArguments
 from executive.cli.console import printer_of, progress_of, show, silent
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.arguments import RunArguments
-from executive.commands.run import options_of
-from executive.runs.options import Outcome, RunResult
-from executive.runs.plan_run import run_plan_file
+from executive.runs.options import Outcome, RunOptions, RunResult
 from planlang.progress import unreported
 
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
     """Run or resume a plan; ``recipes`` are further files with recipes of its steps. Raises BadInput."""
-    options = replace(
-        options_of(arguments),
+    options = RunOptions.of(
+        arguments,
         recipes=recipes,
+        inner_actions=arguments.verbose,
         progress=silent if arguments.watch_tree else printer_of(arguments),
         long_work=unreported if arguments.watch_tree else progress_of(arguments),
         announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )
-    return _answer(run_plan_file(options), is_announced=not arguments.json)
+    return _answer(api.run(options), is_announced=not arguments.json)
 
 
 def _answer(result: RunResult, *, is_announced: bool) -> Answer:

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import islice
 
+from executive.cli.answers import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import SearchArguments
-from executive.commands.answers import Answer
-from executive.commands.inputs import chosen, refuse
+from executive.runs.files import chosen, refuse
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import LARGEST, Bundled, decode, read_file
 from planlang.knowledge.answers import Found

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from urllib.parse import urlsplit
 
+from executive.cli.answers import Answer, ExitCode
 from executive.cli.server_arguments import AuthorArguments, KindWord, ServerArguments
-from executive.commands.answers import Answer, ExitCode
 from planlang.diagnostics import BadInput, error, warning
 from planlang.files import read_file
 from planlang.knowledge.answers import NoAnswer, NotAsAgreed

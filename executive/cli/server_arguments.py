@@ -1,4 +1,4 @@
-"""Arguments of ``serve`` and of the commands that talk to a server, as in :mod:`executive.commands.arguments`."""
+"""Arguments of ``serve`` and of the commands that talk to a server, as in :mod:`executive.cli.arguments`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from executive.commands.base_arguments import Arguments, OntologyArguments
+from executive.cli.base_arguments import Arguments, OntologyArguments
+from executive.options.declaring import argument, option
 from planlang.records import dataclass
 
 
@@ -28,12 +27,12 @@ class ServerArguments(Arguments):
 
     server: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--from",
             "--to",
             metavar="URL",
             help="Address of the server; default: PLANLANG_SERVER.",
-            show_default=False,
+            shows_default=False,
         ),
     ] = None
 
@@ -44,13 +43,13 @@ class AuthorArguments(ServerArguments):
 
     key_file: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="File with your key; default: the key in PLANLANG_KEY."),
+        option(metavar="FILE", help="File with your key; default: the key in PLANLANG_KEY."),
     ] = None
 
 
-Uid = Annotated[str, typer.Argument(metavar="UID", help="Identifier of the entry, as search prints it.")]
-Kind = Annotated[KindWord | None, typer.Option(help="Kind of entry.", show_default=False)]
-Place = Annotated[str | None, typer.Option(metavar="NAME", help="Only maps of this place.", show_default=False)]
+Uid = Annotated[str, argument(metavar="UID", help="Identifier of the entry, as search prints it.")]
+Kind = Annotated[KindWord | None, option(help="Kind of entry.", shows_default=False)]
+Place = Annotated[str | None, option(metavar="NAME", help="Only maps of this place.", shows_default=False)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,11 +61,11 @@ class SearchArguments(ServerArguments):
 
     expression: Annotated[
         str | None,
-        typer.Argument(
+        argument(
             metavar="EXPRESSION", help='Class of the entry, e.g. "ServingFoodOrDrink and subAction some Reaching".'
         ),
     ] = None
-    label: Annotated[str | None, typer.Option(metavar="TEXT", help="Part of the label or name.")] = None
+    label: Annotated[str | None, option(metavar="TEXT", help="Part of the label or name.")] = None
     kind: Kind = None
     room: Place = None
     floor: Place = None
@@ -75,11 +74,9 @@ class SearchArguments(ServerArguments):
     city: Place = None
     robot: Annotated[
         str | None,
-        typer.Option(
-            metavar="ROBOT", help="Show what this robot (a file, or a bundled one) can use, and what it lacks."
-        ),
+        option(metavar="ROBOT", help="Show what this robot (a file, or a bundled one) can use, and what it lacks."),
     ] = None
-    limit: Annotated[int, typer.Option(min=1, max=100_000, metavar="N", help="List at most N entries.")] = 20
+    limit: Annotated[int, option(least=1, most=100_000, metavar="N", help="List at most N entries.")] = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,13 +89,13 @@ class PullArguments(ServerArguments):
 
     uid: Uid
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FOLDER", help="Folder to write to; created if needed.")
+        Path, option("-o", "--output", metavar="FOLDER", help="Folder to write to; created if needed.")
     ] = Path()
     revision: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Number of the revision; default: the latest.")
+        int | None, option(least=1, metavar="N", help="Number of the revision; default: the latest.")
     ] = None
     kind: Kind = None
-    force: Annotated[bool, typer.Option("--force", help="Overwrite files that were not pulled.")] = False
+    force: Annotated[bool, option(help="Overwrite files that were not pulled.")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,20 +107,18 @@ class PushArguments(AuthorArguments):
 
     file: Annotated[
         str,
-        typer.Argument(metavar="FILE", help="The ontology: RDF/XML, OWL/XML, Turtle, functional or Manchester syntax."),
+        argument(metavar="FILE", help="The ontology: RDF/XML, OWL/XML, Turtle, functional or Manchester syntax."),
     ]
-    kind: Annotated[KindWord, typer.Option(help="Kind of entry.", show_default=False)]
-    name: Annotated[
-        str, typer.Option(metavar="NAME", help="Your name for the entry; with --update, also its identifier.")
-    ]
+    kind: Annotated[KindWord, option(help="Kind of entry.", shows_default=False)]
+    name: Annotated[str, option(metavar="NAME", help="Your name for the entry; with --update, also its identifier.")]
     about: Annotated[
         str | None,
-        typer.Option(metavar="CLASS", help="Class that the entry is about, if there are several: local name or IRI."),
+        option(metavar="CLASS", help="Class that the entry is about, if there are several: local name or IRI."),
     ] = None
-    update: Annotated[bool, typer.Option("--update", help="Add a revision to your entry of that name.")] = False
-    attach: Annotated[
-        list[Path] | None, typer.Option(metavar="FILE", help="Attach this file to the entry; repeatable.")
-    ] = None
+    update: Annotated[bool, option(help="Add a revision to your entry of that name.")] = False
+    attach: Annotated[list[Path] | None, option(metavar="FILE", help="Attach this file to the entry; repeatable.")] = (
+        None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +126,7 @@ class RateArguments(AuthorArguments):
     """Rate an entry, from 0 to 10; a second rating replaces the first."""
 
     uid: Uid
-    rating: Annotated[int, typer.Argument(min=0, max=10, metavar="0..10", help="Your rating; 10 is best.")]
+    rating: Annotated[int, argument(least=0, most=10, metavar="0..10", help="Your rating; 10 is best.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +135,7 @@ class DeleteArguments(AuthorArguments):
 
     uid: Uid
     file: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Delete only this file of the entry; repeatable.")
+        list[str] | None, option(metavar="NAME", help="Delete only this file of the entry; repeatable.")
     ] = None
 
 
@@ -149,15 +144,15 @@ class WatchArguments(AuthorArguments):
     """Subscribe to entries, and print the news of all your subscriptions until Ctrl-C."""
 
     uids: Annotated[
-        list[str] | None, typer.Argument(metavar="[UID]...", help="Entries to subscribe to; default: no new ones.")
+        list[str] | None, argument(metavar="[UID]...", help="Entries to subscribe to; default: no new ones.")
     ] = None
     after: Annotated[
         int | None,
-        typer.Option(min=0, metavar="N", help="Start after this line of the feed; default: at its end."),
+        option(least=0, metavar="N", help="Start after this line of the feed; default: at its end."),
     ] = None
-    once: Annotated[bool, typer.Option("--once", help="Print pending news, and exit.")] = False
-    stop: Annotated[bool, typer.Option("--stop", help="Cancel the subscriptions to these entries instead.")] = False
-    every: Annotated[float, typer.Option(min=0.1, max=86_400, metavar="S", help="Polling interval [s].")] = 5.0
+    once: Annotated[bool, option(help="Print pending news, and exit.")] = False
+    stop: Annotated[bool, option(help="Cancel the subscriptions to these entries instead.")] = False
+    every: Annotated[float, option(least=0.1, most=86_400, metavar="S", help="Polling interval [s].")] = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,9 +163,9 @@ class BackupArguments(Arguments):
     earlier one.
     """
 
-    store: Annotated[str, typer.Argument(metavar="STORE", help="File of the knowledge base.")]
-    target: Annotated[Path, typer.Argument(metavar="FILE", help="File of the backup.")]
-    force: Annotated[bool, typer.Option("--force", help="Replace FILE if it exists.")] = False
+    store: Annotated[str, argument(metavar="STORE", help="File of the knowledge base.")]
+    target: Annotated[Path, argument(metavar="FILE", help="File of the backup.")]
+    force: Annotated[bool, option(help="Replace FILE if it exists.")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,7 +177,7 @@ class ServeArguments(OntologyArguments):
 
     store: Annotated[
         str,
-        typer.Option(
+        option(
             metavar="FILE|URL",
             help="File of the knowledge base, created if needed; or a SPARQL 1.1 endpoint that several servers share: "
             "sparql+https://HOST/PATH, with --contents.",
@@ -190,28 +185,26 @@ class ServeArguments(OntologyArguments):
     ]
     contents: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="Storage for contents, with an endpoint: s3://, gs://, az://, file://."),
+        option(metavar="URL", help="Storage for contents, with an endpoint: s3://, gs://, az://, file://."),
     ] = None
-    host: Annotated[str, typer.Option(metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1"
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0: any free port.")] = 8080
+    host: Annotated[str, option(metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1"
+    port: Annotated[int, option(least=0, most=65535, help="Port to listen on; 0: any free port.")] = 8080
     access_log: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Append a line of JSON for each request to this file; -: stderr."),
+        option(metavar="FILE", help="Append a line of JSON for each request to this file; -: stderr."),
     ] = None
     check_seconds: Annotated[
         int,
-        typer.Option(min=1, metavar="SECONDS", help="CPU time limit of a check or a conversion [s]."),
+        option(least=1, metavar="SECONDS", help="CPU time limit of a check or a conversion [s]."),
     ] = 10
     rate: Annotated[
         float,
-        typer.Option(
-            min=0, metavar="NUMBER", help="Maximum requests per second of an author, or of an address; 0: unlimited."
+        option(
+            least=0, metavar="NUMBER", help="Maximum requests per second of an author, or of an address; 0: unlimited."
         ),
     ] = 500.0
-    new_key: Annotated[str | None, typer.Option(metavar="AUTHOR", help="Print a new key for an author, then exit.")] = (
-        None
-    )
+    new_key: Annotated[str | None, option(metavar="AUTHOR", help="Print a new key for an author, then exit.")] = None
     drop_keys: Annotated[
         str | None,
-        typer.Option(metavar="AUTHOR", help="Revoke all keys of an author, then exit."),
+        option(metavar="AUTHOR", help="Revoke all keys of an author, then exit."),
     ] = None

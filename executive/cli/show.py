@@ -13,14 +13,14 @@ from typing import Any
 import typer
 
 from executive.cli import inspect, report
+from executive.cli.answers import Answer, answer_of
 from executive.cli.arguments import ReportArguments, ShowArguments
-from executive.commands.answers import Answer
-from executive.commands.arguments import CheckArguments
 from executive.commands.check import check
-from executive.commands.inputs import folders_beside, read, refuse
 from executive.maps import read_map, scene_of
+from executive.options.recipes import CheckOptions
 from executive.robots import bind_robot
 from executive.runs.ending import ending_of
+from executive.runs.files import folders_beside, read, refuse
 from executive.runs.traces import recorded_run
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
@@ -119,14 +119,14 @@ def _recipe_or_other(path: Path, arguments: ShowArguments) -> Shown:
 
 
 def _recipe_or_map(path: Path, arguments: ShowArguments) -> Shown:
-    to_check = CheckArguments(
-        file=str(path),
+    to_check = CheckOptions(
+        file=path,
         task=arguments.task,
         ontologies=arguments.ontologies,
         ignore_unread=arguments.ignore_unread,
-        verbose=True,  # lists the contents of a map
+        lists_contents=True,
     )
-    answer = check(to_check)
+    answer = answer_of(check(to_check))
     if answer.data["kind"] == "map":
         return Shown(answer, PNG, partial(_draw_map, path, arguments), has_view=True)
     plan = compile_recipe(path, task=arguments.task, folders=arguments.folders)
@@ -194,7 +194,7 @@ def _plan(path: Path, arguments: ShowArguments) -> Shown:
     """Show a plan file: whether it is up to date, and its functions with what they perform and raise."""
     plan = read(str(path))
     assert isinstance(plan, PlanSource)
-    answer = check(CheckArguments(file=str(path), ontologies=arguments.ontologies))
+    answer = answer_of(check(CheckOptions(file=path, ontologies=arguments.ontologies)))
     state = str(answer.text).partition("\n")[0]
     return Shown(changed(answer, text="\n".join((state, *_plan_lines(plan)))))
 

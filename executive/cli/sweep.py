@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from executive import api
+from executive.cli.answers import Answer, ExitCode
+from executive.cli.arguments import SweepArguments
 from executive.cli.console import printer_of, progress_of, say, show, silent
 from executive.cli.progress import PROGRESS
 from executive.cli.sweep_table import counted, exit_code, write_csv
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.arguments import SweepArguments
-from executive.commands.sweep import shard_of, swept
 from executive.sweeps import Row
 from executive.sweeps.records import CRASHED, Done, is_reached
 from planlang.progress import Report
@@ -21,7 +21,7 @@ from planlang.progress import Report
 def command(arguments: SweepArguments) -> Answer:
     """Run the sweep, or the rest of it. Raises BadInput as the run of one world does."""
     rows: dict[Any, Row] = {}
-    total = len(_seeds(arguments, *shard_of(arguments.shard)))
+    total = len(_seeds(arguments, *(arguments.shard or (1, 1))))
     progress = Counts(total, printer_of(arguments), progress_of(arguments))
 
     def finished(done: Done) -> None:
@@ -34,7 +34,7 @@ def command(arguments: SweepArguments) -> Answer:
 
     announce = silent if arguments.json else partial(show, detail=arguments.detail)
     try:
-        all_rows = swept(arguments, announce=announce, finished=finished, resumed=resumed)
+        all_rows = api.sweep(arguments, announce=announce, finished=finished, resumed=resumed)
     except KeyboardInterrupt:
         PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from executive.cli.answers import Answer
 from executive.cli.arguments import SweepMergeArguments
 from executive.cli.sweep_table import answered, write_csv
-from executive.commands.answers import Answer
-from executive.commands.inputs import refuse
+from executive.runs.files import refuse
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from planlang.outputs import check_outputs
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import SweepTableArguments
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.inputs import refuse
+from executive.runs.files import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
 from executive.sweeps.files import Sweep, read_sweep

@@ -10,10 +10,10 @@ from dataclasses import asdict
 
 import typer
 
+from executive.cli.answers import Answer
 from executive.cli.console import printer_of, say
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
-from executive.commands.answers import Answer
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.answers import NoAnswer
 from planlang.knowledge.client import Client

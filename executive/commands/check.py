@@ -8,10 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace as changed
 from pathlib import Path
 
-from executive.commands.answers import Answer, ExitCode
-from executive.commands.arguments import CheckArguments
-from executive.commands.inputs import RecipeFile, folders_beside, read, read_recipe_file, unacceptable
+from executive.commands.checked import CheckResult
 from executive.commands.performed import performed_by_modules
+from executive.options.recipes import CheckOptions
+from executive.options.running import Source
+from executive.runs.files import RecipeFile, folders_beside, read, read_recipe_file, unacceptable
 from planlang.compiler import compile_recipe
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, WrongOption, error, has_errors, note, warning
@@ -30,72 +31,80 @@ from planlang.roles import meant_role
 from planlang.words import Blank, Option, Text, calling
 
 
-def check(arguments: CheckArguments, *, report: Report = unreported, waiting: Waiting = unwatched) -> Answer:
+def check(options: CheckOptions, *, report: Report = unreported, waiting: Waiting = unwatched) -> CheckResult:
     """Check a recipe, a plan, a map or a folder of recipes, or fix a recipe. Raises BadInput.
 
     ``report`` gets the progress through a folder; ``waiting`` is entered while a reasoner runs.
     """
-    if not arguments.fix and (arguments.accept or arguments.output):
+    folder = _folder(options.file)
+    if not options.fix and (options.accept or options.output):
         raise WrongOption(Option("accept"), " and ", Option("output"), " need ", Option("fix", True))
-    if arguments.reason and (arguments.fix or (os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None)):
+    if options.reason and (options.fix or folder is not None):
         raise WrongOption(Option("reason", True), " is for one file, without ", Option("fix", True))
-    if arguments.fix:
-        return _fix(read_recipe_file(arguments.file), arguments)
-    if os.path.isdir(arguments.file) and Bundled.of(arguments.file) is None:  # False for what cannot be a path
+    if options.fix:
+        return _fix(read_recipe_file(options.file), options)
+    if folder is not None:
         from executive.commands.recipe_table import check_folder  # needs robots: slow, and most checks are of a file
 
-        return check_folder(Path(arguments.file), arguments.folders, report)
-    answer = _check_file(str(find_checked(arguments.file)), arguments, waiting)
-    return changed(answer, diagnostics=(*folders_beside(arguments.file), *answer.diagnostics))
+        return check_folder(folder, options.folders, report)
+    found = _check_file(read(find_checked(options.file)), options, waiting)
+    return changed(found, diagnostics=(*folders_beside(options.file), *found.diagnostics))
 
 
-def find_checked(name: str) -> Path:
+def _folder(source: Source) -> Path | None:
+    """The folder of recipes that a source names; None for anything else."""
+    is_path = isinstance(source, str | os.PathLike) and os.path.isdir(source)  # False for what cannot be a path
+    return Path(str(source)) if is_path and Bundled.of(str(source)) is None else None
+
+
+def find_checked(source: Source) -> Source:
     """Find a recipe, plan or map: an existing path, or a bundled recipe or environment. Raises BadInput."""
+    if not isinstance(source, str | os.PathLike) or "\n" in (name := os.fspath(source)):
+        return source
     return (Bundled.ENVIRONMENT if Bundled.of(name) is Bundled.ENVIRONMENT else Bundled.RECIPE).find(name)
 
 
-def _check_file(name: str, arguments: CheckArguments, waiting: Waiting) -> Answer:
+def _check_file(file: PlanSource | RecipeFile, options: CheckOptions, waiting: Waiting) -> CheckResult:
     """Check a recipe, a plan or a map. Raises BadInput."""
-    file = read(name)
     if isinstance(file, RecipeFile):
-        if not arguments.reason:
-            return _recipe_or_map(file, arguments)
+        if not options.reason:
+            return _recipe_or_map(file, options)
         from executive.commands.reasoned import reasoned  # on request
 
-        return reasoned(file.path, arguments, lambda: _recipe_or_map(file, arguments), waiting)
-    fresh = freshness(file, folders=arguments.folders)
+        return reasoned(file, options, lambda: _recipe_or_map(file, options), waiting)
+    fresh = freshness(file, folders=options.folders)
     diagnostics = [*fresh.diagnostics, *misspelt_roles(file)]
     if file.header is None:
-        performed = performed_by_modules(arguments.modules, diagnostics, trust=arguments.trust)
+        performed = performed_by_modules(options.modules, diagnostics, trust=options.trust)
         diagnostics += unperformed_actions(file, performed)
-    code = ExitCode.BAD_INPUT if has_errors(diagnostics) else ExitCode.DONE
     text = "\n".join(filter(None, (f"{file.path}: {fresh.state}", fresh.edits, fresh.difference)))
-    data = {"kind": "plan", "state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
-    return Answer(code, tuple(diagnostics), text, data)
+    data = {"state": fresh.state, "edits": fresh.edits, "difference": fresh.difference}
+    return CheckResult(not has_errors(diagnostics), "plan", text, tuple(diagnostics), data)
 
 
-def _recipe_or_map(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
+def _recipe_or_map(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     """Check a recipe or a map. Raises BadInput."""
     problems: list[Diagnostic] = []
-    performed = performed_by_modules(arguments.modules, problems, trust=arguments.trust)
+    performed = performed_by_modules(options.modules, problems, trust=options.trust)
     try:
-        plan = compile_recipe(recipe.path, task=arguments.task, folders=arguments.folders, performed=performed)
+        plan = compile_recipe(
+            recipe.path, task=options.task, folders=options.folders, performed=performed, content=recipe.content
+        )
     except BadInput as problem:
-        if arguments.task is not None or not _lacks_task(problem):
+        if options.task is not None or not _lacks_task(problem):
             raise
         from executive.commands.map_check import check_map  # most files are recipes
 
         return check_map(
-            recipe.path,
-            arguments.folders,
+            recipe,
+            options.folders,
             problem,
-            lists_contents=arguments.verbose,
-            ignore_unread=arguments.ignore_unread,
+            lists_contents=options.lists_contents,
+            ignore_unread=options.ignore_unread,
         )
     text = f"{recipe.path}: {plan.task} compiles"
     diagnostics = (*plan.diagnostics, *problems)
-    code = ExitCode.BAD_INPUT if has_errors(problems) else ExitCode.DONE
-    return Answer(code, diagnostics, text, {"kind": "recipe", "task": plan.task})
+    return CheckResult(not has_errors(problems), "recipe", text, diagnostics, {"task": plan.task})
 
 
 def _lacks_task(problem: BadInput) -> bool:
@@ -114,37 +123,39 @@ def fixed_path(recipe: RecipeFile) -> Path:
     return Path(name) if recipe.is_bundled else path.with_name(name)
 
 
-def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
+def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     """Write a fixed copy of a recipe, show the difference, and check the copy; raises BadInput.
 
     Without ``--output``, an existing file with another text is never overwritten.
     """
-    output, accepted = arguments.output, arguments.accept or ()
+    output, accepted = options.output, options.accept or ()
     target = output or fixed_path(recipe)
     problems = unacceptable(accepted)
     name = "the fixed copy" if output is None else Option("output")
-    is_own = output is None or arguments.force
-    problems += check_outputs({name: target}, {"the recipe": recipe.path}, force=is_own)
+    is_own = output is None or options.force
+    problems += check_outputs(
+        {name: target}, {"the recipe": recipe.path} if recipe.content is None else {}, force=is_own
+    )
     if problems:
         raise BadInput(problems)
-    task, folders = arguments.task, arguments.folders
+    task, folders = options.task, options.folders
     from executive.runs.fixing import fixed as fixed_recipe  # slow, and most recipes are only checked
 
-    fixed = fixed_recipe(recipe.path, task=task, folders=folders, accepted=accepted)
+    fixed = fixed_recipe(recipe, task=task, folders=folders, accepted=accepted)
     module_problems: list[Diagnostic] = []
-    performed = performed_by_modules(arguments.modules, module_problems, trust=arguments.trust)
-    checked = recipe.path
+    performed = performed_by_modules(options.modules, module_problems, trust=options.trust)
+    checked, content = recipe.path, recipe.content
     if fixed.done:
         _write(target, fixed, is_named=output is not None)
-        checked = target
+        checked, content = target, None
+    searched = (*recipe.folder, *folders)
     try:
-        plan = compile_recipe(checked, task=task, folders=(recipe.path.parent, *folders), performed=performed)
+        plan = compile_recipe(checked, task=task, folders=searched, performed=performed, content=content)
         remaining, verdict = plan.diagnostics, f"{plan.task} compiles"
     except BadInput as problem:
         remaining, verdict = problem.diagnostics, "errors remain"
     difference = _fix_difference(recipe.path, target, fixed)
     data = {
-        "kind": "recipe",
         "fixed": str(target) if fixed.done else None,
         "fixes": [{"code": one.code, "message": one.message} for one in fixed.done],
         "diff": difference,
@@ -152,8 +163,8 @@ def _fix(recipe: RecipeFile, arguments: CheckArguments) -> Answer:
     lines = [difference] if fixed.done else []
     lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
-    code = ExitCode.BAD_INPUT if has_errors(remaining) else ExitCode.DONE
-    return Answer(code, (*remaining, *module_problems, *_not_applied(fixed, checked)), "".join(lines), data)
+    diagnostics = (*remaining, *module_problems, *_not_applied(fixed, checked))
+    return CheckResult(not has_errors(remaining), "recipe", "".join(lines), diagnostics, data)
 
 
 def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:

@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from executive.commands.answers import Answer
+from executive.commands.checked import CheckResult
 from executive.maps import read_map, scene_of
 from executive.maps.occupied_space import OBSTACLE
 from executive.maps.semantic_map import MapObject
+from executive.runs.files import RecipeFile
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity
 from planlang.ontology import Ontology, load
@@ -22,10 +23,11 @@ RECIPE = Blank("RECIPE")
 
 
 def check_map(
-    path: Path, folders: Sequence[Path], no_recipe: BadInput, *, lists_contents: bool, ignore_unread: bool
-) -> Answer:
+    file: RecipeFile, folders: Sequence[Path], no_recipe: BadInput, *, lists_contents: bool, ignore_unread: bool
+) -> CheckResult:
     """Check a file without a recipe as a map. Raises BadInput; ``no_recipe`` if it is no map either."""
-    ontology = load(path, folders=folders)
+    path = file.path
+    ontology = load(path, folders=folders, content=file.content)
     try:
         semantic_map = read_map(ontology, ignore_unread=ignore_unread)
     except BadInput as problem:
@@ -45,8 +47,8 @@ def check_map(
     opened = {joint.leaf: _range(joint) for joint in scene.joints if not joint.is_knob}
     contents = [line(one, opened.get(one.name, "")) for one in semantic_map.objects]
     text = joined("\n", (f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
-    data = {"kind": "map", **{kind: number for kind, (_, _, number) in counts.items()}}
-    return Answer(diagnostics=tuple(diagnostics), text=text, data=data)
+    data = {kind: number for kind, (_, _, number) in counts.items()}
+    return CheckResult(True, "map", text, tuple(diagnostics), data)
 
 
 def line(thing: MapObject, opened: str) -> str:

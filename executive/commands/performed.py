@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from executive.commands.inputs import check_files, check_trusted, refuse
+from executive.runs.files import check_files, check_trusted, refuse
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.recipe.actions import Performed
 from planlang.registry import ModuleRegistry

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from executive.commands.answers import Answer, ExitCode
+from executive.commands.checked import CheckResult
 from executive.commands.map_check import contents_in_words
 from planlang.compiler import compile_ontology
 from planlang.designators import local_name
@@ -41,7 +41,7 @@ class Row:
     """Contents of the file in words, if it is a map."""
 
 
-def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> Answer:
+def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> CheckResult:
     """Compile every task of every file, reporting progress. Raises BadInput for a folder without ontologies."""
     files = list(_files(folder))
     if not files:
@@ -63,8 +63,8 @@ def check_folder(folder: Path, folders: Sequence[Path], report: Report) -> Answe
     if maps:
         last += f"; {maps} {'is a map' if maps == 1 else 'are maps'}"
     text = "\n".join((*lines, "", last))
-    code = ExitCode.DONE if compiled + maps == len(rows) else ExitCode.BAD_INPUT
-    return Answer(code, (), text, {"kind": "folder", "recipes": [asdict(row) for row in rows]})
+    is_ok = compiled + maps == len(rows)
+    return CheckResult(is_ok, "folder", text, (), {"recipes": [asdict(row) for row in rows]})
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import shlex
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.commands.arguments import SweepArguments
-from executive.commands.command_lines import parsed, words_of
-from executive.commands.inputs import refuse
-from executive.commands.run import options_of
+from executive.options.declaring import as_json, outputs_of, stated, values_of
+from executive.options.running import SituationSettings, SweepOptions
+from executive.runs.files import RecipeFile, refuse
 from executive.runs.options import RunOptions
+from executive.runs.prepared import RunFiles, prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done
-from planlang.diagnostics import Diagnostic, WrongOption
-from planlang.outputs import Named, check_outputs
-from planlang.words import Option
+from planlang.diagnostics import Diagnostic
+from planlang.language.source import PlanSource
+from planlang.outputs import check_outputs
+from planlang.words import COMMAND_LINE, calling
 
 JOB = "executive.commands.swept_world:ended"
 _WALL_PER_CPU = 5.0
@@ -26,7 +27,7 @@ _WALL_PER_CPU = 5.0
 
 
 def swept(
-    arguments: SweepArguments,
+    options: SweepOptions,
     *,
     announce: Callable[[Sequence[Diagnostic]], object] = lambda found: None,
     finished: Callable[[Done], object] = lambda done: None,
@@ -37,75 +38,66 @@ def swept(
     ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``finished`` each
     world that is done.
     """
-    words = [arguments.recipe, *words_of(arguments)]
-    seeds = range(arguments.first, arguments.first + arguments.worlds)
-    pages = arguments.reports
+    run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.recipe)
+    files = prepared(run_options)  # reports what is wrong for all worlds before the first
+    _check(options, files)
+    announce(files.notes)
+    given = as_json(run_options, SituationSettings)
+    plan = files.file.text if isinstance(files.file, PlanSource) and files.file.is_in_memory else options.recipe
+    recipe = os.fspath(plan) if isinstance(plan, str | os.PathLike) else files.file.path.name
+    named = files.file.path.name if "\n" in recipe else recipe
+    told = dict(stated(run_options, SituationSettings))
     worlds: list[World] = [
         {
             "world": seed,
-            "repeat": shlex.join(["planlang", "run", *words, "--seed", str(seed)]),
-            **({} if pages is None else {"report": str(pages / f"world-{seed}.html")}),
+            "repeat": COMMAND_LINE.call(calling("run", named, **told, seed=seed)),
+            "options": {**given, "recipe": recipe, "seed": seed},
+            **({} if options.reports is None else {"report": str(options.reports / f"world-{seed}.html")}),
         }
-        for seed in seeds
+        for seed in range(options.first, options.first + options.worlds)
     ]
-    options = options_of(parsed(words))  # reports what is wrong for all worlds before the first
-    _check(arguments, options)
-    announce(options.notes)
     return run(
         worlds,
         JOB,
-        processes=arguments.processes,
-        limits=replace(LIMITS, **_limits(arguments)),
-        out=arguments.output,
-        about=_about(arguments, words, options),
-        shard=shard_of(arguments.shard),
+        processes=options.processes,
+        limits=replace(LIMITS, **_limits(options)),
+        out=options.output,
+        about=_about(options, COMMAND_LINE.call(calling("run", named, **told)), files),
+        shard=options.shard or (1, 1),
         told=finished,
         resumed=resumed,
     )
 
 
-def _limits(arguments: SweepArguments) -> dict[str, Any]:
-    seconds = arguments.seconds
-    return {"seconds": seconds, "memory": arguments.memory * 1_000_000, "wall": _WALL_PER_CPU * seconds}
+def _limits(options: SweepOptions) -> dict[str, Any]:
+    seconds = options.seconds
+    return {"seconds": seconds, "memory": options.memory * 1_000_000, "wall": _WALL_PER_CPU * seconds}
 
 
-def _check(arguments: SweepArguments, options: RunOptions) -> None:
+def _check(options: SweepOptions, files: RunFiles) -> None:
     """Raise BadInput if a file cannot be written, or would overwrite an input."""
-    outputs: dict[Named, Path | None] = {Option("output"): arguments.output, Option("csv"): arguments.csv}
-    refuse(check_outputs(outputs, dict(_inputs(options)), force=arguments.force))
+    outputs, formats = outputs_of(options, SweepOptions)
+    refuse(check_outputs(outputs, dict(_inputs(files)), formats=formats, force=options.force))
 
 
-def _inputs(options: RunOptions) -> Iterator[tuple[str, Path]]:
+def _inputs(files: RunFiles) -> Iterator[tuple[str, Path]]:
     """Yield names and paths of the files that the runs depend on."""
-    named = {"recipe": options.recipe, "plan": options.plan, "robot": options.robot, "urdf": options.urdf}
-    named["environment"] = options.environment
+    file, options = files.file, files.options
+    is_file = not (file.is_in_memory if isinstance(file, PlanSource) else file.content is not None)
+    named = {"recipe" if isinstance(file, RecipeFile) else "plan": file.path if is_file else None}
+    named |= {"robot": files.robot, "urdf": options.urdf, "environment": files.environment}
     yield from ((name, path) for name, path in named.items() if path is not None)
-    for name, paths in (("environment", options.additions), ("modules", options.modules or ())):
+    for name, paths in (("environment", files.additions), ("modules", options.modules or ())):
         yield from ((f"{name} {number}", path) for number, path in enumerate(paths, 2))
 
 
-def _about(arguments: SweepArguments, words: Sequence[str], options: RunOptions) -> Mapping[str, Any]:
-    """Header of the rows, all that they depend on: the command and its settings, limits, digests of the files."""
-    digests = {f"content of {name}": hashlib.sha256(path.read_bytes()).hexdigest() for name, path in _inputs(options)}
+def _about(options: SweepOptions, call: str, files: RunFiles) -> Mapping[str, Any]:
+    """Header of the rows, all that they depend on: the call and its settings, limits, digests of the files."""
+    digests = {f"content of {name}": hashlib.sha256(path.read_bytes()).hexdigest() for name, path in _inputs(files)}
     return {
-        "arguments": shlex.join(words),
-        "settings": dict(options.bindings or {}),
-        "--seconds": arguments.seconds,
-        "--memory": arguments.memory,
+        "arguments": call,
+        "settings": dict(files.options.set or {}),
+        "seconds": options.seconds,
+        "memory": options.memory,
         **digests,
     }
-
-
-def shard_of(text: str | None) -> tuple[int, int]:
-    """Parse "k/n" to (k, n). Raises a usage error."""
-    if text is None:
-        return 1, 1
-    try:
-        part, parts = map(int, text.split("/"))
-    except ValueError:
-        part, parts = 0, 0
-    if not 1 <= part <= parts:
-        raise WrongOption(
-            Option("shard", text), " is not K/N with K from 1 to N; write for example ", Option("shard", "3/16")
-        )
-    return part, parts

@@ -1,17 +1,16 @@
-"""The job of a sweep: one world, as ``planlang run`` runs it."""
+"""The job of a sweep: one world, as :func:`executive.api.run` runs it."""
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.commands.command_lines import parsed
-from executive.commands.run import options_of
+from executive.options.declaring import made
+from executive.options.running import RunSettings
 from executive.runs.inputs import Inputs
-from executive.runs.options import Outcome
+from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from planlang.outputs import make_folder
 from planlang.words import COMMAND_LINE, said
@@ -23,9 +22,8 @@ LONGEST_MESSAGE = 2000
 
 
 def ended(world: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a world by its command line (``repeat``), and return its row. Raises BadInput."""
-    words = shlex.split(world["repeat"])[2:]
-    options = options_of(parsed(words))
+    """Run a world by its options, and return its row. Raises BadInput."""
+    options = RunOptions.of(made(RunSettings, world["options"]))
     result = run_plan_file(options, INPUTS)
     if result.outcome is Outcome.FAILED and (page := world.get("report")) is not None:
         make_folder(Path(page).parent)

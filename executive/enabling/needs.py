@@ -24,7 +24,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Span, has_errors
 from planlang.knowledge.answers import Found, Links
 from planlang.knowledge.entries import UNRATED, Kind
-from planlang.ontology import Ontology, expand, load
+from planlang.ontology import Ontology, expand, load, load_apart
 from planlang.ontology.expressions import Expression
 from planlang.ontology.terms import OWL
 from planlang.recipe import Actions, Thing, read_recipe
@@ -85,7 +85,7 @@ class Enabling:
 
     def __post_init__(self) -> None:
         folders = self.stock.folders
-        self.vocabulary = load(Path("vocabulary.omn"), folders=folders, content=b"Ontology: <urn:vocabulary>")
+        self.vocabulary = load_apart(Path("vocabulary.omn"), folders=folders, content=b"Ontology: <urn:vocabulary>")
 
     @property
     def url(self) -> str:

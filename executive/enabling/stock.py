@@ -21,7 +21,7 @@ from planlang.knowledge.answers import Found, NotAsAgreed, as_json, read_as, rea
 from planlang.knowledge.entries import Entry
 from planlang.knowledge.pulled import has_digest
 from planlang.knowledge.pulling import pull
-from planlang.ontology import Ontology, load
+from planlang.ontology import Ontology, load_apart
 from planlang.outputs import replace
 from planlang.records import dataclass
 
@@ -190,7 +190,7 @@ class Stock:
             raise self._failed[entry.uid]
         try:
             data = self.folder.content(entry) if self.is_kept(entry.uid) else self.shelf.content(entry)
-            return load(self.folder.file(entry), folders=self.folders, content=data)
+            return load_apart(self.folder.file(entry), folders=self.folders, content=data)
         except BadInput as problem:
             self._failed[entry.uid] = problem
             raise

@@ -5,9 +5,10 @@ floor, things to see and reaches. ``grasp_candidates`` and ``deliveries`` genera
 ``hand_predicates`` selects them, and checks hands and things against locations. ``reachability`` maps the workspace of
 arms, ``reachability_maps`` builds these maps, ``base_candidates`` inverts them to base poses, ``search`` goes through
 these within its budgets, ``floor_search`` through those that need no reach. ``hand_solutions`` solves for joint values,
-and ``validation`` checks each pose exactly. ``base_poses`` knows which base poses have room and a path; from
-``standing`` come those at which the process modules stand elsewhere. ``rejections`` counts why there are none. The
-believed world is queried through ``executive.belief.planning_scene``.
+and ``validation`` checks each pose exactly. ``looks`` puts looks at unsure things before it, ``explanations`` and
+``changes`` say what would help. ``base_poses`` knows which base poses have room and a path; from ``standing`` come
+those at which the process modules stand elsewhere. ``rejections`` counts why there are none. The believed world is
+queried through ``executive.belief.planning_scene``.
 """
 
 from executive.locations.hand_solutions import HandSolution

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.floor import HAIR, Field, Floor
-from executive.locations.columns import Columns
-from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand
+from executive.locations.grasp_candidates import CLASSES, Columns, GraspCandidates, Hand
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap, carried, exact_places, is_bound
 from executive.locations.reachability_maps import reachability_map
 from executive.locations.rejections import NO_ROOM
@@ -158,6 +157,9 @@ class InverseMap:
             x, y = CELL * rows["x"][index].astype(float), CELL * rows["y"][index].astype(float)
         else:
             x, y, yaw = self._exact[first + index].T
+        # A base at b with yaw t has the tip of this row at b + Rz(t) c, heading t + y. For a candidate at p with
+        # heading g that means t = g - y and b = p - Rz(g) Rz(-y) c. Of this only Rz(g) and p depend on the world, so
+        # that v = Rz(-y) c is computed here, once for all searches.
         c, s = np.cos(yaw), np.sin(yaw)
         v = np.stack([c * x + s * y, c * y - s * x], axis=1)
         if flipped:  # turning the hand by half a turn equals another heading
@@ -397,7 +399,8 @@ class _Part:
         best_of_square = np.zeros(len(self.index) * count, np.intp)
         best_of_square[key[::-1]] = number[::-1]
         is_best = best_of_square[key] == number
-        # rank the best of each square first, then the others
+        # A good row has good neighbours, a lattice step away, which fail for the same obstacle. So the best of each
+        # square of SPREAD come first, and only then the others: the first base poses are as far apart as possible.
         before = np.append(0, np.cumsum(is_best))
         better, bests = before[:-1] - before[starts[candidate]], np.diff(before[starts])[candidate]
         rank = np.where(is_best, better, bests + number - starts[candidate] - better)
@@ -462,6 +465,8 @@ def moved_to_room(found: BaseCandidates, floor: Floor, middle: Array, yaw: float
     The best of each grasp candidate are moved, at most ``most`` in all. Those without room nearby are dropped, and of
     those that coincide only the best is kept.
     """
+    # The lattice of a map, seen from the candidate, is turned by its heading, and so may miss a gap between pieces of
+    # furniture although the gap is wider than its step. A lattice that is parallel to the furniture does not.
     best = found.chosen(np.sort(np.lexsort((-found.scores.round(9), found.ranks))[:most]))
     c, s = math.cos(yaw), math.sin(yaw)
     turn = np.array([[c, s], [-s, c]])

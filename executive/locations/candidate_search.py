@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Misses
 from executive.locations.base_poses import BasePoses
-from executive.locations.budgets import BETWEEN, SearchBudget
 from executive.locations.demands import BaseDemand
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_solutions import (
@@ -28,7 +27,7 @@ from executive.locations.hand_solutions import (
     solve,
 )
 from executive.locations.looking_once import CachedRows, as_keys, numbered
-from executive.locations.questions import Findings, Question
+from executive.locations.questions import BETWEEN, Findings, Question, SearchBudget
 from executive.locations.reachability import CELL
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
@@ -120,6 +119,10 @@ class CandidateSearch:
 
         The first base pose that lacks nothing but sight of the handled things is kept in the findings.
         """
+        # Room is looked up in a table, inverse kinematics iterates, an exact check asks the physics engine: each costs
+        # far more than the one before. So each test sees only what the cheaper ones have left, and what an exact
+        # failure teaches (a hand that is stopped wherever the base stands, a posture in self-collision) rules out
+        # others before they are checked.
         spec, log = self._spec, self._spec.log
         for row, solution, missed in self._open():
             if self._validated >= spec.budget.exact or spec.known.allowance.checks <= 0:
@@ -205,6 +208,8 @@ class CandidateSearch:
                 self._undecided[row] = False
                 continue
             base = self._bases[row]
+            # what stopped the arm there most likely stops it a few centimetres beside; if nothing else is left, they
+            # are validated after all
             similar = first and self._failed_poses.near(self._key(row)[0], base, self._heading(row))
             if similar or (first and not missed and self._occlusion.covers(base)):
                 postponed.append((row, solution, missed))
@@ -255,6 +260,9 @@ class CandidateSearch:
 
     def _roomy_blocks(self) -> Iterator[NDArray[np.intp]]:
         """Yield candidates with room for base and arms, block by block, tested in growing batches."""
+        # Where there is room, the first blocks have an answer, and small ones find it soonest; where there is little,
+        # most candidates are looked at, and large ones do that at the least cost. Doubling is within a factor of two of
+        # either.
         budget, log, undecided = self._spec.budget, self._spec.log, self._undecided
         again = bool(self._spec.demand.remembered)  # repeats a search that required more to be visible
         waiting, first, size, block = np.zeros(0, np.intp), 0, budget.block, budget.block

@@ -167,7 +167,7 @@ def capabilities_of(
         reaches = tuple(
             ArmReach(
                 arm.name,
-                _reaches(known[arm.name]),
+                tuple(_reach(grasp, found) for grasp, found in known[arm.name].items()),
                 _own_body(robot, arm, known[arm.name], world),
                 max(found.spacing for found in known[arm.name].values()),
             )
@@ -196,10 +196,6 @@ def _percent(share: float) -> str:
 
 
 # Reach
-
-
-def _reaches(maps: Maps) -> tuple[Reach, ...]:
-    return tuple(_reach(grasp, found) for grasp, found in maps.items())
 
 
 def _reach(grasp: GraspClass, found: ReachabilityMap) -> Reach:

@@ -258,9 +258,6 @@ class _Explanation:
             return f"the robot has no room to stand within {AROUND:g} m of {self.reach.body}"
         return f"the robot cannot get its centre closer than {gap:.2f} m to the centre of {self.reach.body}"
 
-    def _reach_of(self, arm: ArmModel) -> float:
-        return max(self.inverse(arm, grasp).reach for grasp in CLASSES)
-
     def _gap(self, floor: Floor) -> float:
         """Distance of the thing from the nearest place with room for the base, inf if there is none [m]."""
         block = self.scene.bodies.block(self.reach.body)
@@ -413,4 +410,4 @@ class _Explanation:
 
     def inverse_reach(self) -> float:
         """Greatest distance from the centre of the base that any of the arms reaches [m]."""
-        return max(map(self._reach_of, self.arms))
+        return max(self.inverse(arm, grasp).reach for arm in self.arms for grasp in CLASSES)

@@ -7,14 +7,14 @@ reachability maps can be inverted for many at once. Maps are queried with the *k
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import fields, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.locations.columns import Columns
 from executive.locations.reachability import GraspClass
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel, HandFrame
@@ -23,6 +23,26 @@ from planlang.geometry import Array
 from planlang.geometry.areas import Block
 from planlang.geometry.matrices import product, rotated
 from planlang.records import dataclass
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """Base class of tables: array fields are the columns, other fields apply to all rows."""
+
+    def chosen(self, rows: ArrayLike) -> Self:
+        """Select rows by indices or a mask."""
+        index = np.asarray(rows)
+        return replace(self, **{name: getattr(self, name)[index] for name in self._columns()})
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Concatenate the rows of one or more tables; other fields are taken from the first."""
+        names = parts[0]._columns()
+        return replace(parts[0], **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+    def _columns(self) -> list[str]:
+        return [field.name for field in fields(self) if isinstance(getattr(self, field.name), np.ndarray)]
+
 
 APPROACH = 0.08
 """Distance of the pre-grasp pose from the grasp along the approach direction [m] (rules of `in_front_of`)."""

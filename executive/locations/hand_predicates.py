@@ -39,11 +39,10 @@ from executive.locations.grasps_from_above import (
     is_flat,
     is_low,
 )
-from executive.locations.headroom import headroom
+from executive.locations.headroom import NO_WAY_OUT, ONWARDS, headroom, way_out
 from executive.locations.placement import HAIR, Placement
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
-from executive.locations.taking_out import NO_WAY_OUT, ONWARDS, way_out
 from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, Held, called
 from executive.robots.openings import REMEDY

@@ -335,7 +335,8 @@ def from_base(
     Map postures serve as seeds; if ``generous``, candidates outside the maps are tried last, from the arm's own seeds.
     ``seed`` (d,) is tried first, so that solutions near it are preferred.
     """
-    for _, candidates, check in unblocked(arm, tables, scene, rejections):
+    points = np.concatenate([np.array([[*base[:2], 0.0]]), *(table.points for table in tables)])
+    for _, candidates, check in unblocked(arm, tables, scene, rejections, scene.collisions.near(arm, points)):
         yield from _from_base(
             reach, base, arm, candidates, check, scene, inverse, rejections, seed=seed, generous=generous
         )

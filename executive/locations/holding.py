@@ -138,7 +138,8 @@ def holdings(
     robot: Robot, models: Sequence[ArmModel], world: PlanningWorld, report: Report = unreported
 ) -> tuple[Holding, ...]:
     """Close the hands of a robot on the test things, which ``world`` contains. ``report`` gets the progress."""
-    belief = Belief(SemanticMap(None, _nothing(), (), ()), world, robot=robot.name, trusts_map=True)
+    nothing = Ontology([Reading(Document(Path(), None, ""), Triples(""), ())])
+    belief = Belief(SemanticMap(None, nothing, (), ()), world, robot=robot.name, trusts_map=True)
     scene = PlanningScene(world, RobotModel(robot, tuple(models), None), belief)
     found: list[Holding] = []
     for arm, model in zip(robot.arms, models, strict=True):
@@ -147,10 +148,6 @@ def holdings(
             found.append(_Hand(arm, model, scene).holding(share))
             report("", 1.0)
     return tuple(found)
-
-
-def _nothing() -> Ontology:
-    return Ontology([Reading(Document(Path(), None, ""), Triples(""), ())])
 
 
 @cache

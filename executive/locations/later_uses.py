@@ -94,7 +94,8 @@ class LaterUses:
             return False
         # a door that is closed now will have been opened
         door = self._scene.bodies.door_of(use.body) if use.inside else None
-        check = self._scene.collisions.arm_check(arm, held.name, ())
+        collisions = self._scene.collisions
+        check = collisions.arm_check(arm, held.name, (), collisions.near(arm, table.points))
         for part in blocks(len(table), AT_ONCE):  # one free hand is enough
             tips = table.poses(np.arange(part.start, part.stop))[:, : table.key + 1]
             hits = check.hand_hit(tips.reshape(-1, 4, 4))

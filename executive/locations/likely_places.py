@@ -120,13 +120,9 @@ class UsualPlaces:
         is.
         """
         things, places = self._levels(thing), self._levels(place)
-        if not any(one in self._things for one in things):
+        if {thing for thing, _ in self._table}.isdisjoint(things):
             things = self._levels((expand(UNKNOWN),))
         return next((self._table[one, at] for one in things for at in places if (one, at) in self._table), 0.0)
-
-    @cached_property
-    def _things(self) -> frozenset[str]:
-        return frozenset(thing for thing, _ in self._table)
 
     def is_usual(self, place: Sequence[str]) -> bool:
         """Check whether things are usual at a place, by its classes."""

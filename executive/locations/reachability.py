@@ -177,7 +177,8 @@ class ReachabilityMap:
         if len(new):
             lowest, near = 0.0 if self.lift is None else self.lift.lowest, self.postures[self.rows["posture"][new]]
             # each converged when the map was built
-            self._solved[new], _ = self._solver.solve(self.poses(new, lowest), near[:, None])
+            solver = InverseKinematics(carried(self.arm))
+            self._solved[new], _ = solver.solve(self.poses(new, lowest), near[:, None])
             self._is_solved[new] = True
         return self._solved[rows]
 
@@ -242,10 +243,6 @@ class ReachabilityMap:
         """First row of each level of the lattice, the lowest first, (levels + 1,)."""
         levels = np.asarray(self.rows["z"], np.intp)
         return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
-
-    @cached_property
-    def _solver(self) -> InverseKinematics:
-        return InverseKinematics(carried(self.arm))
 
     @cached_property
     def _solved(self) -> Array:

@@ -387,7 +387,7 @@ def reachability_map(arm: ArmModel, grasp: GraspClass, robot: str = "", report: 
 def bundled_file(arm: ArmModel, grasp: GraspClass, robot: str) -> tuple[str, bytes]:
     """Return the name and the content of the file with the map of a bundled robot's arm, built now."""
     key = map_key(arm, grasp)
-    return _file_name(arm, grasp, robot, key), sealed(key, packed(build_map(arm, grasp)))
+    return f"{robot}-{arm.name}-{grasp.value}{_suffix(key)}", sealed(key, packed(build_map(arm, grasp)))
 
 
 def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tuple[bytes | None, str]:
@@ -396,10 +396,6 @@ def _bundled_map(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> tupl
         return unsealed(key, path.read_bytes()), f": {path} is damaged"
     others = MAPS.glob(f"{robot}-{arm.name}-{grasp.value}-*.map")
     return None, ": the URDF differs from that of the bundled maps" if any(others) else ""
-
-
-def _file_name(arm: ArmModel, grasp: GraspClass, robot: str, key: str) -> str:
-    return f"{robot}-{arm.name}-{grasp.value}{_suffix(key)}"
 
 
 def _suffix(key: str) -> str:

@@ -15,12 +15,10 @@ from functools import partial
 from itertools import count, islice
 from typing import Generic, TypeVar
 
-from executive.belief.knowledge import Source
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_part import Kept
 from executive.locations.base_candidates import InverseMaps
-from executive.locations.budgets import ALL, EASY, EASY_CHECKS, EASY_SOLVED, MOST_CHECKS, MOST_SOLVED
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -32,16 +30,26 @@ from executive.locations.demands import (
     use_at,
 )
 from executive.locations.explanations import explain_bases, explain_hands
-from executive.locations.floor_search import FloorSearch
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
+from executive.locations.looks import Looks
 from executive.locations.placement import Placement
-from executive.locations.questions import Allowance, Findings, Question
+from executive.locations.questions import (
+    ALL,
+    EASY,
+    EASY_CHECKS,
+    EASY_SOLVED,
+    MOST_CHECKS,
+    MOST_SOLVED,
+    Allowance,
+    Findings,
+    Question,
+)
 from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
 from executive.locations.validation import BaseValidator, unmet
 from executive.robots.arms import ArmModel
-from planlang.designators import Action, Device, Location, Object, action
+from planlang.designators import Device, Location, Object
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
@@ -108,18 +116,8 @@ class Resolver:
 
         The thing cannot be reached from there, but the look may lead to such a pose.
         """
-        scene, validator = self.scene, self._validator
-        wanted = validator.wanted(base_demand(location, scene, self._viewer(location)))
-        for name in [reach.body for reach in wanted if reach.kind is ReachKind.GRASP]:
-            belief, is_shut = scene.belief, scene.bodies.closed_before(name) is not None
-            if belief.knowledge(name).source is not Source.MAP or belief.looked_in_vain(name) or is_shut:
-                continue
-            is_seen = scene.visibility.sighted() and scene.visibility.hidden(scene.base(), name) is None
-            view = scene.base() if is_seen else self._view(name) if scene.visibility.sighted() else None
-            if view is not None:
-                look = self._after({name: view}, Solution(view, scene.belief.revision, {}))
-                return replace(look, provisional=True)
-        return None
+        demand = base_demand(location, self.scene, self._viewer(location))
+        return Looks(self._validator).instead(self._validator.wanted(demand))
 
     def satisfies(self, location: Location, base: BasePose) -> Solution | None:
         """Validate one given base pose; None if it does not satisfy the location."""
@@ -136,7 +134,9 @@ class Resolver:
         for reach in validator.wanted(demand):
             validator.check_hands(self._with_uses(reach), location)
         found: list[BasePose] = []
-        with_uses = replace(demand, reaches=tuple(self._with_uses(reach, look=True) for reach in demand.reaches))
+        for goal in (goal for reach in demand.reaches for goal in self._goals(reach)):
+            self._look(goal)
+        with_uses = replace(demand, reaches=tuple(map(self._with_uses, demand.reaches)))
         if with_uses != demand:
             yield from self._found(with_uses, self._question(location), found)
         yield from self._found(demand, question, found)
@@ -180,72 +180,34 @@ class Resolver:
                 return area
         return None
 
-    def _with_uses(self, reach: Reach, *, look: bool = False) -> Reach:
-        """Add later uses of the thing to a grasp; with ``look``, fix their viewpoint at the present base pose."""
-        if reach.kind is not ReachKind.GRASP:
-            return reach
-        goals = goals_of(reach.body, actions_around(), self.scene)
-        for goal in goals if look else ():
-            self._look(goal)
-        uses = (use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in goals)
-        return replace(reach, then=tuple(use for use in uses if use is not None))
+    def _goals(self, reach: Reach) -> Sequence[Location]:
+        """List where the thing will be put or handed over that is grasped."""
+        is_grasp = reach.kind is ReachKind.GRASP
+        return goals_of(reach.body, actions_around(), self.scene) if is_grasp else ()
+
+    def _with_uses(self, reach: Reach) -> Reach:
+        """Add later uses of the thing to a grasp."""
+        uses = [use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in self._goals(reach)]
+        return reach if not uses else replace(reach, then=tuple(use for use in uses if use is not None))
 
     def _found(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
-        """Yield base poses, with looks to take beforehand, and add them to those already ``found``."""
-        scene, wanted, before = self.scene, self._validator.wanted(demand), len(found)
-        unsure = self._unsure(wanted)
-        # look from here first: if that shows nothing new, the map is trusted for the rest, too
-        here = {name: scene.base() for name in unsure if scene.visibility.hidden(scene.base(), name) is None}
-        views = {name: self._view(name) for name in (() if here else unsure)}
-        for solution in search_bases(self._validator, demand, question, found):
+        """Yield base poses, with looks to take beforehand, and add them to those already ``found``.
+
+        If sight alone is lacking, base poses without sight of the handled things come with a look from elsewhere.
+        """
+        before, looks, validator = len(found), Looks(self._validator), self._validator
+        for solution in looks.before(search_bases(validator, demand, question, found), validator.wanted(demand)):
             question.known.allowance = Allowance(ALL, ALL)  # only an answer that there is none has to come soon
-            still_unsure = self._unsure(wanted) if here or views else ()
-            yield self._after({name: view for name, view in (here or views).items() if name in still_unsure}, solution)
-        if len(found) == before and question.log.counts[NOT_VISIBLE]:
-            yield from self._after_a_look(demand, question, found)
-        question.known.inversions.clear()  # the traceback of a failure would keep them alive
-
-    def _after_a_look(self, demand: BaseDemand, question: Question, found: list[BasePose]) -> Iterator[Solution]:
-        """Yield base poses without sight of the handled things, with a look at these from elsewhere beforehand."""
-        validator, scene = self._validator, self.scene
+            yield solution
         blind = validator.blind(demand)
-        unseen = [name for name in (blind.remembered if blind else ()) if not scene.belief.remembers(name)]
-        views = [self._view(name) for name in unseen]
-        if blind is not None and None not in views:
-            question.known.allowance.grant(MOST_CHECKS // 4, MOST_SOLVED // 4)
-            for solution in search_bases(validator, blind, question.uncounted(), found):
-                yield self._after(dict(zip(unseen, views, strict=True)), solution)
-
-    def _unsure(self, wanted: Sequence[Reach]) -> list[str]:
-        """List the bodies to put things on or beside that are known only from the map and may stand elsewhere."""
-        belief, bodies = self.scene.belief, self.scene.bodies
-        places = [reach for reach in wanted if reach.kind is ReachKind.PLACE]
-        around = [name for reach in places for name in reach.bodies()]
-        return [
-            name
-            for name in dict.fromkeys(around if self.scene.visibility.sighted() else ())
-            if bodies.is_movable(name) and belief.knowledge(name).source in (Source.MAP, Source.FELT)
-            if not belief.looked_in_vain(name)
-        ]
-
-    def _view(self, name: str) -> BasePose | None:
-        """Find the best base pose to see a thing; None if there is none, or if the base cannot drive."""
-        if self.scene.robot.base.fixed:
-            return None
-        places = FloorSearch(self._validator, BaseDemand(seen=(name,)), Question()).places()
-        return next((view.base for view in places), None)
-
-    def _after(self, views: Mapping[str, BasePose | None], solution: Solution) -> Solution:
-        """Prepend looks at things from base poses to a solution."""
-        looks: list[Action] = []
-        distant = [view for view in views.values() if view is not None and view != self.scene.base()]
-        for name, view in views.items():
-            if view in distant and view is not None:
-                looks.append(action("Translation-LocationChange", x=view[0], y=view[1], yaw=view[2]))
-            if view is not None:
-                looks.append(action("LookingForSomething", object_acted_on=self.scene.bodies.designator(name)))
-        seen = {"looks": [list(view) for view in distant]} if distant else {}
-        return replace(solution, before=tuple(looks), detail={**solution.detail, **seen}) if looks else solution
+        if len(found) == before and question.log.counts[NOT_VISIBLE] and blind is not None:
+            unseen = [name for name in blind.remembered if not self.scene.belief.remembers(name)]
+            views = {name: looks.view(name) for name in unseen}
+            if None not in views.values():
+                question.known.allowance.grant(MOST_CHECKS // 4, MOST_SOLVED // 4)
+                for solution in search_bases(validator, blind, question.uncounted(), found):
+                    yield looks.first(views, solution)
+        question.known.inversions.clear()  # the traceback of a failure would keep them alive
 
     def _check_parts(self, location: Location, demand: BaseDemand) -> None:
         """Raise MissingCapability if the robot has no part for what is required, wherever it stands."""

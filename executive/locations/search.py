@@ -16,7 +16,6 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.base_poses import BasePoses
-from executive.locations.budgets import ALL, BUDGETS, SearchBudget
 from executive.locations.candidate_search import CandidateSearch, SearchSpec, as_reported
 from executive.locations.demands import BaseDemand
 from executive.locations.floor_search import FloorSearch
@@ -24,7 +23,7 @@ from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.looking_once import numbered
-from executive.locations.questions import FreeHands, Question
+from executive.locations.questions import ALL, BUDGETS, FreeHands, Question, SearchBudget
 from executive.locations.rejections import (
     COLLISION,
     NO_ROOM,
@@ -211,8 +210,11 @@ class ReachSearch:
             return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)
         reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
         varied = stage is Stage.CLOSEST
-        points = [one.points for arm, table in tables for one in (table.variants(arm.openings) if varied else [table])]
-        near, hits = _sphere(points, reach), HandHits()
+        variants = (one for arm, table in tables for one in (table.variants(arm.openings) if varied else [table]))
+        points = np.concatenate([one.points for one in variants])
+        # all that a robot may touch when it reaches one of them
+        near = points[0], float(np.linalg.norm(points - points[0], axis=1).max()) + reach
+        hits = HandHits()
         each = (unblocked(arm, of_arm, scene, counted, near, varied=varied, hits=hits) for arm, of_arm in possible)
         hands = [hand for some in each for hand in some]
         for hand in hands:
@@ -236,9 +238,3 @@ def _within(centre: tuple[float, float], least: float, most: float, bases: Array
     """Weigh bases (m, 3): 1 between two distances [m] from a centre, else 0."""
     distances = np.linalg.norm(bases[:, :2] - centre, axis=1)
     return np.where((distances >= least) & (distances <= most), 1.0, 0.0)
-
-
-def _sphere(points: Sequence[Array], reach: float) -> tuple[Array, float]:
-    """Centre (3,) and radius [m] of everything that a robot may touch when it reaches tip positions (n, 3)."""
-    every = np.concatenate(points)
-    return every[0], float(np.linalg.norm(every - every[0], axis=1).max()) + reach

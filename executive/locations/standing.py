@@ -86,6 +86,9 @@ class Standing:
         around = now[2] + np.linspace(-np.pi, np.pi, HEADINGS, endpoint=False)
         yaws = around if headings is None else np.remainder(headings + np.pi, 2 * np.pi) - np.pi
         share, turned, aside = (grid.ravel() for grid in np.meshgrid(np.array(SHARES), yaws, np.array(ASIDE)))
+        # In the base's frame the point lies on an arc about the shoulder: at (x, y), a share of the reach away and
+        # turned aside. A base with yaw t has it at its own position + Rz(t) (x, y); solved for that position, with the
+        # middle of the points for the point, this is where the base has to stand.
         x, y = shoulder[0] + reach * share * np.cos(aside), shoulder[1] + reach * share * np.sin(aside)
         c, s = np.cos(turned), np.sin(turned)
         middle = points.mean(axis=0)
@@ -96,6 +99,8 @@ class Standing:
         # rounded, so that ties do not depend on the processor
         cost = (cost + SIDEWAYS * np.abs(aside) / (np.pi / 2)).round(9)
         near, far = distances.min(axis=1), distances.max(axis=1)
+        # Searches stop after some tens of base poses. Sorted by cost alone these would all be neighbours at the best
+        # share, and fail alike where just that share does not suit the hand's pose; so the shares take turns.
         doubtful = (near < (SHARES[0] - HAIR) * reach) | (far > (SHARES[-1] + HAIR) * reach)
         free = self.poses.free(bases)
         order = np.lexsort((cost, _turn(share, cost, free), doubtful))
@@ -180,8 +185,14 @@ class Standing:
         ones opposite to the first hand's approach: a hand leaves a cabinet or a handle the way it came.
         """
         here, contacts, indirect = self.scene.base(), self.scene.collisions.contacts, None
-        heading = self._heading(postures[0][0]) if postures else here[2]
+        heading = here[2]
+        if postures:  # a vertical approach has no heading
+            tip, approach = self.scene.arms.tip(postures[0][0]), np.asarray(postures[0][0].frame.approach)
+            x, y, _ = matrices.rotated(tip[:3, :3], approach).tolist()
+            heading = math.atan2(y, x) if math.hypot(x, y) > APPROACH else heading
         nearby = () if self.scene.robot.base.fixed else self.beside(heading, BACK_OFF)
+        # A base that turns sweeps the arms through what they have just worked at, so a straight way with the arms as
+        # they are goes before a shorter way around, which the planner of paths may or may not find.
         for pose in chain((here,), nearby):
             if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not self.poses.has_room(pose)):
                 continue
@@ -191,11 +202,6 @@ class Standing:
                 return pose
             indirect = indirect or pose
         return indirect
-
-    def _heading(self, arm: ArmModel) -> float:
-        """Compute the heading of a hand's approach in the map [rad]; the base's heading for a vertical approach."""
-        x, y, _ = matrices.rotated(self.scene.arms.tip(arm)[:3, :3], np.asarray(arm.frame.approach)).tolist()
-        return math.atan2(y, x) if math.hypot(x, y) > APPROACH else self.scene.base()[2]
 
 
 def floor_near(block: Block, floor: Floor) -> Array:

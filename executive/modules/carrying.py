@@ -88,7 +88,8 @@ def _free(control: Control, arm: ArmModel, held: Held, named: Array) -> Iterator
         for poses, rows in _solutions(control, arm, named, batch):
             for pose, q in zip(poses, rows, strict=True):
                 duplicate = any(_alike(pose, other) and np.abs(q - p).max() < OTHERWISE for other, p in kept)
-                if not duplicate and not control.scene.world.self_contacts(_configuration(control, arm, q)):
+                there = Configuration(control.base(), dict(zip(arm.joints, map(float, q), strict=True)))
+                if not duplicate and not control.scene.world.self_contacts(there):
                     kept.append((pose, q))
                     yield q
 
@@ -157,7 +158,3 @@ def _distances(arm: ArmModel, held: Held, q: Array) -> tuple[Array, Array]:
     chain, tips = arm.solver.chain, arm.solver.chain.fk(q)
     joints = np.linalg.norm(chain.frames(q)[:, :, :2, 3], axis=2).max(axis=1)
     return joints, np.linalg.norm(moved(tips, np.asarray(held.pose.position))[:, :2], axis=1)
-
-
-def _configuration(control: Control, arm: ArmModel, q: Array) -> Configuration:
-    return Configuration(control.base(), dict(zip(arm.joints, map(float, q), strict=True)))

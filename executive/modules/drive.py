@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 
@@ -20,6 +20,8 @@ CHECKS = 0.08
 """Initial spacing of collision checks along a base path [m]; the timed path is checked again."""
 FINER = (1.0, 0.5, 0.25)
 """Factors of CHECKS: a timed path that collides between checks is planned again with closer checks."""
+AROUND = 10.0
+"""Distance from the base and its goal within which to search for a path on a large map first [m]."""
 ROOMY = 0.01
 """Clearance around the robot's circular outline above which a pose needs no exact check [m]."""
 
@@ -36,10 +38,31 @@ class Drive:
         During exploration, prefers floor that has been seen, since unseen space may be occupied. Where the robot has
         no room to turn freely, searches headings too (:func:`plan_tight_path`).
         """
+        *nearby, whole = self._grids(goal)
+        for grid in nearby:
+            with suppress(NoPath):
+                return self._path(goal, grid)
+        return self._path(goal, whole)
+
+    def _grids(self, goal: BasePose) -> Iterator[Grid]:
+        """Yield the grid around the base and a goal on a large map, then that of the whole map.
+
+        A path that leaves the first one is at least twice :data:`AROUND` long, and seldom needed.
+        """
+        bounds, ends = self._control.scene.world.scene.bounds, np.array([self._control.base()[:2], goal[:2]])
+        least, most = np.array(bounds[:2]), np.array(bounds[2:])
+        if ((ends > least) & (ends < most)).all():
+            # whole metres, so that the cells are those of the whole map
+            low = least + np.maximum(np.floor(ends.min(axis=0) - AROUND - least), 0.0)
+            high = np.minimum(ends.max(axis=0) + AROUND, most)
+            if (low > least).any() or (high < most).any():
+                yield Grid.over((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+        yield Grid.over(bounds[:2], bounds[2:])
+
+    def _path(self, goal: BasePose, grid: Grid) -> Trajectory:
+        """Plan a path on a grid, as :meth:`path`."""
         control = self._control
         scene, radius, start = control.scene, control.robot.base.radius, control.base()
-        x_min, y_min, x_max, y_max = scene.world.scene.bounds
-        grid = Grid.over((x_min, y_min), (x_max, y_max))
         silhouette = scene.collisions.silhouette()
         room = clearance_field(grid, scene.collisions.obstacles(), silhouette)
 

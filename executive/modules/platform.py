@@ -430,7 +430,9 @@ class Platform(Control):
 
 
 class PlatformModule:
-    """Process module on a platform. It uses no part of the robot unless it overrides :meth:`resources`."""
+    """Process module on a platform. It uses the parts of the robot that it ``needs``, by default none."""
+
+    needs: tuple[str, ...] = ()
 
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
@@ -443,7 +445,14 @@ class PlatformModule:
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """List the parts of the robot that an action needs."""
-        return ()
+        return self.needs
+
+    def object_of(self, action: Action, does: str) -> Object:
+        """Read the object that an action is to do something to. Raises ActionUnresolvable if it names none."""
+        what = action.get("object_acted_on")
+        if not isinstance(what, Object):
+            raise ActionUnresolvable(f"name the object to {does} as object_acted_on", designator=str(action))
+        return what
 
     def whole_robot(self) -> tuple[str, ...]:
         """List base, head, torso and all arms, for actions that find out only on the way which of them they need."""

@@ -75,6 +75,8 @@ def _first_free(
     start: Array, ends: Iterator[Array], contacts: Contacts, pieces: Callable[[Array, Array], int]
 ) -> Array | None:
     """Find the first collision-free end that a straight line reaches without contact pairs other than the start's."""
+    # What overlaps at the start may overlap on, as long as it ends free: the belief is wrong there, not the robot. A
+    # pair that is new on the way would be a real collision.
     at_start = contacts(start)
     if not at_start or max(contact.depth for contact in at_start) > SHALLOW:
         return None

@@ -302,6 +302,9 @@ class QuickCheck:
         order = np.argsort(row, kind="stable")
         rank = np.empty(len(row), np.intp)
         rank[order] = np.arange(len(row)) - np.searchsorted(row[order], row[order])
+        # Spheres cost most, and one hit is enough to reject a row. So only one candidate of each row is tested at
+        # first, and three times as many at each further step of the rows that are left: a free row, in which all have
+        # to be tested, takes a number of steps that grows with their logarithm only.
         parts, untested, bound = [], np.arange(len(row)), 1
         while len(untested):
             batch = untested[rank[untested] < bound]
@@ -371,7 +374,8 @@ class QuickCheck:
         mover = pairs.movers_of_standing
         far = np.maximum(self._balls[pairs.movers[mover], 3] + width[pairs.standing], 0.0)[:, None]
         low, high = (corners[pairs.pieces] for corners in self._boxes)
-        # the extent of each mover over all rows: most pieces are far from it
+        # The pieces of furniture do not move, so the box around all centres of a mover, over all rows, is compared with
+        # the box of each piece before any single row is: most pieces of a room are far from everything an arm does.
         below, above = middles.min(axis=2)[mover], middles.max(axis=2)[mover]
         number = np.flatnonzero(((below - far < high) & (above + far > low)).all(axis=1))
         centre, half = (high + low)[number, :, None] / 2, (high - low)[number, :, None] / 2
@@ -384,6 +388,11 @@ class QuickCheck:
         self, width: Array, middles: Array, frames: Array, rows: Array, pairs: _Pairs
     ) -> tuple[Index, Index, Index, Array]:
         """Find the same for pairs on the robot, by balls, with centres in the frames of obstacles."""
+        # Two steps, because an obstacle on the robot, such as a torso or a held tray, has many pieces, and each row of
+        # joint values has another frame for it. First its bounding ball against the mover's: both centres are known in
+        # the base's frame, so that a distance decides, and most pairs end here. Only for the rest is the mover's centre
+        # taken into the obstacle's frame, once for each pair and row, and compared there with the ball of every piece,
+        # which does not move in that frame.
         mover, obstacle, obstacles = pairs.movers_of_moving, self._obstacle[pairs.moving], self._obstacles
         far = self._balls[pairs.movers[mover], 3] + width[pairs.moving]
         others = _placed(self._obstacle_balls, obstacles.frames, frames)

@@ -128,7 +128,7 @@ class Tracks:
 
     def __init__(self, rate: int, belief: Belief) -> None:
         self._belief = belief
-        self._revision = -1
+        self._told: object = None
         self._believed: dict[str, Pose] = {}
         self.rate = rate
         self.all: dict[tuple[str, str], Track] = {}
@@ -145,10 +145,10 @@ class Tracks:
 
     def believe(self, step: int) -> None:
         """Record believed poses that changed since the last call, except for held objects, which move with the hand."""
-        if self._revision == self._belief.revision:
+        belief, state = self._belief, self._belief.state
+        if self._told == (told := (state.poses, state.held, state.away)):
             return
-        self._revision = self._belief.revision
-        belief, names = self._belief, set(self._belief.names())
+        self._told, names = told, set(belief.names())
         held = belief.carried()
         for name in sorted(names & {name for kind, name in self.all if kind == "body"}):
             pose = belief.pose(name)

@@ -15,16 +15,6 @@ from planlang.outputs import PNG, check_outputs
 from planlang.runs import RecordedRun
 from planlang.temporary import temporary_folder
 
-_ALONE: dict[str, Any] = {
-    **dict.fromkeys(("trace", "picture", "video", "view", "record", "report", "poses", "upload", "update_map")),
-    **dict.fromkeys(("watch", "watch_tree", "gui", "world_as_left"), False),
-    **dict.fromkeys(("watchers", "listeners"), ()),
-    "repeats": True,
-    "progress": lambda line: None,
-    "announce": lambda found: None,
-}
-"""Options of a run that is repeated for one file: it writes nothing else, and nothing watches it."""
-
 
 class EndedRun:
     """Repeats a run by its trace; its input files must not have changed."""
@@ -43,8 +33,8 @@ class EndedRun:
         options = self._options
         if options.trace is not None:
             return read_trace(options.trace)[0]
-        if options.resume is not None:  # a run that was repeated for a file writes no trace
-            return options.resume
+        if options.repeated is not None:  # a run that was repeated for a file writes no trace
+            return options.repeated
         return RecordedRun.of(self._events)
 
     def write(self, what: str, path: Path, *, force: bool = False, view: str | None = None) -> Path:
@@ -52,7 +42,8 @@ class EndedRun:
         problems = check_outputs({what: path}, {}, formats={"picture": PNG}, force=force)
         if problems:
             raise BadInput(problems)
-        self._run(replace(self._options, **_ALONE | {"resume": self._recorded(), "view": view, what: path}))
+        file: dict[str, Any] = {what: path}
+        self._run(replace(self._options.unseen(), repeated=self._recorded(), resume=None, view=view, **file))
         return path
 
     @cached_property

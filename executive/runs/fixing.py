@@ -6,20 +6,22 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from executive.runs.files import RecipeFile
 from planlang.recipe.fixes.fixing import Fixed, fix_recipe
 from planlang.rehearsal import rehearse
 
 
-def fixed(path: Path, *, task: str | None, folders: Sequence[Path], accepted: Sequence[str]) -> Fixed:
+def fixed(file: RecipeFile, *, task: str | None, folders: Sequence[Path], accepted: Sequence[str]) -> Fixed:
     """Fix a recipe by :func:`planlang.recipe.fixes.fixing.fix_recipe`. Raises BadInput if it cannot be read.
 
     Rehearsals use copies in another folder, so they also search the recipe's own folder for imports.
     """
-    searched = (path.parent, *folders)
+    searched = (*file.folder, *folders)
     return fix_recipe(
-        path,
+        file.path,
         task=task,
         folders=folders,
         accepted=frozenset(accepted),
         rehearse=partial(rehearse, task=task, folders=searched),
+        content=file.content,
     )

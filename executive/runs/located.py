@@ -59,7 +59,7 @@ class FoundPose:
         return numbers | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
 
     def as_json(self) -> dict[str, Any]:
-        """The pose as ``planlang locate --json`` prints it."""
+        """The pose as JSON."""
         if self.z is not None:
             frame = {"frame": self.frame} if self.frame else {}
             return {"x": self.x, "y": self.y, "z": self.z, "yaw": self.yaw, **frame}
@@ -124,7 +124,7 @@ class Located:
         return [pose.row for pose in self.poses]
 
     def as_json(self) -> dict[str, Any]:
-        """The result as ``planlang locate --json`` prints it."""
+        """The result as JSON."""
         failed = {} if self.failure is None else {"failure": self.failure.as_json(), "message": self.failure.message}
         if self.lacks_capability:
             return failed

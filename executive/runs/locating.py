@@ -15,17 +15,23 @@ from executive.locations.consistency import LocationMeaningless
 from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
+from executive.options.declaring import outputs_of
+from executive.options.running import LocateOptions
+from executive.options.values import names, planar
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import platform_of, world_at_start
 from executive.runs.failure import Failure
+from executive.runs.files import check_files, chosen, environments, refuse
 from executive.runs.located import FoundPose, Located, Shown
 from executive.runs.phrases import lexicon_of
 from planlang.designators import Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable, PlanFailure
+from planlang.files import Bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
+from planlang.outputs import check_outputs
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.progress import Report, Waiting, unreported, unwatched
@@ -36,33 +42,6 @@ from sim import PyBulletWorld
 
 if TYPE_CHECKING:
     from planlang.sheets import Sheet
-
-
-@dataclass(frozen=True, kw_only=True)
-class LocateOptions:
-    """Options of a search for poses: the phrase, the robot, the maps, and the number of poses."""
-
-    phrase: str
-    robot: Path
-    environment: Path
-    additions: tuple[Path, ...] = ()
-    """Maps of further things in the environment."""
-    ontologies: tuple[Path, ...] = ()
-    urdf: Path | None = None
-    start: BasePose | None = None
-    of: str | None = None
-    """The thing whose poses are searched; None: the base."""
-    count: int = 3
-    units: tuple[str, ...] = ()
-    """Units of the result for people, if other than m and rad."""
-    drawn: bool = False
-    """Also draw the room with the candidates, which takes a fraction of a second."""
-    ignore_unread: bool = False
-    """Go on without things of the maps that cannot be read."""
-    long_work: Report = unreported
-    """Gets the progress of building reachability maps."""
-    waiting: Waiting = unwatched
-    """Entered while poses are searched."""
 
 
 @dataclass(slots=True)
@@ -82,36 +61,67 @@ class _Question:
         return None if self.what is None else self.meant[self.what]
 
 
-def locate(options: LocateOptions) -> Located:
-    """Find poses. Raises BadInput for invalid input."""
-    Shown(options.units)  # refuses invalid units before the search
+@dataclass(frozen=True, slots=True)
+class _Files:
+    """What the options of a search name."""
+
+    robot: Path
+    environment: Path
+    additions: tuple[Path, ...]
+
+
+def locate(
+    options: LocateOptions, *, draws: bool = True, long_work: Report = unreported, waiting: Waiting = unwatched
+) -> Located:
+    """Find poses, and draw the candidates, which takes a fraction of a second. Raises BadInput for invalid input.
+
+    ``long_work`` gets the progress of building reachability maps; ``waiting`` is entered while poses are searched.
+    """
+    files, start = _found(options), None if options.start is None else planar(options.start)
+    Shown(options.units or ())  # refuses invalid units before the search
     with ExitStack() as stack:
         diagnostics: list[Diagnostic] = []
-        ontology = load(options.environment, folders=options.ontologies, also=options.additions)
+        ontology = load(files.environment, folders=options.folders, also=files.additions)
         semantic_map = read_map(ontology, ignore_unread=options.ignore_unread)
         lexicon = lexicon_of(semantic_map)
         location = read_location(options.phrase, lexicon)
-        what = None if options.of is None else read_thing(options.of, lexicon, file="of")
-        robot = with_carrying(
-            bind_robot(options.robot, urdf=options.urdf, folders=options.ontologies), report=options.long_work
-        )
+        what = None if options.of is None else read_thing(options.of, lexicon, file=Text(Option("of")))
+        robot = with_carrying(bind_robot(files.robot, urdf=options.urdf, folders=options.folders), report=long_work)
         diagnostics.extend((*ontology.diagnostics, *semantic_map.diagnostics, *robot.diagnostics))
         if location.device is not None and not robot.arms_of(location.device):
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             device = write_thing(location.device).removeprefix("the ")
             return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, diagnostics)
-        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack)
+        world = world_at_start(scene_of(semantic_map, diagnostics), robot, start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # equals the belief: nothing moves
         stack.callback(truth.close)
-        platform = platform_of(robot, semantic_map, truth, world, 0, options.long_work)
+        platform = platform_of(robot, semantic_map, truth, world, 0, long_work)
         meant = _meant([*location.things(), *([] if what is None else [what])], lexicon, platform, diagnostics)
         diagnostics.extend(_choices(meant, lexicon, platform))
         try:
-            return _resolved(_Question(location, what, lexicon, platform, meant, diagnostics), options)
+            question = _Question(location, what, lexicon, platform, meant, diagnostics)
+            located, log = _resolved(question, options, waiting)
+            return replace(located, sheet=_drawing(located, log, question, options)) if draws else located
         except LocationMeaningless as problem:
             raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:
             return _missing(problem, options, diagnostics)
+
+
+def _found(options: LocateOptions) -> _Files:
+    """Find the files of a search, and check what it writes. Raises BadInput."""
+    problems: list[Diagnostic] = []
+    check_files(problems, urdf=options.urdf)
+    robot = chosen(Bundled.ROBOT, options.robot, None, problems, needs="locate")
+    first, *further = (*names(options.environment or ()),) or (None,)
+    environment = chosen(Bundled.ENVIRONMENT, first, None, problems, needs="locate")
+    additions = environments(further, problems)
+    inputs = {Option("urdf"): options.urdf, Option("robot"): robot, Option("environment"): environment}
+    outputs, formats = outputs_of(options, LocateOptions)
+    refuse([*problems, *check_outputs(outputs, inputs, formats=formats, force=options.force)])
+    assert robot is not None
+    assert environment is not None
+    return _Files(robot, environment, additions)
 
 
 def _missing(problem: PlanFailure, options: LocateOptions, diagnostics: Iterable[Diagnostic]) -> Located:
@@ -119,8 +129,8 @@ def _missing(problem: PlanFailure, options: LocateOptions, diagnostics: Iterable
     return Located(options.phrase, failure=Failure.of(problem), diagnostics=tuple(diagnostics), lacks_capability=True)
 
 
-def _resolved(question: _Question, options: LocateOptions) -> Located:
-    """Search poses, and draw the candidates if requested."""
+def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> tuple[Located, Rejections]:
+    """Search poses; returns them, and what was rejected."""
     log, failure, platform = Rejections(explained=True), None, question.platform
     poses: list[FoundPose] = []
     frame: Mapping[str, str] = {}
@@ -129,7 +139,7 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
         question.found.extend(_unused(question.location, used))
         question.location, frame = used, _frame(used, question.body, platform)
         search = _bases(question, log) if question.what is None else _things(question, frame, log)
-        with options.waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
+        with waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
             poses.extend(islice(search, options.count))
     except LocationMeaningless:
         raise
@@ -146,9 +156,9 @@ def _resolved(question: _Question, options: LocateOptions) -> Located:
         dict(platform.world.configuration().joints),
         tuple(question.found),
         _sides(frame, question.location, platform),
-        units=options.units,
+        units=tuple(options.units or ()),
     )
-    return replace(located, sheet=_drawing(located, log, question, options)) if options.drawn else located
+    return located, log
 
 
 def _without_phrase(failure: PlanFailure, location: Location) -> Failure:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import field, replace
 from enum import Enum
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from executive.options.declaring import declared, values_of
+from executive.options.running import RunSettings
 from executive.runs.failure import Failure
 from executive.runs.final_state import Tilts
-from executive.runs.settings import RunSettings
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import framed
 from planlang.progress import Report, unreported
@@ -38,29 +39,12 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions(RunSettings):
-    """Options of a run: its settings, its input files, and its observers."""
+    """Options of a run, and its observers."""
 
-    plan: Path | None = None
-    recipe: Path | None = None
-    task: str | None = None
-    accepted: tuple[str, ...] = ()
-    """Codes of uncertain fixes to apply to the recipe before it is compiled."""
-    ontologies: tuple[Path, ...] = ()
     recipes: tuple[Path, ...] = ()
     """Files with recipes of steps that the recipe does not refine itself."""
-    robot: Path | None = None
-    environment: Path | None = None
-    additions: tuple[Path, ...] = ()
-    """Maps of further things in the environment."""
-    start: tuple[float, float, float] | None = None
-    bindings: Mapping[str, str] | None = None
-    seed: int = 0
-    resume: RecordedRun | None = None
-    """Trace of the run to resume."""
-    repeats: bool = False
-    """Repeat the recorded run up to its last record, in order to observe it; it may have ended."""
-    notes: tuple[Diagnostic, ...] = ()
-    """Diagnostics from preparing the run."""
+    repeated: RecordedRun | None = None
+    """A recorded run, which may have ended: it is repeated up to its last record, in order to observe it."""
     inner_actions: bool = False
     """Also report actions that process modules perform inside others."""
     progress: Callable[[str], None] = lambda line: None
@@ -76,6 +60,19 @@ class RunOptions(RunSettings):
     """Makes what the run senses and commands the simulated robot with; may decorate it, for example with noise."""
     around: Callable[[RobotExecutive], None] = lambda executive: None
     """Called with the executive before the plan runs; may wrap its process modules, for example to inject faults."""
+
+    @staticmethod
+    def of(settings: RunSettings, **observers: Any) -> RunOptions:
+        """Add observers to the options of a face."""
+        return RunOptions(**values_of(settings, RunSettings), **observers)
+
+    def unseen(self) -> RunOptions:
+        """The same run, of which nothing is written or shown."""
+        shown: dict[str, Any] = {
+            name: one.field.default for name, one in declared(RunSettings).items() if one.declared.is_shown
+        }
+        unobserved = {name: getattr(RunOptions, name) for name in ("progress", "announce", "watchers", "listeners")}
+        return replace(self, **shown, **unobserved, world_as_left=False)
 
 
 class Ended(Protocol):
@@ -118,6 +115,11 @@ class RunResult:
         return self.outcome is Outcome.DONE
 
     @property
+    def is_interrupted(self) -> bool:
+        """True if the run was interrupted, as by Ctrl-C."""
+        return self.outcome is Outcome.INTERRUPTED
+
+    @property
     def failures(self) -> tuple[str, ...]:
         """Class of the failure, then those of its causes; empty without a failure."""
         return () if self.failure is None else self.failure.types
@@ -143,7 +145,7 @@ class RunResult:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """The result as ``planlang run --json`` prints it."""
+        """The result as JSON."""
         return {
             "outcome": self.outcome.value,
             "succeeded": self.succeeded,
@@ -165,7 +167,7 @@ class RunResult:
     def picture(self, path: str | PathLike[str], *, view: str | None = None, force: bool = False) -> Path:
         """Write a picture of the final scene, as PNG, and return its path; this repeats the run.
 
-        ``view`` is as in ``planlang run --view``: ``overview``, ``top``, or points of the map [m]. Raises BadInput as
+        ``view`` is as in the options of a run: ``overview``, ``top``, or points of the map [m]. Raises BadInput as
         :meth:`report` does.
         """
         return self._shown().write("picture", Path(path), force=force, view=view)

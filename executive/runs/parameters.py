@@ -257,7 +257,7 @@ def _bound(parameter: PlanParameter, text: str, semantic_map: SemanticMap, diagn
         if parameter.takes_places and thing is None and " " in text.strip():
             from executive.runs.phrases import read_phrase  # the grammar of phrases is slow to import
 
-            return read_phrase(text, semantic_map, parameter.setting)
+            return read_phrase(text, semantic_map, Text(Option("set"), f" {parameter.setting}"))
         what = "is not in the map" if thing is None else "has no pose in the map"
         raise BadInput([error("X005", f"{text!r} {what}", help=_fitting(parameter, semantic_map, text))])
     classes = ", ".join(shorten(cls) for cls in thing.types)

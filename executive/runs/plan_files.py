@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from executive.robots import Availability, FindingKind, Missing, Robot, possessions_of
 from executive.robots.tasks import match
+from executive.runs.files import RecipeFile
 from planlang.action_classes import ancestors_of
 from planlang.designators import is_called
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
@@ -21,7 +20,6 @@ from planlang.ontology import Ontology, expand, load, shorten
 from planlang.ontology.catalog import FOLDER
 from planlang.recipe import Actions, RecipeSet, read_recipe
 from planlang.records import dataclass
-from planlang.temporary import temporary_folder
 from planlang.words import Blank, Text, calling
 
 if TYPE_CHECKING:
@@ -29,33 +27,16 @@ if TYPE_CHECKING:
 
 
 def fixed_recipe(
-    recipe: Path,
-    stack: ExitStack,
-    diagnostics: list[Diagnostic],
-    task: str | None,
-    folders: Sequence[Path],
-    accepted: Sequence[str],
-) -> Path:
-    """Fix a copy of a recipe, with uncertain fixes of accepted codes. ``stack`` removes the copy."""
-    from executive.runs.fixing import fixed  # slow, and most recipes are not fixed
+    file: RecipeFile, diagnostics: list[Diagnostic], task: str | None, folders: Sequence[Path], accepted: Sequence[str]
+) -> bytes:
+    """Fix a recipe in memory, with uncertain fixes of accepted codes; lines of diagnostics are those of its text."""
+    from executive.runs.fixing import fixed  # slow to import, and most recipes are not fixed
 
-    result = fixed(recipe, task=task, folders=folders, accepted=accepted)
-    diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(recipe))) for one in result.done)
+    result = fixed(file, task=task, folders=folders, accepted=accepted)
+    diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(file.path))) for one in result.done)
     for one, why in result.refused:
         diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
-    copy = stack.enter_context(temporary_folder()) / recipe.name
-    copy.write_bytes(result.after.encode(result.encoding))
-    return copy
-
-
-def located(diagnostic: Diagnostic, copy: Path, file: Path) -> Diagnostic:
-    """Replace the copy of a file by the file in a diagnostic; lines remain those of the copy."""
-    span = diagnostic.span
-    return (
-        diagnostic
-        if span is None or span.file != str(copy)
-        else replace(diagnostic, span=span._replace(file=str(file)))
-    )
+    return result.after.encode(result.encoding)
 
 
 def compiled(recipe: Ontology, task: str | None, performed: frozenset[str]) -> CompiledPlan:

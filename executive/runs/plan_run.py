@@ -15,11 +15,13 @@ from executive.maps import SemanticMap, read_map, scene_of
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
+from executive.options.running import header_entries
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.ended_run import EndedRun
 from executive.runs.failure import Failure
+from executive.runs.files import RecipeFile
 from executive.runs.final_state import state_lines
 from executive.runs.in_hands import InHand, in_hands, take
 from executive.runs.inputs import Inputs
@@ -39,14 +41,13 @@ from executive.runs.plan_files import (
     assess,
     compiled,
     fixed_recipe,
-    located,
     main_plan,
     required,
     required_of_plan,
     without_module,
 )
-from executive.runs.remedies import able_robots, absent_things, call_of, performing
-from executive.runs.settings import header_entries
+from executive.runs.prepared import RunFiles, prepared
+from executive.runs.remedies import able_robots, absent_things, call_of, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang.designators import Action, local_name
@@ -100,12 +101,13 @@ class _Subject:
 class Run:
     """Plan that is ready to execute or replay. Use it in a ``with`` statement: it holds files and worlds."""
 
-    def __init__(self, options: RunOptions, inputs: Inputs | None = None) -> None:
+    def __init__(self, files: RunFiles, inputs: Inputs | None = None) -> None:
         """Compile and import the plan and the process modules; ``inputs`` caches input files. Raises BadInput."""
-        self.options = options
+        self.files, self.options = files, files.options
+        options = files.options
         # a fixed recipe is a new temporary file in each run
-        self._inputs = Inputs() if inputs is None or options.accepted else inputs
-        self.found: list[Diagnostic] = list(options.notes)
+        self._inputs = Inputs() if inputs is None or options.accept else inputs
+        self.found: list[Diagnostic] = list(files.notes)
         with ExitStack() as stack:  # closed here if something raises
             self._requirements: Requirements | None = None
             self._compiled: CompiledPlan | None = None
@@ -114,22 +116,26 @@ class Run:
             for file in options.modules or ():
                 self.registry.add_file(file)
             self._modules = self.registry.resolve(self.found)
-            if options.plan is not None:
-                self.source = PlanSource.read(options.plan)
+            if isinstance(files.file, PlanSource):
+                self.source = files.file
             else:
-                assert options.recipe is not None
-                file, folders = options.recipe, options.ontologies
-                if options.accepted:
-                    file = fixed_recipe(file, stack, self.found, options.task, folders, options.accepted)
-                    folders = (options.recipe.parent, *folders)
-                recipe = self._inputs.once(load, file, folders=folders, also=options.recipes)
+                file, folders, content = files.file.path, options.folders, files.file.content
+                if options.accept:
+                    content = fixed_recipe(files.file, self.found, options.task, folders, options.accept)
+                    folders = (*files.file.folder, *folders)
+                recipe = self._inputs.once(load, file, folders=folders, also=options.recipes, content=content)
                 plan = self._compiled = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
                 self.source = plan.plan_source
-                self.found = [located(one, file, options.recipe) for one in (*self.found, *plan.diagnostics)]
+                self.found += plan.diagnostics
                 self._requirements = required(recipe, plan.recipes)
             self._module = load_plan(self.source)
-            self.plan: Plan[Any, Any] = main_plan(self._module, options.task if options.plan is not None else None)
+            self.plan: Plan[Any, Any] = main_plan(self._module, options.task if self._is_by_hand else None)
             self._stack = stack.pop_all()
+
+    @property
+    def _is_by_hand(self) -> bool:
+        """True for a plan that is not compiled for this run."""
+        return isinstance(self.files.file, PlanSource)
 
     def __enter__(self) -> Run:
         return self
@@ -174,16 +180,18 @@ class Run:
             return self._refuse(program.missing)
         robot, given = self._bind_robot(found)
         assessment = self._assessment(subject, robot)
-        earlier, notes = earlier_of(options.resume, world_as_left=options.world_as_left, looks_on=options.repeats)
+        earlier, notes = earlier_of(
+            self.files.recorded, world_as_left=options.world_as_left, looks_on=options.repeated is not None
+        )
         held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
             robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held], options.long_work)
         advice = self._advise_trust(robot, assessment)
-        found += (*robot.diagnostics, *assessment.notes(options.plan), *advice)
+        found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
         self._context = partial(self._page_context, subject, tuple(found), advice, bool(assessment.missing))
         found += notes
         if self._lacks(assessment):
-            found += able_robots(options, lambda one: not self._assessment(subject, one).missing)
+            found += able_robots(self.files, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         platform, truth = self._assemble(subject, robot, given, held)
         executive = RobotExecutive(platform, self._modules, truth)
@@ -197,7 +205,7 @@ class Run:
         header = self._header(subject, platform, assessment, given)
         body = self._body(subject.bound)
         if earlier is not None:
-            known = run_header(body, SimulationHost(truth), options.seed, options.schedule)
+            known = run_header(body, SimulationHost(truth), self.files.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
             options.announce(notes)
             found += notes
@@ -207,19 +215,19 @@ class Run:
 
     def _subject(self) -> _Subject:
         """Read the map and bind the parameters. Raises BadInput for an invalid map or parameter."""
-        options, found = self.options, self.found
-        assert options.environment is not None
-        if options.plan is not None:
-            self._requirements = required_of_plan(self.source, self.plan, found, folders=options.ontologies)
+        options, files, found = self.options, self.files, self.found
+        assert files.environment is not None
+        if self._is_by_hand:
+            self._requirements = required_of_plan(self.source, self.plan, found, folders=options.folders)
         read = self._inputs.once
-        ontology = read(load, options.environment, folders=options.ontologies, also=options.additions)
+        ontology = read(load, files.environment, folders=options.folders, also=files.additions)
         semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
         scene = scene_of(semantic_map, found)
-        if options.resume is not None and not options.bindings:
-            bound = recorded_parameters(options.resume, plan_parameters(self.plan))
+        if files.recorded is not None and not options.set:
+            bound = recorded_parameters(files.recorded, plan_parameters(self.plan))
         else:
-            bound = bound_parameters(self.plan, options.bindings or {}, semantic_map, found)
+            bound = bound_parameters(self.plan, options.set or {}, semantic_map, found)
         made = self.source.outputs
         found += not_in_map(bound, semantic_map, made)
         return _Subject(semantic_map, scene, bound, made, self.source.needs(self._module, self.plan))
@@ -227,7 +235,7 @@ class Run:
     def _assessment(self, subject: _Subject, robot: Robot | None = None) -> Assessment:
         """Assess what the process modules lack for the plan, and the robot if given."""
         # a resumed run has the modules of its trace, which are compared later
-        performed = self.registry.actions if self.options.resume is None else None
+        performed = self.registry.actions if self.files.recorded is None else None
         unperformed = partial(without_module, subject.map.ontology, performed)
         if robot is None:
             return assess(subject.needs, lambda actions: (), unperformed)
@@ -242,22 +250,19 @@ class Run:
     def _bind_robot(self, diagnostics: list[Diagnostic]) -> tuple[Robot, tuple[GivenPart, ...] | None]:
         """Bind the robot, with the models and programs that it is given, if any. Appends warnings."""
         options = self.options
-        assert options.robot is not None
-        robot = self._inputs.once(bind_robot, options.robot, urdf=options.urdf, folders=options.ontologies)
+        assert self.files.robot is not None
+        robot = self._inputs.once(bind_robot, self.files.robot, urdf=options.urdf, folders=options.folders)
         robot = trusting_map(robot) if options.trust_map else robot
         if options.models is None:
             return robot, None
-        given = read_given_parts(options.models, options.ontologies, diagnostics)
+        given = read_given_parts(options.models, options.folders, diagnostics)
         return with_given_parts(robot, given), given
 
     def _advise_trust(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
         """Advise a robot without a camera that lacks something for the plan to trust the map."""
         if not assessment.missing or robot.camera is not None or self.options.trust_map:
             return []
-        options = self.options
-        trusting = call_of(
-            replace(options, trust_map=True), options.start, options.bindings or {}, forced=options.force, folders=True
-        )
+        trusting = call_of(self.files, trust_map=True)
         advice = Text(Option("trust_map", True), " takes the poses in the map as seen: ", trusting)
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
@@ -267,16 +272,16 @@ class Run:
         """Make the platform of the robot, with its belief, and the true world, which closes with the run."""
         options = self.options
         believed = world_at_start(subject.scene, robot, options.start, self._stack, held)
-        real = real_scene(believed.scene, options.seed, believed)
+        real = real_scene(believed.scene, self.files.seed, believed)
         real = replace(real, start=believed.scene.start) if robot.base.fixed else real
-        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=options.seed)
+        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=self.files.seed)
         self._stack.callback(truth.close)
         platform = platform_of(
             robot,
             subject.map,
             options.interface(truth),
             believed,
-            options.seed,
+            self.files.seed,
             options.long_work,
             trusts_map=options.trust_map,
             unknown=unknown_things(subject.map, options.unknown or ()),
@@ -290,13 +295,13 @@ class Run:
     ) -> dict[str, Any]:
         """Header of the trace, beside seed and schedule: all that equal traces have in common."""
         options, robot = self.options, platform.robot
-        assert options.robot is not None
+        assert self.files.robot is not None
         header: dict[str, Any] = {
             "plan_sha256": self.source.sha256,
             "parameters": {name: dump(what) for name, what in subject.bound.items()},
             "start": [float(number) for number in platform.scene.world.scene.start],
             "robot": robot.name,
-            "robot_sha256": sha256(options.robot),
+            "robot_sha256": sha256(self.files.robot),
             "urdf_sha256": sha256(robot.urdf),
             "map": subject.map.iri,
             "map_sha256": [document.sha256 for document in subject.map.ontology.documents],
@@ -328,7 +333,7 @@ class Run:
                     failures.setdefault(name, failure)
         if failures:
             parameters = plan_parameters(self.plan)
-            raise BadInput([*absent_things(failures, subject.bound, parameters, subject.map, self.options)])
+            raise BadInput([*absent_things(failures, subject.bound, parameters, subject.map, self.files)])
 
     def _read_parameters(self, executive: RobotExecutive) -> frozenset[str]:
         """Parameters that the plan reads, given the process modules of this run."""
@@ -340,11 +345,11 @@ class Run:
         """Result of a run that does not begin, as robot or process modules lack something."""
         kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
         message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
-        actions = performing(missing, by_hand=self.options.plan is not None)
+        actions = performing(missing, by_hand=self._is_by_hand)
         message = Text(message, "\n    help: ", actions) if actions is not None else message
         advice = next((Text(one.message, "; ", one.help or "") for one in self.found if one.code == "X013"), actions)
         failure = Failure(kinds[0].__name__, "\n".join(map(str, missing)), advice=advice)
-        seed = self.options.seed
+        seed = self.files.seed
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
     def _body(self, bound: Mapping[str, Bound]) -> Callable[[], Awaitable[Any]]:
@@ -380,7 +385,7 @@ class Run:
         earlier: Past | Repetition | None,
     ) -> RunResult:
         options = self.options
-        written = Written(options, executive.platform, executive.tilts, truth)
+        written = Written(self.files, executive.platform, executive.tilts, truth)
         written.ask(self.plan.name, bound, header, self.found, partial(self._context, header))
 
         def trace_after(earlier: Earlier | None) -> Trace:
@@ -396,7 +401,7 @@ class Run:
                 body,
                 host=SimulationHost(WatchedWorld(truth, written.watchers)),
                 executive=executive,
-                seed=options.seed,
+                seed=self.files.seed,
                 schedule=options.schedule,
                 trace=trace,
                 max_steps=self._most_steps(bound, truth.rate),
@@ -433,15 +438,14 @@ class Run:
             truth.steps / truth.rate,
             failure,
             executive.tilts,
-            options.seed,
+            self.files.seed,
             EndedRun(options, trace.events, run_plan_file),
         )
 
     def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:
         """Maximum number of world steps; a repeated run ends with its trace."""
-        options = self.options
-        if options.repeats and options.resume is not None:
-            return options.resume.last + 1
+        if self.options.repeated is not None:
+            return self.options.repeated.last + 1
         return int(2 * self._allowance(bound) * rate)
 
     def _page_context(
@@ -455,15 +459,17 @@ class Run:
         """Context of a page; ``notes`` are those that a repeated run has, too."""
         from executive.runs.reporting import context_of  # few runs write a page: eight files of planlang.report
 
-        options = self.options
+        options, file = self.options, self.files.file
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
-        task = options.task if options.recipe is None else local_name(self.plan.iri or "") if several else None
-        command = Text(call_of(replace(options, task=task), header["start"], bindings, forced=forced))
+        task = options.task if self._is_by_hand else local_name(self.plan.iri or "") if several else None
+        start = tuple(header["start"])
+        command = Text(call_to_pass_on(self.files, task=task, start=start, set=bindings, force=forced))
+        recipe = file if isinstance(file, RecipeFile) else None
         return replace(
-            context_of(self.source, self._compiled, options.recipe, self.registry.actions, options.ontologies),
-            facts={**({"world": "repeated"} if options.repeats else {}), "command": command},
-            notes=[one for one in notes if one not in options.notes],
+            context_of(self.source, self._compiled, recipe, self.registry.actions, options.folders),
+            facts={**({"world": "repeated"} if options.repeated is not None else {}), "command": command},
+            notes=[one for one in notes if one not in self.files.notes],
             remedies={"Camera": Text(advice[0].message, "; ", advice[0].help or "")} if advice else {},
         )
 
@@ -481,7 +487,7 @@ class Run:
 
 def run_plan_file(options: RunOptions, inputs: Inputs | None = None) -> RunResult:
     """Assemble and execute a run. Raises BadInput for invalid input."""
-    with Run(options, inputs) as run_:
+    with Run(prepared(options), inputs) as run_:
         return run_.execute()
 
 

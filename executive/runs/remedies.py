@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from executive.maps import MapObject, SemanticMap
 from executive.maps.classes import is_kind
 from executive.maps.environments import environments_for
+from executive.options.declaring import stated
+from executive.options.running import RunSettings
 from executive.robots import FindingKind, Missing, Robot, bind_robot
-from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, PlanParameter, things_of
-from executive.runs.settings import in_header
+from executive.runs.prepared import RunFiles
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note
 from planlang.failures import AmbiguousPerception, PlanFailure
@@ -50,49 +52,40 @@ def _library_files() -> dict[str, str]:
     return files
 
 
-def call_of(
-    options: RunOptions,
-    start: Sequence[float] | None,
-    bindings: Mapping[str, str],
-    *,
-    forced: bool = False,
-    folders: bool = False,
-) -> Call:
-    """The call of a run.
-
-    ``bindings`` are the parameters that differ from the plan's defaults; a ``forced`` run lacks something. Without
-    ``folders``, files that are not bundled are given by name only, so that the call can be passed on.
-    """
-    plan = options.plan or options.recipe
-    maps = [path for path in (options.environment, *options.additions) if path is not None]
-    settings = {name: getattr(options, name) or None for name in in_header()}
-    given = {
-        "task": options.task,
-        "robot": None if options.robot is None else _named(options.robot, Bundled.ROBOT, folders),
-        "environment": [_named(path, Bundled.ENVIRONMENT, folders) for path in maps] or None,
-        **({"urdf": options.urdf, "ontologies": [*options.ontologies] or None} if folders else {}),
-        "accept": [*options.accepted] or None if folders else None,
-        "start": None if start is None else tuple(map(float, start)),
-        "seed": options.seed if options.seed or start is not None else None,
-        "schedule": options.schedule,
-        "set": dict(bindings) or None,
+def call_of(files: RunFiles, **instead: Any) -> Call:
+    """The call of a run, with other values for some of its options."""
+    maps = [path for path in (files.environment, *files.additions) if path is not None]
+    options = replace(
+        files.options,
         **{
-            name: [one if folders else _last(one) for one in value] if isinstance(value, list | tuple) else value
-            for name, value in settings.items()
+            "robot": None if files.robot is None else _named(files.robot, Bundled.ROBOT),
+            "environment": [_named(path, Bundled.ENVIRONMENT) for path in maps],
+            "resume": None,
+            "world_as_left": False,
+            **instead,
         },
-        "force": forced,
-    }
-    return calling("run", *([] if plan is None else [_named(plan, Bundled.RECIPE, folders)]), **given)
+    )
+    options = replace(options, seed=files.seed if files.seed or options.start is not None else None, trust=False)
+    return calling("run", _named(files.file.path, Bundled.RECIPE), **dict(stated(options, RunSettings)))
 
 
-def _last(value: object) -> str:
-    return value.name if isinstance(value, Path) else str(value)
+def call_to_pass_on(files: RunFiles, **instead: Any) -> Call:
+    """The call of a run for others: files that are not bundled are given by name only."""
+    call = call_of(files, **instead)
+    told = (one for one in call.options if one.name not in ("urdf", "ontologies", "accept"))
+    options = tuple(Option(one.name, _last(one.value)) for one in told)
+    return Call(call.command, tuple(map(_last, call.arguments)), options)
 
 
-def _named(path: Path, kind: Bundled, folders: bool) -> str | Path:
-    if path.parent == kind.folder:
-        return path.name.partition(".")[0]
-    return path if folders else path.name
+def _last(value: object) -> object:
+    """A path, or each of several, without its folder."""
+    if isinstance(value, list):
+        return [_last(one) for one in value]
+    return Path(value.name) if isinstance(value, Path) else value
+
+
+def _named(path: Path, kind: Bundled) -> str | Path:
+    return path.name.partition(".")[0] if path.parent == kind.folder else path
 
 
 def absent_things(
@@ -100,7 +93,7 @@ def absent_things(
     bound: Mapping[str, Bound],
     parameters: Mapping[str, PlanParameter],
     semantic_map: SemanticMap,
-    options: RunOptions,
+    files: RunFiles,
 ) -> Iterator[Diagnostic]:
     """Yield an error for each parameter that means no thing of the map, or several, with a call as advice.
 
@@ -115,10 +108,10 @@ def absent_things(
     }
     things = [what for value in bound.values() for what in things_of(value)]
     sets = {parameters[name].setting: names[0] for name, names in fitting.items() if names}
-    here = _call(options, {**(options.bindings or {}), **sets})
-    is_bundled = options.environment is not None and options.environment.parent == Bundled.ENVIRONMENT.folder
+    here = call_of(files, set={**(files.options.set or {}), **sets})
+    is_bundled = files.environment is not None and files.environment.parent == Bundled.ENVIRONMENT.folder
     rooms = environments_for(lambda one: all(_is_there(one, what) for what in things)) if is_bundled else ()
-    elsewhere = _elsewhere(options, rooms)
+    elsewhere = _elsewhere(files, rooms)
     for name, failure in failures.items():
         things_that_fit = fitting.get(name, [])
         advice = Text(here, _others(things_that_fit)) if things_that_fit else elsewhere
@@ -126,48 +119,41 @@ def absent_things(
             advice = elsewhere
         if not advice:
             cls = next((what.type for what in things_of(bound[name]) if not _is_there(semantic_map, what)), "thing")
-            if is_bundled or options.environment is None:
-                added = _call(replace(options, additions=(*options.additions, Path("MAP"))), options.bindings or {})
+            if is_bundled or files.environment is None:
+                added = call_of(replace(files, additions=(*files.additions, Path("MAP"))))
                 where = f"where MAP has a {local_name(cls)} with its pose (docs/reference/formats.md): "
                 advice = Text(where, added)
             else:
-                where = options.environment.name
+                where = files.environment.name
                 thing = f"a {local_name(cls)} with its pose to {where}"
                 advice = Text(f"add {thing}, or name a thing of {where} in the recipe")
         yield error("X031", str(failure), help=advice)
 
 
-def able_robots(options: RunOptions, can: Callable[[Robot], bool]) -> Iterator[Diagnostic]:
+def able_robots(files: RunFiles, can: Callable[[Robot], bool]) -> Iterator[Diagnostic]:
     """Yield a note with the call for a bundled robot that can run the plan, if there is one."""
     able = []
     for name in Bundled.ROBOT.names():
         file = Bundled.ROBOT.find(name)
         try:
-            if file != options.robot and can(bind_robot(file, folders=options.ontologies)):
+            if file != files.robot and can(bind_robot(file, folders=files.options.folders)):
                 able.append(name)
         except BadInput:  # the extra with its shape is not installed, for example
             continue
     if able:
-        other = replace(options, robot=Bundled.ROBOT.find(able[0]), urdf=None, start=None)
-        advice = Text(_call(other, options.bindings or {}), _others(able))
+        advice = Text(call_of(files, robot=able[0], urdf=None, start=None), _others(able))
         yield note("X032", f"{', '.join(able)} lack{'s' if len(able) == 1 else ''} nothing for the plan", help=advice)
-
-
-def _call(options: RunOptions, bindings: Mapping[str, str]) -> Call:
-    return call_of(options, options.start, bindings, forced=options.force, folders=True)
 
 
 def _others(names: Sequence[str]) -> str:
     return f" (or {', '.join(names[1:])})" if names[1:] else ""
 
 
-def _elsewhere(options: RunOptions, environments: Sequence[str]) -> Text:
+def _elsewhere(files: RunFiles, environments: Sequence[str]) -> Text:
     """The call for the first of some bundled environments; "" if there is none."""
     if not environments:
         return Text()
-    there = Bundled.ENVIRONMENT.find(environments[0])
-    moved = replace(options, environment=there, additions=(), start=None)
-    return Text(_call(moved, options.bindings or {}), _others(environments))
+    return Text(call_of(files, environment=[environments[0]], start=None), _others(environments))
 
 
 def _fitting(parameter: PlanParameter, failure: PlanFailure, value: Bound, semantic_map: SemanticMap) -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.runs.files import RecipeFile
 from executive.runs.plan_files import compiled
 from planlang.diagnostics import BadInput
 from planlang.files import decode, read_file
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 def context_of(
     plan: PlanSource | None,
     made: CompiledPlan | None,
-    recipe: Path | None,
+    recipe: RecipeFile | None,
     performed: frozenset[str],
     folders: Sequence[Path] = (),
     *,
@@ -34,7 +35,8 @@ def context_of(
     the text of a plan that differs from that of the trace with the header ``of``.
     """
     if plan is not None and made is None and (origin := plan.header) is not None:
-        recipe = origin.find_recipe(plan.path, folders)
+        found = origin.find_recipe(plan.path, folders)
+        recipe = None if found is None else RecipeFile(found)
         made = None if recipe is None else _compiled(recipe, origin.task, performed, folders)
     elif made is None and recipe is not None:
         made = _compiled(recipe, None, performed, folders)
@@ -50,7 +52,7 @@ def context_of(
         shown,
         recipe=None
         if recipe is None or source is None or ontology is None
-        else recipe_source(made.recipes, ontology, recipe.name, source),
+        else recipe_source(made.recipes, ontology, recipe.path.name, source),
         labels=labels_of(made.recipes),
         vocabulary={} if ontology is None else vocabulary_of(ontology),
         graph=made.graph.graph,
@@ -58,7 +60,7 @@ def context_of(
 
 
 def _compiled(
-    recipe: Path, task: str | None, performed: frozenset[str], folders: Sequence[Path]
+    recipe: RecipeFile, task: str | None, performed: frozenset[str], folders: Sequence[Path]
 ) -> CompiledPlan | None:
     ontology = _ontology(recipe, folders)
     try:
@@ -67,15 +69,16 @@ def _compiled(
         return None
 
 
-def _ontology(recipe: Path, folders: Sequence[Path]) -> Ontology | None:
+def _ontology(recipe: RecipeFile, folders: Sequence[Path]) -> Ontology | None:
     try:
-        return load(recipe, folders=folders)
+        return load(recipe.path, folders=folders, content=recipe.content)
     except BadInput:
         return None
 
 
-def _text(file: Path) -> str | None:
+def _text(recipe: RecipeFile) -> str | None:
     try:
-        return decode(read_file(file), file.name)
+        content = read_file(recipe.path) if recipe.content is None else recipe.content
+        return decode(content, recipe.path.name)
     except BadInput:
         return None

@@ -10,8 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from executive.options.running import in_header, settings_from_header
 from executive.runs.parameters import Bound
-from executive.runs.settings import in_header, settings_from_header
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
@@ -171,11 +171,16 @@ def recorded_run(path: Path) -> RecordedRun:
 
 
 def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
-    """Read the trace of a run and its header, to repeat the run. Raises BadInput as :func:`recorded_run` does.
+    """Read the trace of a run and its header, to repeat the run. Raises BadInput as both functions for these do."""
+    recorded = recorded_run(path)
+    return recorded, header_to_repeat(recorded)
+
+
+def header_to_repeat(recorded: RecordedRun) -> TraceHeader:
+    """The header of a run that can be repeated. Raises BadInput for any other.
 
     Also for a trace of an older schema, with the versions of planlang that wrote and that read it.
     """
-    recorded = recorded_run(path)
     try:
         recorded.check_repeatable()
     except OlderTrace as older:
@@ -183,8 +188,8 @@ def read_trace(path: Path) -> tuple[RecordedRun, TraceHeader]:
     if recorded.header.get("resumable") is not True or "plan_sha256" not in recorded.header:
         advice = Text(calling("run", Blank("PLAN"), trace="run.jsonl"), " writes one")
         message = "this is not the trace of a run in a world: its header names no plan"
-        raise BadInput([error("X020", message, Span(str(path)), advice)])
-    return recorded, TraceHeader.of(recorded)
+        raise BadInput([error("X020", message, Span(recorded.name), advice)])
+    return TraceHeader.of(recorded)
 
 
 def recorded_parameters(recorded: RecordedRun, names: Collection[str]) -> dict[str, Bound]:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from executive.pictures.pose_track import PoseTrack, Watcher
 from executive.runs.final_state import Tilts, state_lines
-from executive.runs.options import RunOptions
 from executive.runs.parameters import Bound, things_of
+from executive.runs.prepared import RunFiles
 from executive.runs.traces import lines_of, steps_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
@@ -33,9 +33,11 @@ if TYPE_CHECKING:
 class Written:
     """Output files of a run; ``listeners`` get its records, ``watchers`` see the true world."""
 
-    def __init__(self, options: RunOptions, platform: Platform, tilts: Tilts, truth: Truth) -> None:
+    def __init__(self, files: RunFiles, platform: Platform, tilts: Tilts, truth: Truth) -> None:
         """Report progress and measure tilts; :meth:`ask` adds the files."""
+        options = files.options
         self._options, self._platform, self._truth = options, platform, truth
+        self._inputs = files
         self._belief = platform.belief
         self._files: list[tuple[Path, Callable[[Path], object]]] = []
         self._poses: PoseLog | None = None
@@ -111,13 +113,14 @@ class Written:
         if options.poses is not None:
             from executive.runs.pose_log import PoseLog  # few runs log poses
 
-            known = {**header, "seed": options.seed, "schedule": options.schedule, "rate": truth.rate}
+            known = {**header, "seed": self._inputs.seed, "schedule": options.schedule, "rate": truth.rate}
             self._poses = PoseLog(truth.rate, options.poses, known)
             self._noted.append(self._poses)
         if options.update_map is not None:
             from executive.belief.map_updating import MapUpdate  # few runs write a map
 
-            update = MapUpdate(self._platform.belief, {options.environment, *options.additions}, diagnostics)
+            maps = {self._inputs.environment, *self._inputs.additions}
+            update = MapUpdate(self._platform.belief, maps, diagnostics)
             self.listeners.append(update)
             self._files.append((options.update_map, update.save))
         if self._noted:
@@ -129,11 +132,11 @@ class Written:
 
         options = self._options
         watching = Watching(self._platform, self._truth)
-        if options.repeats and options.resume is not None:  # the trace has all records
-            watching.tell(line.record for line in options.resume.lines)
+        if options.repeated is not None:  # the trace has all records
+            watching.tell(line.record for line in options.repeated.lines)
         else:
-            if options.resume is not None:  # a run that is repeated writes no header
-                watching.told.add(options.resume.header)
+            if self._inputs.recorded is not None:  # a run that is repeated writes no header
+                watching.told.add(self._inputs.recorded.header)
             self.listeners.append(watching.listen)
         self._noted.append(watching.move)
         self.watchers.append(watching.look)

@@ -26,7 +26,7 @@ from planlang.knowledge.completion import TooLarge
 from planlang.knowledge.descriptions import Description, described
 from planlang.knowledge.entries import Content, Kind, Syntax, uid_of
 from planlang.knowledge.places import places
-from planlang.ontology import BNode, Literal, Ontology, documents, expand, load
+from planlang.ontology import BNode, Literal, Ontology, documents, expand, load_apart
 from planlang.ontology.terms import OWL, RDF, RDFS
 from planlang.records import dataclass
 from planlang.words import COMMAND_LINE, Blank, Text, calling, said
@@ -135,7 +135,7 @@ def _load(name: str, data: bytes, vocabulary: Vocabulary) -> tuple[Ontology, Syn
         )
         raise BadInput([error("K014", f"{detected.value} cannot be uploaded", Span(stem), advice)])
     file = stem.replace("/", "_")[:100] + syntax.suffix
-    return load(Path(file), folders=vocabulary.folders, content=data), syntax, file
+    return load_apart(Path(file), folders=vocabulary.folders, content=data), syntax, file
 
 
 def _concerns(diagnostic: Diagnostic, file: str) -> bool:

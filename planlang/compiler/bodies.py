@@ -268,7 +268,9 @@ class BodyWriter:
 
     def _local_function(self, name: str, node: Node, depth: int, taken: tuple[str, ...] = ()) -> list[str]:
         """Write a local function; ``taken`` are the branches whose results are its parameters."""
-        parameters = {key: self._parameter(key) for key in taken}
+        # a parameter must not hide a function or a Python keyword
+        names = {key: snake_case(key) for key in taken}
+        parameters = {key: name if self._names.is_free(name) else f"{name}_" for key, name in names.items()}
         lines = self._unpacked(parameters, depth + 1)
         if isinstance(node, Series):
             lines += self.body(node, depth + 1)
@@ -287,11 +289,6 @@ class BodyWriter:
         anything = self._symbols.use("Any", "typing")
         several = [anything] * number if number <= MOST_UNPACKED else [anything, "..."]
         return anything if number == 1 else f"tuple[{', '.join(several)}]"
-
-    def _parameter(self, key: str) -> str:
-        """Parameter for the result of a branch, unless it would hide a function or a Python keyword."""
-        name = snake_case(key)
-        return name if self._names.is_free(name) else f"{name}_"
 
     def _unpacked(self, parameters: Mapping[str, str], depth: int) -> list[str]:
         """Write statements that unpack parameters with several results."""

@@ -165,15 +165,12 @@ def _function(symbols: Symbols, function: Function) -> list[str]:
 
 def _parameter(symbols: Symbols, thing: Thing) -> str:
     """Parameter with its default; for a slot without a default, and annotated with its name in the recipe."""
-    name, type = symbols.thing(thing), _type(symbols, thing)
+    kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
+    name = symbols.thing(thing)
+    type = " | ".join(symbols.use(TYPES[kind]) if kind in TYPES else "float" for kind in kinds)
     if thing.slot is None:
         return f"{name}: {type} = {symbols.constant(thing)}"
     return f"{name}: {symbols.use('Annotated', 'typing')}[{type}, {quoted(thing.name)}]"
-
-
-def _type(symbols: Symbols, thing: Thing) -> str:
-    kinds = (thing.kind,) if thing.slot is None else thing.slot.kinds
-    return " | ".join(symbols.use(TYPES[kind]) if kind in TYPES else "float" for kind in kinds)
 
 
 def _docstring(paragraphs: list[str], *, depth: int) -> list[str]:
@@ -252,17 +249,18 @@ def compile_recipe(
     scopes: bool = True,
     data_flow: bool = True,
     performed: Performed | None = None,
+    content: bytes | None = None,
 ) -> CompiledPlan:
     """Compile the recipe in a file: RDF/XML, Manchester syntax or Turtle, recognised by its content.
 
     ``task`` chooses one of several by local name or IRI. Imports are searched beside the file, then in ``folders``,
     then among the bundled ontologies. Without ``scopes`` base motions are steps like any other; without ``data_flow``
     steps pass no results on, and data flow orders nothing. ``performed`` gives the action classes that process modules
-    perform, so that R021 does not report steps of these classes. Raises BadInput with all diagnostics if there is an
-    error.
+    perform, so that R021 does not report steps of these classes. ``content`` is a recipe in memory; then ``path`` only
+    names it. Raises BadInput with all diagnostics if there is an error.
     """
     with quiet_collector():  # nearly all objects live until the end: collecting garbage would only cost time
-        ontology = load(path, folders=folders)
+        ontology = load(path, folders=folders, content=content)
         return compile_ontology(ontology, task=task, scopes=scopes, data_flow=data_flow, performed=performed)
 
 

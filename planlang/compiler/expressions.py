@@ -130,7 +130,8 @@ class Symbols:
         """Expression for an IRI: the constant of its namespace plus its local name."""
         start = namespace(iri)
         if start not in self._namespaces:
-            self._namespaces[start] = self._claim(_stem(start).upper())
+            stem = start.rstrip("#/").rsplit("/", 1)[-1].removesuffix(".owl")
+            self._namespaces[start] = self._claim(without_digits(snake_case(stem)).upper())
         found = Sum(self._namespaces[start], quoted(iri[len(start) :]))
         if local_name(iri) != local_part(iri):
             self.readable.setdefault(iri, (found, quoted(local_name(iri))))
@@ -211,11 +212,6 @@ def is_iri(name: str) -> bool:
     return ":" in name
 
 
-def _stem(start: str) -> str:
-    name = start.rstrip("#/").rsplit("/", 1)[-1]
-    return without_digits(snake_case(name.removesuffix(".owl")))
-
-
 def _import_order(name: str) -> tuple[int, str]:
     if name.isupper() and len(name) > 1:
         return 0, name
@@ -247,15 +243,12 @@ class Names:
 
     def is_free(self, name: str) -> bool:
         """True for a name that is not claimed and no keyword or builtin of Python."""
-        return name not in self._taken and _is_free(name)
+        is_python = keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name)
+        return name not in self._taken and not is_python
 
     def reserve(self, name: str) -> None:
         """Prevent a name from being claimed."""
         self._taken.add(name)
-
-
-def _is_free(name: str) -> bool:
-    return not (keyword.iskeyword(name) or keyword.issoftkeyword(name) or hasattr(builtins, name))
 
 
 class Expressions:

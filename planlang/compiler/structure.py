@@ -117,6 +117,14 @@ def _series(order: Precedence[_N], inside: int) -> list[int]:
 
     A linear extension can be cut where exactly the nodes before the cut come before every node after it.
     """
+    # The nodes are walked backwards. ``before_all`` holds what comes before every node walked so far, ``remaining``
+    # what was not walked yet: a cut is where the two are equal.
+    #
+    #     a --> c      after d: before all {a, b}, remaining {a, b, c}: no cut
+    #        X         after c: before all {a, b}, remaining {a, b}: a cut, {c, d} is the last group
+    #     b --> d      after b: before all {}, remaining {a}; after a: both {}: {a, b} is the first group
+    #
+    # Every linear extension has these cuts, because in each of them all of one group come before all of the next.
     groups: list[int] = []
     before_all, tail, remaining = inside, 0, inside
     for node in reversed(list(order.members(inside))):
@@ -135,6 +143,15 @@ def _modules(order: Precedence[_N], inside: int) -> list[int]:
     Two nodes are merged, and the first represents both, if the same nodes come before and after both, or if one
     directly follows the other and nothing else is ordered between them.
     """
+    # A group is stood for by its first node, and later rounds see that node only. Both merges keep that right:
+    #
+    #     twins   a -> { x, y } -> b      the same nodes are before and behind x and y, which are parallel: what holds
+    #                                     between x and any other node holds for y, so that one can stand for both
+    #     chain   a -> x -> y -> b        behind x are y and what is behind y, before y are x and what is before x: no
+    #                                     other node can tell them apart
+    #
+    # Parallel and serial parts are built up from the inside by repeating this; an N (a < c, b < c, b < d) offers
+    # neither, and remains as a prime part.
     groups = {node: order.bit(node) for node in order.members(inside)}
     for _ in range(MOST_ROUNDS):
         before = len(groups)

@@ -171,6 +171,9 @@ class BaseScope(Node):
 
     def stir(self) -> None:
         """Schedule a decision after this round."""
+        # Deepest first: par inside race has to tell the race that it failed before the race asks who ended. Depths, not
+        # the tree, are compared, because scopes of one depth never contain each other, and the order of their creation
+        # is the same in each run.
         if not self.dirty:
             self.dirty = True
             heappush(self.scheduler.dirty, (-self.depth, self.birth, self))

@@ -56,6 +56,11 @@ def loop(scheduler: Scheduler, root: Task) -> None:
 def rest(scheduler: Scheduler, root: Task) -> None:
     """Run rounds, decisions and deadlines until nothing more can happen in this step."""
     queue, dirty = scheduler.queue, scheduler.dirty
+    # Tasks first, then decisions: a construct sees the ends of all its branches that died in the round, not the first
+    # of them. If race decided at once, its winner would be whoever stood first in the queue, and an order of tasks that
+    # no plan states would decide about the plan.
+    #
+    #     round: a ends, b ends -> decisions, innermost first -> round of those woken -> ... -> deadlines -> next step
     while True:
         if queue:
             _round(scheduler, root)

@@ -91,7 +91,8 @@ class Connection:
             return before
         if before is not None and reply.status == 304:
             return before
-        self._cache.keep(address, _packed(reply))
+        kept = {name: reply.headers[name] for name in ("etag", "repr-digest", "content-type") if name in reply.headers}
+        self._cache.keep(address, json.dumps(kept).encode() + b"\n" + reply.body)
         return reply
 
     def send(
@@ -203,11 +204,6 @@ def _reason(problem: httpx.TransportError) -> str:
     reason = str(problem) or type(problem).__name__
     is_unknown = "CERTIFICATE_VERIFY_FAILED" in reason
     return reason + ("; SSL_CERT_FILE names the certificates of authorities to trust" if is_unknown else "")
-
-
-def _packed(reply: Reply) -> bytes:
-    headers = {name: reply.headers[name] for name in ("etag", "repr-digest", "content-type") if name in reply.headers}
-    return json.dumps(headers).encode() + b"\n" + reply.body
 
 
 def _unpacked(kept: bytes | None) -> Reply | None:

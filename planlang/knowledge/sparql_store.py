@@ -204,7 +204,10 @@ class SparqlStore:
         """Store a new entry and its request. Raises EntryExists; ValueError for an invalid name."""
         uid = uid_of(content.about, content.name)
         node, revision = _node("entry", uid), _node("entry", uid, "{}")
-        remembered = "" if request is None else _requested(author, request, uid)
+        remembered = ""
+        if request is not None:
+            asked = _node("request", author, request.key)
+            remembered = f"{asked} p:digest {_text(request.digest)}; p:made {_text(uid)}."
         update = _Update(
             # continue the numbers of a deleted entry, so that no ETag ever means two contents
             f"""FILTER NOT EXISTS {{ {node} p:uid ?there }} OPTIONAL {{ {node} p:last ?before }}
@@ -406,10 +409,6 @@ def _entry(row: Row, attachments: list[Attachment], rated: list[Row]) -> Entry:
 
 def _attachment(row: Row) -> Attachment:
     return Attachment(row["name"], row["type"], row["sha256"], int(row["size"]))
-
-
-def _requested(author: str, request: Request, uid: str) -> str:
-    return f"{_node('request', author, request.key)} p:digest {_text(request.digest)}; p:made {_text(uid)}."
 
 
 def _holding(expected: str) -> str:

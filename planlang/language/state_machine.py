@@ -88,7 +88,8 @@ async def _visit(
         except PlanFailure as failure:
             if evaporating():
                 raise
-            target = _after_failure(cases[state], failure)
+            handled = (to for case, to in cases[state].items() if isinstance(case, type) and matches(failure, case))
+            target = next(handled, None)
             if target is None:
                 raise
             record("transition", state=state, failure=failure, to=target)
@@ -109,10 +110,6 @@ def _after(cases: Mapping[Case, str], state: str, outcome: object) -> str:
     if target is None:
         raise TransitionMissing(state=state, outcome=_word(outcome))
     return target
-
-
-def _after_failure(cases: Mapping[Case, str], failure: PlanFailure) -> str | None:
-    return next((to for case, to in cases.items() if isinstance(case, type) and matches(failure, case)), None)
 
 
 def _cases(

@@ -13,7 +13,7 @@ Pellet. Nothing is ever fetched from the network.
 """
 
 from planlang.ontology.classes import Restriction
-from planlang.ontology.ontology import Ontology, load
+from planlang.ontology.ontology import Ontology, load, load_apart
 from planlang.ontology.terms import BNode, Literal, Term, Triple, expand, shorten
 
 __all__ = [
@@ -25,5 +25,6 @@ __all__ = [
     "Triple",
     "expand",
     "load",
+    "load_apart",
     "shorten",
 ]

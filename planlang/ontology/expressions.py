@@ -109,7 +109,9 @@ class Statements:
         """Check whether an expression is a data range, not a class."""
         match expression.kind:
             case "name":
-                return isinstance(expression.term, Literal) or expression.term in self._datatypes or _is_xsd(expression)
+                name = expression.term
+                is_standard = isinstance(name, str) and (name.startswith(XSD) or name == RDFS.Literal)
+                return is_standard or isinstance(name, Literal) or name in self._datatypes
             case "facets":
                 return True
             case "and" | "or" | "not" | "one of":
@@ -172,8 +174,3 @@ class Statements:
             self.state(cell, RDF.rest, following, expression.span)
             if isinstance(following, BNode):
                 cell = following
-
-
-def _is_xsd(expression: Expression) -> bool:
-    term = expression.term
-    return isinstance(term, str) and (term.startswith(XSD) or term == RDFS.Literal)

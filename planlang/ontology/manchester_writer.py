@@ -219,8 +219,7 @@ class _Writer:
             self._frame(word, triple.subject).sections.setdefault(section, []).extend(texts)
 
     def _expression(self, triple: Triple) -> list[str]:
-        text = self._plain(triple)
-        return self._annotated(triple, text)
+        return self._annotated(triple, self._plain(triple))
 
     def _plain(self, triple: Triple) -> str:
         """Write the name or expression that is a triple's object."""

@@ -52,11 +52,22 @@ def load(
     need not exist as a file; its folder is not searched. Raises BadInput with all errors if ``path`` or a file of
     ``also`` cannot be used; an unusable import is a warning.
     """
+    ontology = load_apart(path, folders=folders, builtin=builtin, also=also, content=content)
+    label_iris(readable_names(one.triples for one in ontology.readings if not is_bundled(one.document.path)))
+    return ontology
+
+
+def load_apart(
+    path: Path,
+    *,
+    folders: Sequence[Path] = (),
+    builtin: bool = True,
+    also: Sequence[Path] = (),
+    content: bytes | None = None,
+) -> Ontology:
+    """Read as :func:`load` does what others have uploaded: its labels name nothing in the process that serves them."""
     folders = tuple(map(Path, folders))
-    readings = read_all(Path(path), folders, builtin=builtin, also=also, content=content)
-    if content is None:  # uploads name nothing in the process that serves others
-        label_iris(readable_names(one.triples for one in readings if not is_bundled(one.document.path)))
-    return Ontology(readings, folders)
+    return Ontology(read_all(Path(path), folders, builtin=builtin, also=also, content=content), folders)
 
 
 class Ontology:

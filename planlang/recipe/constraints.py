@@ -42,7 +42,8 @@ def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> t
     if not any(one.property == CONSTRAINED_BY for one in parameters):
         return parameters
     read = [_with_part(ontology, one) for one in parameters]
-    tool, world = (_whole(next((p.filler for p in read if p.property == name), None)) for name in ROLES)
+    fillers = (next((p.filler for p in read if p.property == name), None) for name in ROLES)
+    tool, world = (Part(one) if isinstance(one, Thing) else one if isinstance(one, Part) else None for one in fillers)
     named = [one.filler.iri for one in read if one.property == CONSTRAINED_BY and isinstance(one.filler, Name)]
     replaced = {ancestor for name in named for ancestor in _levels(ontology, name)[1:]}
     replaced_parameters = []
@@ -54,11 +55,6 @@ def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> t
                 replace(one, filler=read_constraint(ontology, one.filler.iri, tool, world) or one.filler)
             )
     return tuple(replaced_parameters)
-
-
-def _whole(filler: object) -> Part | None:
-    """Filler of a motion's device or object as a part; None if it is not a thing."""
-    return Part(filler) if isinstance(filler, Thing) else filler if isinstance(filler, Part) else None
 
 
 def read_constraint(ontology: Ontology, iri: str, tool: Part | None, world: Part | None) -> Constraint | None:

@@ -378,9 +378,9 @@ def unread_facts(ontology: Ontology, individual: str) -> Iterator[Filling]:
     """Yield the facts of an individual that are neither parameters of an action nor read otherwise."""
     for triple in ontology.triples(s=individual):
         name = triple.predicate
-        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS, *REGISTERED_WORDS) or _is_annotation(
-            ontology, name
-        )
+        is_bookkeeping = is_word(name, *NO_PARAMETERS, *READ_BY_DIALECTS, *REGISTERED_WORDS)
+        is_bookkeeping |= name.startswith((OWL, RDF, RDFS))
+        is_bookkeeping |= OWL.AnnotationProperty in ontology.values(name, RDF.type)
         if not is_bookkeeping and not _is_of_actions(ontology, name):
             yield Filling(name, triple.object, triple.span)
 
@@ -407,10 +407,6 @@ def _is_of_actions(ontology: Ontology, property_name: str) -> bool:
         for above in ontology.superproperties(property_name)
         for _ in ontology.triples(p=expand("hasParameter"), o=above)
     )
-
-
-def _is_annotation(ontology: Ontology, name: str) -> bool:
-    return name.startswith((OWL, RDF, RDFS)) or OWL.AnnotationProperty in ontology.values(name, RDF.type)
 
 
 def _parameter(ontology: Ontology, filling: Filling, created: frozenset[str]) -> Parameter | None:

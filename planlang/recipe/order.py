@@ -64,6 +64,14 @@ class Precedence(Generic[Node]):
             position_of[index] = position
         self._later = [0] * len(extension)
         self._covers: list[list[int]] = [[] for _ in extension]
+        # Why one test of a bit decides about an edge u -> w: the edges of u are taken by the positions of their ends.
+        #
+        #     u ---> v ---> ... ---> w        an edge u -> w that others imply has such a path beside it,
+        #      \_____________________^        and every linear extension puts v before w
+        #
+        # So u -> v was taken before, and what comes after v, w among it, is in ``descendants``. The other way round,
+        # what is in there was reached by edges that are kept: then u -> w says nothing new. Nodes are taken from the
+        # last one on, so that ``_later`` of v is complete when u asks for it.
         for position in range(len(extension) - 1, -1, -1):
             descendants = 0
             for after in sorted([position_of[other] for other in successors[extension[position]]]):
@@ -148,6 +156,8 @@ def _linear_extension(successors: list[list[int]]) -> list[int]:
     for after in successors:
         for other in after:
             unplaced_before[other] += 1
+    # A heap, not a queue: among the nodes that may come next the one that the file states first does, whatever order
+    # the pairs come in, so that equal recipes give equal plans (A. B. Kahn, 1962, with the lowest number first).
     ready = [number for number, count in enumerate(unplaced_before) if not count]
     order: list[int] = []
     while ready:

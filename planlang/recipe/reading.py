@@ -12,7 +12,6 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
 from planlang.files import printable
 from planlang.kept import kept
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
-from planlang.ontology.documents import Syntax
 from planlang.ontology.terms import UPPER
 from planlang.recipe.actions import Actions, best_recipes, recipes_for, recipes_of_task, statements_for
 from planlang.recipe.checks import (
@@ -255,6 +254,8 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
             if step is not None:
                 steps[step.iri] = step
     cls = None if ontology.is_class(task) else action_class(ontology, task)
+    span = ontology.span(task)
+    syntaxes = (one.syntax for one in ontology.documents if span is not None and str(one.path) == span.file)
     recipe = Recipe(
         task,
         nearest_in_vocabulary(ontology, cls or task),
@@ -262,23 +263,17 @@ def read_recipe_of(actions: Actions, stating: str, task: str | None = None) -> R
         statements.orderings if statements.states is None else (),
         read_parameters(ontology, task, statements.fillings, created),
         _label(ontology, task),
-        ontology.span(task),
+        span,
         statements.dialect,
         statements.overlaps,
         statements.flows,
         statements.states.machine() if statements.states is not None else None,
         cls,
         statements.phases,
-        syntax=_syntax(ontology, task),
+        syntax=next(syntaxes, None),
     )
     implied = [Ordering(before, after, reason=Reason.OVERLAP) for before, after in implied_by_overlaps(recipe)]
     return replace(recipe, orderings=(*recipe.orderings, *implied)) if implied else recipe
-
-
-def _syntax(ontology: Ontology, task: str) -> Syntax | None:
-    """Syntax of the file that defines a task."""
-    span = ontology.span(task)
-    return next((one.syntax for one in ontology.documents if span is not None and str(one.path) == span.file), None)
 
 
 def _states(actions: Actions, statements: Statements) -> Iterator[SubAction]:
@@ -303,7 +298,7 @@ def _label(ontology: Ontology, iri: str) -> str | None:
 def _condition(ontology: Ontology, cls: str) -> Description | None:
     """Condition that a class of actions checks: the nearest filler of ``conditionEvaluated``."""
     stated = (_stated_condition(ontology, ancestor) for ancestor in ontology.ancestors(cls))
-    return next((condition for condition in stated if condition is not None), None)
+    return next(filter(None, stated), None)
 
 
 @kept

@@ -32,7 +32,7 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
 
     It contains three.js only if the model has a scene. Equal models give equal texts.
     """
-    style, script = _style(), _script()
+    template, style, script = _sources()
     hashes, data = [_hash(script)], ""
     if model.get("scene"):
         packed, three = _three()
@@ -51,7 +51,7 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
         "data": data,
         "script": script,
     }
-    before, *rest = _template().split("{{")
+    before, *rest = template.split("{{")
     texts = [before]
     for part in rest:
         name, _, text = part.partition("}}")
@@ -76,19 +76,11 @@ def _hash(text: str) -> str:
 
 
 @cache
-def _template() -> str:
-    return (PAGE / "index.html").read_text(encoding="utf-8")
-
-
-@cache
-def _style() -> str:
-    return (PAGE / "style.css").read_text(encoding="utf-8")
-
-
-@cache
-def _script() -> str:
-    files = (PAGE / f"{name}.js" for name in SCRIPTS)
-    return "\n".join(['"use strict";', "(() => {", *(file.read_text(encoding="utf-8") for file in files), "})();", ""])
+def _sources() -> tuple[str, str, str]:
+    """Template, style and script of a page."""
+    names = ("index.html", "style.css", *(f"{name}.js" for name in SCRIPTS))
+    template, style, *scripts = [(PAGE / name).read_text(encoding="utf-8") for name in names]
+    return template, style, "\n".join(['"use strict";', "(() => {", *scripts, "})();", ""])
 
 
 @cache

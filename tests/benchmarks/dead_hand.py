@@ -19,9 +19,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from executive.commands.run import options_of
 from executive.processes.workers import Limits
-from executive.runs.options import Outcome
+from executive.runs.options import Outcome, RunOptions
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from tests.support.dead_hands import RAISED, REPORTS, kill
@@ -36,7 +35,7 @@ SIDES = ("right", "left")
 def job(world: Mapping[str, Any]) -> Row:
     """Serve a drink with a dead hand; return the row."""
     words = ("serve_a_drink", "--environment", "hospital_room", "--robot", world["robot"], "--seed", str(world["seed"]))
-    options = options_of(parsed([*words, "--json"]))
+    options = RunOptions.of(parsed([*words, "--json"]))
     options = replace(options, around=partial(kill, side=world["side"], how=world["how"]))
     ended = judged_run(Scenario("dead hand", words, held("bottle1", "patient1")), options)
     return {

@@ -20,10 +20,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.commands.run import options_of
 from executive.processes.workers import Limits
 from executive.runs.assembly import RobotExecutive
-from executive.runs.options import Outcome
+from executive.runs.options import Outcome, RunOptions
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from executive.sweeps.table import wilson
@@ -61,7 +60,7 @@ def job(world: Mapping[str, Any]) -> Row:
         found.append(RandomFaults(world["seed"], world["rate"], executive.ancestors))
         executive.modules = tuple(FailingModule(module, found[0]) for module in executive.modules)
 
-    ended = judged_run(scenario, replace(options_of(parsed([*words, "--json"])), around=around))
+    ended = judged_run(scenario, replace(RunOptions.of(parsed([*words, "--json"])), around=around))
     done = ended.result.outcome is Outcome.DONE
     return {
         "outcome": ended.result.outcome.value,

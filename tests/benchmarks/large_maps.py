@@ -41,7 +41,7 @@ BOUNDS = {
     ("run", 1000): (4.0, 300),
     ("locate", 1000): (10.0, 400),
     ("show", 1000): (3.0, 400),
-    ("run", 10_000): (30, 900),
+    ("run", 10_000): (20, 600),
 }
 """Command and number of things -> CPU time [s] and memory [MB] that it may take."""
 

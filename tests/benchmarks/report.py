@@ -15,9 +15,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from executive.commands.command_lines import parsed
-from executive.commands.run import options_of
 from executive.report.watching import Watching
+from executive.runs.options import RunOptions
 from executive.runs.plan_run import run_plan_file
 
 SPENT: Counter[str] = Counter()
@@ -42,7 +41,7 @@ def main(recipe: str = "wipe_table", pairs: str = "3") -> None:
     """Print pairs of runs without and with a page, in one process, and the medians."""
     for name in ("listen", "look", "save"):
         setattr(Watching, name, timed(name))
-    options = options_of(parsed([recipe, "--json"]))
+    options = RunOptions(recipe=recipe)
     shares = []
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "run.html"

@@ -18,8 +18,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from executive.commands.run import options_of
 from executive.processes.workers import Limits
+from executive.runs.options import RunOptions
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from tests.support.scenarios import Scenario, judged_run, parsed
@@ -37,7 +37,7 @@ def job(world: Mapping[str, Any]) -> Row:
         place = shared_room(Path(folder), ROUTES[world["route"]])
         words = ("serve_a_drink", "--environment", str(place), "--robot", world["robot"], "--seed", str(world["seed"]))
         scenario = Scenario("shared room", words, held("bottle1", "patient1"), (lambda seen: encounters(seen.world),))
-        ended = judged_run(scenario, options_of(parsed([*words, "--json"])))
+        ended = judged_run(scenario, RunOptions.of(parsed([*words, "--json"])))
         learnt = [one for one in ended.result.trace if one["event"] == "belief" and one.get("name") == PORTER]
     seen = [one for one in learnt if one["change"] in ("seen", "found")]
     return {

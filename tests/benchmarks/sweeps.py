@@ -24,8 +24,8 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from executive.commands.arguments import SweepArguments
 from executive.commands.sweep import swept
+from executive.options.running import SweepOptions
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from executive.sweeps.records import Done
 
@@ -57,10 +57,11 @@ def mean(measured: Sequence[Measured]) -> Measured:
 
 def sweep(out: Path, worlds: int, processes: int, shard: str) -> Measured:
     """Do a sweep in a file."""
-    arguments = SweepArguments(recipe=RECIPE, worlds=worlds, out=out, processes=processes, shard=shard, json=True)
+    part, parts = map(int, shard.split("/"))
+    options = SweepOptions(recipe=RECIPE, worlds=worlds, output=out, processes=processes, shard=(part, parts))
     done: list[Done] = []
     began, cpu = time.monotonic(), time.process_time()
-    number = len(swept(arguments, finished=done.append))
+    number = len(swept(options, finished=done.append))
     return Measured(
         sum(one.seconds for one in done) / number,
         (time.process_time() - cpu) / number,

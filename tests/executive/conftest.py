@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -87,6 +88,13 @@ class MakeStage(Protocol):
         bounds: tuple[float, float, float, float] = BOUNDS,
     ) -> Stage:
         """The map has ``bodies``; the truth has others of these names at other places, if it is given."""
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    """Yield what ends the worlds of a test."""
+    with ExitStack() as stack:
+        yield stack
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -140,13 +140,6 @@ class MemoryRobot:
     def pulled(self, link: str) -> bool:
         """Whether the hand is near the patient."""
         return link == self.holding and self.link_pose(link).distance(self.patient) < PULLS
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Ends the believed world."""
-    with ExitStack() as stack:
-        yield stack
 
 
 @pytest.fixture

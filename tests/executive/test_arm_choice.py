@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from executive.modules.arm_choices import ArmChoices
-from executive.modules.gripper.grasping import Grasping
+from executive.modules.gripper import Grasping
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import world_at_start
@@ -122,7 +122,7 @@ def options(tmp_path: Path) -> RunOptions:
     frames = (robots / "amigo.omn").read_text(encoding="utf-8").split("\n\n")
     robot.write_text("\n\n".join(f for f in frames if not re.match(r"Individual: \w+_gripper\b", f)), encoding="utf-8")
     room = ONTOLOGIES / "environments" / "hospital_room.omn"
-    return RunOptions(plan=PLAN, robot=robot, urdf=urdf, environment=room, trace=tmp_path / "run.jsonl")
+    return RunOptions(recipe=PLAN, robot=robot, urdf=urdf, environment=room, trace=tmp_path / "run.jsonl")
 
 
 def told(result: RunResult) -> list[tuple[str, str, int]]:

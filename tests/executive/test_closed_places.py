@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -78,13 +77,6 @@ class Doors:
         self.stage.truth.set_joint("leaf", value)
         self.stage.platform.belief.moved("leaf", value)
         self.stage.platform.observe()
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Yield what ends the worlds of a test."""
-    with ExitStack() as stack:
-        yield stack
 
 
 OPENS, CLOSES = Doors.actions

@@ -7,22 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from executive.cli.app import app
+from tests.support.cli_runs import answer
 from tests.support.examples import some
 
 TOP = Path(__file__).parents[2]
 MODULE, POURING = (TOP / "docs" / "examples" / name for name in ("cooking.py", "pouring.py"))
 KITCHEN = TOP / "ontologies" / "environments" / "warm_pancake_kitchen.omn"
-
-
-def answer(*arguments: object) -> dict[str, Any]:
-    """Return what the command answers, as JSON."""
-    result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
-    assert "Traceback" not in result.output, result.output
-    found: dict[str, Any] = json.loads(result.stdout)
-    return found
 
 
 @pytest.fixture

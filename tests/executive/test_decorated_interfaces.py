@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from executive.runs.options import RunOptions
 from planlang.protocols import RobotInterface
 from tests.support.extras import skip_without_pr2
 from tests.support.noisy_camera import NoisyCamera
-from tests.support.scenarios import at_home, judged_run, options_of, parsed, scenarios
+from tests.support.scenarios import at_home, judged_run, parsed, scenarios
 
 
 def test_what_is_stirred_is_mixed_in_truth_though_the_camera_is_decorated() -> None:
@@ -18,7 +19,7 @@ def test_what_is_stirred_is_mixed_in_truth_though_the_camera_is_decorated() -> N
         made.append(NoisyCamera(robot))
         return made[-1]
 
-    options = options_of(parsed([*map(at_home, scenario.arguments), "--json"]))
+    options = RunOptions.of(parsed([*map(at_home, scenario.arguments), "--json"]))
     ended = judged_run(scenario, replace(options, interface=decorated))
     assert (ended.result.message, ended.unmet) == ("done", ())
     own = {name for one in (NoisyCamera, made[0]) for name in vars(one) if not name.startswith("_")}

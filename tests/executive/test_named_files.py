@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.commands.inputs import RecipeFile, read
+from executive.runs.files import RecipeFile, read
 from planlang.language.source import PlanSource
 from tests.support.refusals import refusal
 

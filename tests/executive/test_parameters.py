@@ -13,6 +13,7 @@ from executive.runs.options import Outcome, RunOptions
 from executive.runs.parameters import bound_parameters, not_in_map, plan_parameters
 from executive.runs.plan_files import main_plan
 from executive.runs.plan_run import Run, run_plan_file
+from executive.runs.prepared import prepared
 from executive.runs.traces import read_trace
 from planlang.designators import Location, Object
 from planlang.diagnostics import BadInput, Diagnostic
@@ -50,6 +51,7 @@ Class: Put
 MODULE = """
 from planlang import sleep
 from planlang import process_module
+from executive.runs.prepared import prepared
 
 @process_module
 class Putting:
@@ -85,7 +87,7 @@ def options(folder: Path, bindings: dict[str, str], trace: Path | None = None) -
     recipe, module = folder / "put.omn", folder / "putting.py"
     recipe.write_text(RECIPE, encoding="utf-8")
     module.write_text(MODULE, encoding="utf-8")
-    return RunOptions(recipe=recipe, modules=(module,), robot=AMIGO, environment=ROOM, bindings=bindings, trace=trace)
+    return RunOptions(recipe=recipe, modules=[module], robot=AMIGO, environment=ROOM, set=bindings, trace=trace)
 
 
 def test_a_parameter_is_set_by_the_names_of_step_and_property_or_by_its_own(
@@ -278,9 +280,10 @@ def test_an_annotation_that_cannot_be_evaluated_says_nothing_of_a_parameter(tmp_
 
 
 def test_a_recipe_without_places_is_refused_before_the_robot_is_read(tmp_path: Path) -> None:
-    absent = options(tmp_path, {})
+    recipe = options(tmp_path, {}).recipe
+    (robot := tmp_path / "none.toml").touch()
     with pytest.raises(BadInput) as caught:
-        run_plan_file(RunOptions(recipe=absent.recipe, robot=tmp_path / "none.toml", environment=ROOM))
+        run_plan_file(RunOptions(recipe=recipe, robot=robot, environment=ROOM))
     assert [one.code for one in caught.value.diagnostics] == ["X014", "X014"]
 
 
@@ -291,5 +294,5 @@ def test_a_module_gets_what_was_set_and_the_run_is_replayed_with_it(tmp_path: Pa
     assert result.outcome is Outcome.DONE
     assert "on(bedside_table1) and near(bed1)" in trace.read_text(encoding="utf-8")
     recorded, _ = read_trace(trace)
-    with Run(chosen) as again:
+    with Run(prepared(chosen)) as again:
         assert again.replay(recorded).equal

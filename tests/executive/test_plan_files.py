@@ -293,9 +293,9 @@ Class: Look
 def test_a_step_without_process_module_is_refused_before_the_robot_is_bound(is_plan: bool, tmp_path: Path) -> None:
     recipe = tmp_path / "looking.omn"
     plan = compiled(recipe, LOOKING.replace("LookingForSomething", "Mixing"))
-    absent = tmp_path / "robot.omn"  # never read
-    options = replace(AMIGO, robot=absent, plan=plan) if is_plan else replace(AMIGO, robot=absent, recipe=recipe)
-    refused = run_plan_file(options)
+    robot = tmp_path / "robot.omn"
+    robot.touch()  # never read
+    refused = run_plan_file(replace(AMIGO, robot=robot, recipe=plan if is_plan else recipe))
     assert (refused.outcome, refused.failures) == (Outcome.LACKS_CAPABILITY, ("ActionUnresolvable",))
     assert refused.message.startswith("ActionUnresolvable: action ")
     assert "no process module is registered" in refused.message
@@ -306,7 +306,8 @@ def test_an_action_of_the_library_in_a_plan_by_hand_is_refused_with_its_recipe(t
     plan = tmp_path / "take.py"
     body = 'await perform(action("PickingUpAnObject"))'
     plan.write_text(f"from planlang import action, perform, plan\n\n@plan\nasync def take():\n    {body}\n", "utf-8")
-    refused = run_plan_file(replace(AMIGO, robot=tmp_path / "absent.omn", plan=plan))
+    (robot := tmp_path / "robot.omn").touch()  # never read
+    refused = run_plan_file(replace(AMIGO, robot=robot, recipe=plan))
     assert "PickingUpAnObject (pick_up)" in refused.message
 
 
@@ -329,9 +330,9 @@ def test_a_plan_edited_or_not_is_refused_like_its_recipe_for_what_only_that_says
     refused = run_plan_file(replace(AMIGO, recipe=recipe))
     assert (refused.outcome, refused.failures) == (Outcome.LACKS_CAPABILITY, ("MissingCapability",))
     assert "component Tilting2DLaserScanner: amigo has none" in refused.message
-    assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
+    assert run_plan_file(replace(AMIGO, recipe=plan)).message == refused.message
     plan.write_text(plan.read_text(encoding="utf-8") + "\n# looked at\n", encoding="utf-8")
-    assert run_plan_file(replace(AMIGO, plan=plan)).message == refused.message
+    assert run_plan_file(replace(AMIGO, recipe=plan)).message == refused.message
 
 
 @pytest.mark.parametrize(("now", "code"), [(LOOKING + "\n", "C009"), (LOOKING + "(", "C011"), (None, "C011")])

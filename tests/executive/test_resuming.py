@@ -345,7 +345,7 @@ def test_a_world_that_is_as_it_was_left_hands_over_what_the_robot_holds(ward: St
         )
     assert held_by(ward.truth, "bottle") == "robot"
     again = make_stage(*WARD)  # knows nothing of it yet
-    platform = replace(again.platform, world=ward.truth)
+    platform = replace(again.platform, handle=ward.platform.handle)
     executive = RobotExecutive(platform, bundled_registry().resolve([]), ward.truth)
     past = Past(RecordedRun.of(trace.events))
     restore(executive, past)

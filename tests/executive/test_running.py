@@ -169,14 +169,14 @@ def test_every_real_room_is_drawn(name: str, corpus: Path) -> None:
 
 def test_parameters_are_set_by_iri_as_well() -> None:
     with pytest.raises(BadInput) as caught:
-        run_plan_file(replace(BUNDLED, bindings={"bottle": "bed1", "patient": ROOM_IRI + "patient1"}))
+        run_plan_file(replace(BUNDLED, set={"bottle": "bed1", "patient": ROOM_IRI + "patient1"}))
     assert [diagnostic.code for diagnostic in caught.value.diagnostics] == ["X006"], "of the bottle alone"
 
 
 def test_all_wrong_bindings_are_told_at_once_with_what_would_be_right() -> None:
     bindings = {"glass": "bottle1", "bottle": "bed1", "patient": "patient7"}
     with pytest.raises(BadInput) as caught:
-        run_plan_file(replace(BUNDLED, bindings=bindings))
+        run_plan_file(replace(BUNDLED, set=bindings))
     found = {diagnostic.code: diagnostic for diagnostic in caught.value.diagnostics}
     assert set(found) == {"X004", "X005", "X006"}
     assert "bottle, patient" in (found["X004"].help or "")

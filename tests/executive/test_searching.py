@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from executive.belief import Belief
-from executive.cli.app import app
 from executive.locations.likely_places import LOOKING
 from executive.maps import read_map
 from planlang import perform
@@ -23,6 +20,7 @@ from planlang.geometry import Pose
 from planlang.ontology import load
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage, Stage
+from tests.support.cli_runs import answer
 
 TABLE = Body("table", Pose((2.5, 0.0, 0.37)), (0.8, 1.2, 0.74), type="Table-PieceOfFurniture")
 COUNTER = Body("counter", Pose((-2.5, 0.0, 0.45)), (0.6, 1.2, 0.9), type="CounterTop")
@@ -30,14 +28,6 @@ DESK = Body("desk", Pose((0.0, -4.0, 0.37)), (0.8, 0.8, 0.74), type="Desk-PieceO
 BOTTLE = Body("bottle", Pose((0.0, -3.9, 0.84)), (0.065, 0.065, 0.2), "cylinder", type="DrinkingBottle", movable=True)
 A_BOTTLE = an_object("DrinkingBottle")
 LOOK = action("LookingForSomething", object_acted_on=A_BOTTLE)
-
-
-def answer(*arguments: object) -> dict[str, Any]:
-    """Return what the command answers, as JSON."""
-    result = CliRunner().invoke(app, [*map(str, arguments), "--json"])
-    assert "Traceback" not in result.output, result.output
-    found: dict[str, Any] = json.loads(result.stdout)
-    return found
 
 
 @pytest.fixture

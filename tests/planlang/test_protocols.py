@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 
 import planlang
 from executive.modules.arm.reaching import Reaching
-from executive.modules.base.navigation import Navigation
-from executive.modules.gripper.grasping import Grasping
-from executive.modules.gripper.handing_over import Handover
+from executive.modules.gripper import Grasping, Handover
 from executive.modules.looking.perception import Head, Perception
+from executive.modules.navigation import Navigation
 from executive.runs.assembly import RobotExecutive
 from planlang.changes import Physics
 from planlang.failures import LowLevelFailure, PlanFailure

@@ -13,14 +13,12 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 BELOW = ("planlang", "executive", "sim")
 FACES = (
     "executive/cli/",
-    "executive/commands/arguments.py",  # declares options with their words
-    "executive/commands/base_arguments.py",
-    "executive/commands/sweep.py",  # writes the command that repeats a world
-    "executive/runs/settings.py",
     "planlang/testing/plugin.py",  # options of pytest
     "executive/templates/",  # files of users
 )
 OF_OTHERS = {
+    "executive/options/recipes.py": {"--output", "--scopes", "--no-scopes", "--dataflow", "--no-dataflow"},  # declared
+    "executive/options/running.py": {"--output", "--out"},
     "planlang/outputs.py": {"--no-scopes", "--no-dataflow"},  # in the header of a plan, which is a file
     "planlang/ontology/reasoning.py": {"--all-unsat", "--inconsistent", "--ignore-imports"},  # options of Openllet
     "executive/robots/draft.py": {"planlang robot"},  # in the head of the file that it makes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,14 @@ from executive.cli.app import app
 def invoke(*arguments: str | Path) -> Result:
     """Run the command."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
+
+
+def answer(*arguments: object) -> dict[str, Any]:
+    """Return what the command answers, as JSON."""
+    result = invoke(*map(str, arguments), "--json")
+    assert "Traceback" not in result.output, result.output
+    found: dict[str, Any] = json.loads(result.stdout)
+    return found
 
 
 def _names(group: Any, before: str = "") -> Iterator[str]:

@@ -214,7 +214,7 @@ class PageRun:
             ended.append(judged_run(scenario, options))
             return ended[0].result
 
-        with patch("executive.cli.run.run_plan_file", judged) if scenario else nullcontext():
+        with patch("executive.api.run", judged) if scenario else nullcontext():
             result = CliRunner().invoke(app, words, prog_name="planlang")
         if scenario is not None and [one.reached for one in ended] != [True]:
             self._wrong(command.line, f"the goal of {scenario.name} is not reached: {[one.unmet for one in ended]}")

@@ -1,13 +1,16 @@
-"""Refusals that tests expect: told by the codes of their errors and by the names in them, not by their wording."""
+"""Refusals and failures that tests expect: told by codes, classes, fields and names, not by their wording."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 import pytest
 
 from planlang.diagnostics import BadInput, Severity
+
+F = TypeVar("F", bound=Exception)
 
 
 @contextmanager
@@ -19,3 +22,11 @@ def refusal(*codes: str, naming: str | tuple[str, ...] = ()) -> Iterator[pytest.
     assert {one.code for one in errors} == {*codes}, str(caught.value)
     said = "\n".join(map(str, errors))
     assert all(name in said for name in ((naming,) if isinstance(naming, str) else naming)), said
+
+
+@contextmanager
+def failing(kind: type[F], **details: object) -> Iterator[pytest.ExceptionInfo[F]]:
+    """Expect a failure of a class whose fields have these values."""
+    with pytest.raises(kind) as caught:
+        yield caught
+    assert {name: getattr(caught.value, name) for name in details} == details

@@ -10,16 +10,19 @@ from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
 from executive.motion import MotionError
 from executive.robots.arms import ArmModel
+from planlang.designators import Action
 from planlang.failures import (
     DesignatorFailure,
     HandleNotReachable,
     HandsFull,
     LookingFailure,
     LookingGoalUnreachable,
+    ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationGoalNotReached,
     ManipulationPoseUnreachable,
     NavigationFailure,
+    PerceptionFailure,
 )
 from planlang.geometry import Array
 from planlang.geometry.matrices import rotated
@@ -37,6 +40,18 @@ BACK = 0.2
 
 class HandWork(PlatformModule):
     """Base of the process modules that work with hands and drive. Hands may touch the body ``what``."""
+
+    failures: Sequence[type[Exception]] = (
+        ManipulationFailure,
+        NavigationFailure,
+        PerceptionFailure,
+        LookingFailure,
+        DesignatorFailure,
+    )
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the whole robot, unless fewer parts are needed."""
+        return self.needs or self.whole_robot()
 
     def free_hands(self) -> list[ArmModel]:
         """List the empty arms that have a gripper."""

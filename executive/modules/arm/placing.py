@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import product
 
@@ -71,22 +71,22 @@ class Lowering(HandReaching):
         held, body = scene.arms.held(arm.name), scene.world.scene.body(solution.reach.body)
         if held is None:
             return None
-        above = solution.plan.poses[0]
+        above, stands = solution.plan.poses[0], self.platform.base()
+
+        def is_free(q: Array) -> bool:
+            return not scene.collisions.contacts(stands, arm, q)
+
         held_in_body = scene.bodies.pose(body.name).inverse().matrix() @ above @ held.pose.matrix()
         for direction, wall in _open_sides(body):
             distance = wall - float(held_in_body[:3, 3] @ direction) + max(held.size) / 2 + CLEAR
             out = above.copy()
             out[:3, 3] += distance * rotated(scene.bodies.pose(body.name).rotation, direction)
-            ends, is_free = (base @ out, base @ above), self._is_free(arm)
+            ends = base @ out, base @ above
             joints, reached = arm.solver.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
             for q in joints[reached]:
                 if is_free(q) and cartesian_path(arm.solver, q, *ends, is_free).waypoints is not None:
                     return np.asarray(q)
         return None
-
-    def _is_free(self, arm: ArmModel) -> Callable[[Array], bool]:
-        base = self.platform.base()
-        return lambda q: not self.platform.scene.collisions.contacts(base, arm, q)
 
 
 def _open_sides(body: Body) -> Iterator[tuple[Array, float]]:

@@ -13,18 +13,14 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.runner import Skill
 from executive.robots import CARRYING
-from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object, a_location, a_posture, action, resting_on
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
     GripperGoalNotReached,
     LocationUnresolvable,
-    LookingFailure,
     ManipulationFailure,
     ManipulationGoalNotReached,
-    NavigationFailure,
-    PerceptionFailure,
     PlanFailure,
 )
 from planlang.language.performing import perform
@@ -50,11 +46,6 @@ class SettingAside(HandWork):
 
     name = "setting_aside"
     actions = ("SettingAsideAnObject",)
-    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
 
     async def execute(self, action: Action) -> str:
         """Put ``object_acted_on`` down; return the name of its support.
@@ -63,8 +54,8 @@ class SettingAside(HandWork):
         """
         what = action.get("object_acted_on")
         name = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else None
-        holding = [arm for arm in self.platform.scene.arms.all if self._holds(arm, name)]
-        if not isinstance(what, Object) or len(holding) != 1:
+        grip = None if name is None else self.platform.belief.held.get(name)
+        if not isinstance(what, Object) or grip is None or len(grip.arms) != 1:
             raise ActionUnresolvable("name an object held in one hand as object_acted_on", designator=str(action))
 
         async def no_place(problem: PlanFailure | None, tried: int) -> PlanFailure:
@@ -78,10 +69,6 @@ class SettingAside(HandWork):
         if action.get("by_another_grip"):
             self.platform.belief.refuse(str(name), grip)
         return support.name
-
-    def _holds(self, arm: ArmModel, name: str | None) -> bool:
-        held = self.platform.scene.arms.held(arm.name)
-        return held is not None and held.name == name
 
     def _places(self) -> Iterator[tuple[Object, BasePose]]:
         """Yield furniture with base poses from which to reach it, nearest furniture first."""

@@ -6,22 +6,22 @@ one base pose is not enough, the motion is continued from another.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
-from functools import partial
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
-from executive.locations.taking_out import way_out
+from executive.locations.headroom import way_out
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
-from executive.modules.furniture.witnessing import is_witnessed
+from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
-from planlang.designators import Action, Object
+from planlang.designators import Action
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,
@@ -76,25 +76,31 @@ class LeafWork(HandWork):
         super().__init__(platform)
         self._joint, self._paths = joint, LeafPaths(platform.scene, joint)
 
-    async def moved(self, *, opens: bool) -> None:
-        """Open or close the leaf. Raises ContainerStuck, HandleNotReachable or StateUnknown."""
+    async def open(self) -> None:
+        """Open the leaf. Raises ContainerStuck, HandleNotReachable or StateUnknown."""
         joint = self._joint
-        await is_witnessed(self, joint.leaf, drives=False)
-        goal, sufficient = (joint.upper, joint.first_open) if opens else (0.0, joint.last_shut)
-        await self._motion(goal, sufficient).until(partial(self._is_surely_done, opens=opens))
-        if opens and self._covers_something():
+        await self._move(joint.upper, joint.first_open, joint.is_open)
+        if self._covers_something():
             with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
                 await self._motion(joint.upper, joint.upper).run()
 
+    async def close(self) -> None:
+        """Close the leaf; raises as :meth:`open` does."""
+        await self._move(0.0, self._joint.last_shut, self._joint.is_shut)
+
+    async def _move(self, goal: float, sufficient: float, is_there: Callable[[float], bool]) -> None:
+        """Move the leaf to a value, at least to ``sufficient``; if only the map says that it is there, look or feel."""
+
+        async def is_surely_there() -> bool:
+            if is_there(self._value()) and not await is_witnessed(self, self._joint.leaf):
+                await self._feel()
+            return is_there(self._value())
+
+        await is_seen_from_here(self.platform, self._joint.leaf)
+        await self._motion(goal, sufficient).until(is_surely_there)
+
     def _value(self) -> float:
         return self.platform.belief.joint(self._joint.leaf)
-
-    async def _is_surely_done(self, *, opens: bool) -> bool:
-        """Check whether the leaf is as open or closed as asked for; if only the map says so, look at it or feel it."""
-        is_done = self._joint.is_open if opens else self._joint.is_shut
-        if is_done(self._value()) and not await is_witnessed(self, self._joint.leaf):
-            await self._feel()
-        return is_done(self._value())
 
     async def _feel(self) -> None:
         """Close a hand on the handle of a leaf that cannot be seen, and believe what it feels. Raises StateUnknown."""
@@ -104,7 +110,8 @@ class LeafWork(HandWork):
             raise StateUnknown(f"{unknown}, and has no handle to feel", what=joint.leaf)
         aside = joint.upper * (FELT_BY if value < joint.upper / 2 else -FELT_BY)
         try:
-            await self._motion(value + aside, value + aside, leads=False).run()
+            motion = self._motion(value + aside, value + aside)
+            await replace(motion, contact=self._grasp, verify=nothing).run()
         except (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure) as failure:
             raise StateUnknown(f"{unknown}, and no hand felt its handle", what=joint.leaf) from failure
 
@@ -118,11 +125,8 @@ class LeafWork(HandWork):
         ways = (way_out(name, scene) for name in inside)
         return any(way is None or len(way) > 1 for way in ways)
 
-    def _motion(self, goal: float, sufficient: float, *, leads: bool = True) -> Skill[LeafPath, None]:
-        """State the parts of motions to a value of the joint, at least to ``sufficient``.
-
-        Without ``leads``, it is only felt where the handle is.
-        """
+    def _motion(self, goal: float, sufficient: float) -> Skill[LeafPath, object]:
+        """State the parts of motions to a value of the joint, at least to ``sufficient``."""
         joint, start = self._joint, self._value()
 
         async def paths() -> AsyncIterator[LeafPath | None]:
@@ -148,10 +152,10 @@ class LeafWork(HandWork):
 
         return Skill(
             paths,
-            partial(self._contact, leads=leads),
+            self._pull,
             approach=self._approach,
             retreat=self._leave,
-            verify=self._verify if leads else nothing,
+            verify=self._verify,
             between=self.tuck,
             believed=self._value,
             failures=ELSEWHERE,
@@ -163,7 +167,7 @@ class LeafWork(HandWork):
         """Drive to the path's base pose, look at the leaf, and bring the open hand to the handle."""
         arm, what = path.arm, self._joint.handle
         await self.drive(path.base)
-        await is_witnessed(self, self._joint.leaf, drives=False)
+        await is_seen_from_here(self.platform, self._joint.leaf)
         if abs(self._value() - path.values[0]) > 1e-9:  # the path begins where the leaf is not
             raise ManipulationPoseUnreachable(arm=arm.name, what=what)
         self.platform.arms.choices.choose(arm.name)
@@ -171,17 +175,19 @@ class LeafWork(HandWork):
         await self.follow_to_end(arm.name, self.planned(arm, path.before, None), what)
         await self.straight(arm, path.poses[1], what)
 
-    async def _contact(self, path: LeafPath, *, leads: bool) -> None:
-        """Close the hand on the handle and move the leaf, if it is where it was believed to be."""
+    async def _grasp(self, path: LeafPath) -> bool:
+        """Close the hand on the handle; return whether it feels it where it was believed to be."""
         arm, joint, hands = path.arm, self._joint, self.platform.hands
         await hands.move(arm, closed=True)
         if not hands.is_on(arm, joint.handle or joint.leaf):
             raise GraspMissed(arm=arm.name, what=joint.handle)
-        is_as_believed = self._feels_as_believed(arm)
-        if leads and not is_as_believed:
-            raise ManipulationPoseUnreachable(arm=arm.name, what=joint.handle)
-        if leads:
-            await self._lead(path)
+        return self._feels_as_believed(arm)
+
+    async def _pull(self, path: LeafPath) -> None:
+        """Close the hand on the handle and move the leaf, if it is where it was believed to be."""
+        if not await self._grasp(path):
+            raise ManipulationPoseUnreachable(arm=path.arm.name, what=self._joint.handle)
+        await self._lead(path)
 
     async def _leave(self, path: LeafPath) -> None:
         """Release the handle, retreat, back off, and tuck the arm."""
@@ -195,7 +201,7 @@ class LeafWork(HandWork):
             await is_witnessed(self, leaf)
             return
         belief.doubted(leaf)
-        if not await is_witnessed(self, leaf, drives=False) and not isinstance(problem, GraspSlipped):
+        if not await is_seen_from_here(self.platform, leaf) and not isinstance(problem, GraspSlipped):
             belief.touched(leaf, self._value())  # what the hand felt
         if problem is None and abs(self._value() - path.values[0]) < NO_FURTHER * self._joint.upper:
             raise ContainerStuck(what=leaf)
@@ -267,22 +273,17 @@ class Containers(HandWork):
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
     # beside those of looking, which LookingFirst declares for all modules
 
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
-
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.
 
         Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are.
         """
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to open or close as object_acted_on", designator=str(action))
+        what = self.object_of(action, "open or close")
         opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
         leaves = self.platform.scene.bodies.leaves_of(what, shut=opens)
         if not leaves:
             raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
         for joint in leaves[: 1 if opens else len(leaves)]:
-            await LeafWork(self.platform, joint).moved(opens=opens)
+            work = LeafWork(self.platform, joint)
+            await (work.open() if opens else work.close())
         return leaves[0].leaf

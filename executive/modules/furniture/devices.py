@@ -57,10 +57,6 @@ class Devices(HandWork):
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
     # beside those of looking, which LookingFirst declares for all modules
 
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
-
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""
         control = self._control(action)
@@ -83,7 +79,8 @@ class Devices(HandWork):
         if control.turns:
             joint = belief.joints[control.body]
             is_turned = belief.joint(control.body) >= HALFWAY * joint.upper
-            await LeafWork(self.platform, joint).moved(opens=not is_turned)
+            work = LeafWork(self.platform, joint)
+            await (work.close() if is_turned else work.open())
         else:
             await self._push(control)
         belief.doubted(control.device)

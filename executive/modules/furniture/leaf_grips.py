@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.robots.arms import ArmModel
 from executive.robots.openings import ROOM, TIGHT, Fingers
-from planlang.geometry import Array, Pose
+from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, inverse, moved, product, rigid, rotated
 from planlang.protocols import Configuration
 from planlang.records import dataclass
@@ -154,7 +154,8 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
                 rotation = arm.frame.rotation(approach, sign * closing)
                 point = middle + along * bar
                 short = _short_of(scene, joint, rotation @ hands[width].points.T, point, outwards, approach)
-                if short <= hands[width].ahead + min(0.0, _depth(pose, size, approach) - HELD):
+                depth = float(np.abs(pose.rotation.T @ approach) @ size) / 2
+                if short <= hands[width].ahead + min(0.0, depth - HELD):
                     starts.append(rigid(rotation, point - short * approach))
                     points.append(point)
                     turns.append(turning)
@@ -168,11 +169,6 @@ def grips_of(scene: PlanningScene, arm: ArmModel, joint: Articulation, *, tight:
         np.array(arm.frame.approach),
         back,
     )
-
-
-def _depth(pose: Pose, size: Array, approach: Array) -> float:
-    """Compute half the extent of a box along an approach direction [m]."""
-    return float(np.abs(pose.rotation.T @ approach) @ size) / 2
 
 
 def _opened(arm: ArmModel, width: float, room: float) -> Fingers:

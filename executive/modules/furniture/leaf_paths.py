@@ -338,6 +338,9 @@ class _ArmPaths:
 
     def _solved(self, bases: Array, steps: NDArray[np.intp]) -> list[tuple[BasePose, int, int, Array]]:
         """Solve for base pose, grip, lag, and joint positions (k, d) from before the handle on, longest paths first."""
+        # Followed from value to value, each solution seeds the next, so that the arm moves without a jump between
+        # branches of its inverse kinematics. All candidates take each step together, as one call of the solver for
+        # hundreds of rows is much cheaper than one for each; those that are left behind drop out.
         there = inverse(base_matrices(bases))
         rows, grips, before, start = self._at_handle(bases, there)
         numbers, lags = np.nonzero(self._lags[grips])
@@ -389,7 +392,8 @@ class _ArmPaths:
         q, good = self._solver.solve(product(there[rows[kept]], self._before[numbers[kept]]), start[kept][:, None])
         good &= np.abs(q - start[kept]).max(axis=1) < 2 * FARTHEST
         kept, before = kept[good], q[good]
-        # Solve the grip again from before the handle, because the arm will come from there.
+        # Solve the grip again from before the handle, because the arm will come from there: the first solution may be
+        # on another branch, to which no straight line leads.
         q, good = self._solver.solve(product(there[rows[kept]], grips.starts[numbers[kept]]), before[:, None])
         kept = kept[good]
         return rows[kept], numbers[kept], before[good], q[good]

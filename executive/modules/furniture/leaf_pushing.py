@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.belief.believed_bodies import MEANT
 from executive.modules.furniture.leaf_grips import hand_with, outwards_of
-from executive.modules.furniture.witnessing import is_witnessed
+from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
 from executive.modules.tools.motion_grounding import Grounding
@@ -111,7 +111,7 @@ class LeafStrokes(StrokeWork):
         await self.leave(arm, lap, joint.leaf)
         if platform.robot.camera is not None:
             platform.belief.doubted(joint.leaf)
-            if not await is_witnessed(self, joint.leaf, drives=False) and feels:
+            if not await is_seen_from_here(platform, joint.leaf) and feels:
                 platform.belief.touched(joint.leaf, self._value())
         turn = product(joint.motion(self._value()).matrix(), joint.motion(value).inverse().matrix())
         distance = float(np.linalg.norm(moved(turn, path[1]) - path[1]))

@@ -81,7 +81,7 @@ LOWER = 0.01
 class Goal(Protocol):
     """Goal of pushing an object."""
 
-    def is_there(self) -> bool:
+    async def is_there(self) -> bool:
         """Check whether the object is believed to be there."""
 
     def places(self) -> Iterable[Array]:
@@ -97,7 +97,7 @@ class ToLocation:
     what: Object
     location: Location
 
-    def is_there(self) -> bool:
+    async def is_there(self) -> bool:
         """Check whether the object satisfies the location."""
         return self.platform.resolver.holds(self.location, self.what)
 
@@ -127,7 +127,7 @@ class ByDistance:
     def _here(self) -> Array:
         return np.array(self.platform.belief.pose(self.name).position[:2])
 
-    def is_there(self) -> bool:
+    async def is_there(self) -> bool:
         """Check whether the object is at the distance from its start."""
         return abs(math.dist(self._here(), self.start) - self.distance) <= NEAR
 
@@ -155,7 +155,7 @@ class ThingStrokes(StrokeWork):
             between=self._again,
             most=PUSHES,
             otherwise=self._not_there,
-        ).until(self._is_there)
+        ).until(self._goal.is_there)
 
     def _ways(self) -> Iterator[tuple[Array, ArmModel]]:
         """Yield positions (2,) to which a straight push is free, each with the hands that may make it."""
@@ -164,9 +164,6 @@ class ThingStrokes(StrokeWork):
         for place in islice(places, PLACES):
             hands = self.hands_for(self._name, self._name, ManipulationGoalNotReached)
             yield from ((place, arm) for arm in self.platform.arms.in_order(hands))
-
-    async def _is_there(self) -> bool:
-        return self._goal.is_there()
 
     async def _again(self) -> None:
         await self.tuck()
@@ -232,7 +229,9 @@ class ThingStrokes(StrokeWork):
         distance: float | None = None
         try:
             await self.gone(motion, Trajectory(lap.names, lap.positions[: end + 1]), pushes=link)
-            distance = length if self._feels(arm, heading) else 0.0
+            touches = platform.world.touches(arm.hand_links)
+            feels = any(-np.array(touch.normal[:2]) @ _ahead(heading) > AHEAD for touch in touches)
+            distance = length if feels else 0.0
             await self.gone(motion, Trajectory(lap.names, lap.positions[end:]), pushes=link)
         finally:
             if distance is None:  # the stroke was interrupted: the object is just ahead of the hand, if that reached it
@@ -249,11 +248,6 @@ class ThingStrokes(StrokeWork):
         self._lead = max(0.0, float(gap @ _ahead(heading)) - reach)
         if platform.robot.camera is not None and not platform.belief.seen(name):  # it may have fallen
             await perform(look_for("LookingForSomething", object_acted_on=platform.scene.bodies.designator(name)))
-
-    def _feels(self, arm: ArmModel, heading: float) -> bool:
-        """Check whether a hand feels something ahead of it, which is the object that it has pushed."""
-        touches = self.platform.world.touches(arm.hand_links)
-        return any(-np.array(touch.normal[:2]) @ _ahead(heading) > AHEAD for touch in touches)
 
     def _hand(
         self, constraints: Sequence[MotionConstraint], device: Device, arm: ArmModel, pose: Pose, heading: float
@@ -310,9 +304,7 @@ class Pushing(StrokeWork):
 
         Raises ManipulationGoalNotReached if it does not arrive.
         """
-        platform, what = self.platform, action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to push as object_acted_on", designator=str(action))
+        platform, what = self.platform, self.object_of(action, "push")
         with suppress(PerceptionFailure, LookingFailure):
             await perform(look_for("LookingForSomething", object_acted_on=what))
         name = platform.scene.bodies.bind(what)

@@ -19,16 +19,20 @@ from planlang.failures import LookingGoalUnreachable
 from planlang.geometry import Array
 
 
-async def is_witnessed(work: HandWork, name: str, *, drives: bool = True) -> bool:
-    """Return whether the robot itself knows the state of a leaf or device, after a look at it if necessary.
+async def is_seen_from_here(platform: Platform, name: str) -> bool:
+    """Return whether the robot itself knows the state of a leaf or device, after a look from here if necessary.
 
-    What it has seen or felt, and not moved since, is not looked at again. It is looked at from here if it can be seen
-    from here; otherwise, with ``drives``, from other base poses.
+    What it has seen or felt, and not moved since, is not looked at again.
     """
+    return platform.belief.witnessed(name) or await _looked(platform, name)
+
+
+async def is_witnessed(work: HandWork, name: str) -> bool:
+    """Return the same as :func:`is_seen_from_here`, after a look from other base poses if necessary."""
     platform = work.platform
-    if platform.belief.witnessed(name) or await _looked(platform, name):
+    if await is_seen_from_here(platform, name):
         return True
-    if not drives or platform.robot.camera is None or platform.robot.base.fixed:
+    if platform.robot.camera is None or platform.robot.base.fixed:
         return False
     seeing = a_location(visible_from=platform.scene.bodies.designator(name))
 

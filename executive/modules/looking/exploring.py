@@ -24,10 +24,7 @@ class Exploring(PlatformModule):
     name = "exploration"
     actions = ("EnvironmentExploration",)
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head."""
-        return ("head",)
+    needs = ("head",)
 
     async def execute(self, action: Action) -> dict[str, Any]:
         """Look around; return {name: location of the next view} for the name in ``to_location``, {} without one.

@@ -11,7 +11,6 @@ from executive.maps.recognition_models import missing_model, needs_model
 from executive.modules.platform import PlatformModule
 from planlang.designators import Action, Object
 from planlang.failures import (
-    ActionUnresolvable,
     DesignatorFailure,
     LookingFailure,
     LookingGoalUnreachable,
@@ -34,16 +33,11 @@ class Head(PlatformModule):
     name = "head"
     actions = ("LookingAtSomething",)
     failures = (LookingFailure, ObjectLost, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head."""
-        return ("head",)
+    needs = ("head",)
 
     async def execute(self, action: Action) -> None:
         """Look at ``object_acted_on``; raises LookingGoalUnreachable beyond the neck's limits."""
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to look at as object_acted_on", designator=str(action))
+        what = self.object_of(action, "look at")
         scene = self.platform.scene
         name = scene.bodies.bind(what)
         await self.platform.sensing.look_at(scene.bodies.block(name).centre, name)
@@ -77,9 +71,7 @@ class Perception(PlatformModule):
         An object seen from elsewhere but hidden from here keeps its pose. An object at an unknown place is searched
         for at all likely places within ``location_searched``; raises ObjectNowhereToBeFound if it is at none of them.
         """
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to perceive as object_acted_on", designator=str(action))
+        what = self.object_of(action, "perceive")
         platform = self.platform
         if not platform.belief.memory.recognition.runs(VISION):
             raise PerceptionFailure(f"cannot see {what}: the vision software is stopped; start it first")

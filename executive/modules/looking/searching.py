@@ -109,9 +109,7 @@ class Inference(PlatformModule):
     async def execute(self, action: Action) -> Location | None:
         """Begin a search for ``object_acted_on``; ``outputs_created`` names its next likely place at each use."""
         await checkpoint()
-        what, output = action.get("object_acted_on"), action.get("outputs_created")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to locate as object_acted_on", designator=str(action))
+        what, output = self.object_of(action, "locate"), action.get("outputs_created")
         name = output.name if isinstance(output, Location | Object) else None
         self.platform.searches.begin(name or str(what), what, _search_space(action))
         return output if isinstance(output, Location) else None
@@ -132,10 +130,7 @@ class Checking(PlatformModule):
     name = "checking"
     actions = ("CheckingWhetherConditionObtains",)
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head."""
-        return ("head",)
+    needs = ("head",)
 
     async def execute(self, action: Action) -> bool:
         """Check whether the object of the condition, or else ``object_acted_on``, is seen from here.

@@ -33,9 +33,7 @@ from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
     AmountNotPoured,
-    DesignatorFailure,
     LookingFailure,
-    ManipulationFailure,
     NavigationFailure,
     NavigationPoseUnreachable,
     PerceptionFailure,
@@ -66,14 +64,6 @@ def no_objection(motion: GroundedMotion, solved: PhaseMotion) -> None:
 
 class ConstrainedWork(HandWork):
     """Base of the process modules for motions under constraints: choice of the base pose, and solution."""
-
-    failures: Sequence[type[Exception]] = (
-        ManipulationFailure,
-        NavigationFailure,
-        PerceptionFailure,
-        LookingFailure,
-        DesignatorFailure,
-    )
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """List the base, the torso and the arms that may hold the tools; looking requests the head itself."""

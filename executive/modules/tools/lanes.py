@@ -123,7 +123,7 @@ class Surface:
         size = np.array(self.platform.scene.world.size(self.name))
         axes = sorted(self.axes, key=lambda axis: float(np.abs(axis) @ size))
         ends = [max(float(np.abs(axis) @ size) - width, 0.0) / 2 for axis in axes]
-        first, second = (_spread(-end, end, FINE) for end in ends)
+        first, second = (np.linspace(-end, end, math.ceil(2 * end / FINE) + 1) for end in ends)
         places = self.middle + first[:, None, None] * axes[0] + second[None, :, None] * axes[1]
         flat = places.reshape(-1, 3)
         free = self._free_of_objects(flat, length / 2 + HAND) & self._free_of_walls(flat, width / 2 + HAND)
@@ -173,9 +173,3 @@ def lifted(places: Array) -> Array:
     heights = np.zeros(len(places) + 2)
     heights[[0, -1]] = LIFTED
     return np.column_stack([np.vstack([places[:1], places, places[-1:]]), heights])
-
-
-def _spread(low: float, high: float, step: float) -> Array:
-    """Sample values (n,) from one end to the other, at most a step apart."""
-    count = max(1, int(np.ceil((high - low) / step)))
-    return np.linspace(low, high, count + 1) if high > low else np.array([low])

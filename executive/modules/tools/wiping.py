@@ -16,12 +16,8 @@ from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.robots.arms import called
 from planlang.designators import Action
 from planlang.failures import (
-    DesignatorFailure,
-    LookingFailure,
-    ManipulationFailure,
     ManipulationGoalInCollision,
     NavigationFailure,
-    PerceptionFailure,
     PlanFailure,
 )
 from planlang.geometry import Array
@@ -49,7 +45,6 @@ class Wiping(StrokeWork):
 
     name = "wiping"
     actions = ("WipingMotion",)
-    failures = (ManipulationFailure, NavigationFailure, PerceptionFailure, LookingFailure, DesignatorFailure)
 
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Wipe the surface; return (), as no constraint is dropped. Raises ConstraintsUnsatisfied below ENOUGH.

@@ -21,7 +21,6 @@ from executive.locations.rejections import COLLISION, Rejections
 from executive.modules.commanding import Control
 from executive.motion import MotionError, time_curve, time_path
 from executive.robots.arm_pair import ArmPair, strays
-from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product
@@ -104,15 +103,12 @@ class PairPaths:
         ``world``: of a state that is supposed; by default as is believed.
         """
         joints = dict(zip(self.pair.names, q.tolist(), strict=True)) | dict(fingers)
-        links = [link for arm in self.pair.arms for link in sorted(self._finger_links(arm))]
+        grippers = [arm.gripper for arm in self.pair.arms]
+        links = [link for one in grippers if one is not None for link in sorted(one.finger_links)]
         ignore = [(link, name) for link in links] if name is not None else []
         world, moving = world or self.control.scene.world, (*self.pair.names, *(joint for joint, _ in fingers))
         there = Configuration(base, {**world.configuration().joints, **joints})
         return next((contact.body for contact in world.contacts(there, moving, ignore=ignore)), None)
-
-    def _finger_links(self, arm: ArmModel) -> Sequence[str]:
-        gripper = arm.gripper
-        return () if gripper is None else gripper.finger_links
 
     def _refuse(self, reason: str, body: str | None = None, number: int = 1) -> None:
         if body is not None and body not in self.control.scene.world.names():  # a link of the robot
@@ -327,9 +323,10 @@ class PairPaths:
             kept.append(row)
         return np.array(kept)
 
-    def timed(self, rows: Array, *, held: bool) -> Trajectory:
-        """Time a joint path (k, n). Raises a MotionError if the hands of a ``held`` object would move relatively."""
+    def timed(self, rows: Array) -> Trajectory:
+        """Time a joint path (k, n). Raises a MotionError if hands that hold an object would move relatively."""
         rows = self.pair.group.near(rows, self.now())
+        held = any(set(grip.arms) == {arm.name for arm in self.pair.arms} for grip in self.control.belief.held.values())
         for timing in (time_curve, time_path):
             trajectory = self.control.timed(self.pair.names, rows, timing)
             away, turned = strays(self.pair, trajectory.positions)

@@ -7,7 +7,7 @@ keep their posture while the base drives. To put it down, both hands lower it to
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Awaitable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, combinations
@@ -80,21 +80,15 @@ class TwoHands(HandWork):
         DesignatorFailure,
     )
 
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the whole robot."""
-        return self.whole_robot()
-
     async def execute(self, action: Action) -> str:
         """Perform what the action's class states on ``object_acted_on``; return the object's name."""
-        what = action.get("object_acted_on")
-        if not isinstance(what, Object):
-            raise ActionUnresolvable("name the object to handle as object_acted_on", designator=str(action))
+        what = self.object_of(action, "handle")
         name, classes = self.platform.scene.bodies.bind(what), self.platform.ancestors(action.type)
         if not {"GraspingSomething", "PickingUpAnObject", "TakingSomething"}.isdisjoint(classes):
             await self._take(name, what)
             return name
         if "ReleasingGraspOfSomething" not in classes:
-            await self._bring(name, what, action, lowers="CarryingWhileLocomoting" not in classes)
+            await self._bring(name, what, action)
         if not {"ReleasingGraspOfSomething", "PuttingDownAnObject"}.isdisjoint(classes):
             await self._let_go(name)
         return name
@@ -129,7 +123,7 @@ class TwoHands(HandWork):
             failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed, NavigationFailure),
             otherwise=partial(self._nowhere, name, pairs, "take"),
         ).run()
-        await self._go(paths, grasp.lift, name, held=True)
+        await self._go(paths, grasp.lift, name)
         await self._draw_in(paths, name)
 
     async def _from_here(self, pairs: Sequence[PairPaths], name: str) -> tuple[PairPaths, PairGrasp]:
@@ -232,13 +226,13 @@ class TwoHands(HandWork):
         # moving one arm may make room for the other, which is a candidate again then
         await Skill(lambda: tuple(pending), move, failures=(ManipulationPoseUnreachable,)).until(is_done)
 
-    async def _go(self, paths: PairPaths, rows: Array, name: str, *, held: bool = False) -> None:
+    async def _go(self, paths: PairPaths, rows: Array, name: str) -> None:
         """Move both arms along a joint path (k, n)."""
         if len(rows) < 2:
             return
         arms = " and ".join(arm.name for arm in paths.pair.arms)
         try:
-            trajectory = paths.timed(np.concatenate([paths.now()[None], rows[1:]]), held=held)
+            trajectory = paths.timed(np.concatenate([paths.now()[None], rows[1:]]))
         except MotionError as problem:
             raise ManipulationPoseUnreachable(arm=arms, what=name) from problem
         await self.follow_to_end(arms, trajectory, name)
@@ -250,7 +244,7 @@ class TwoHands(HandWork):
         if away > CLOSE:
             shift = np.array([x, y, 0.0]) * (CLOSE / away - 1.0)
             with suppress(ManipulationFailure):
-                await self._go(paths, paths.shifted(name, shift), name, held=True)
+                await self._go(paths, paths.shifted(name, shift), name)
 
     # Putting down
 
@@ -263,12 +257,24 @@ class TwoHands(HandWork):
             raise ActionUnresolvable(f"{name} is not held in two hands; grasp it first", designator=name)
         return PairPaths(platform, ArmPair((arms[0], arms[1]), platform.world.configuration().joints))
 
-    async def _bring(self, name: str, what: Object, action: Action, *, lowers: bool) -> None:
-        """Carry the held object to where ``to_location`` is in reach and, if ``lowers``, lower it there."""
+    async def _bring(self, name: str, what: Object, action: Action) -> None:
+        """Carry the held object to where ``to_location`` is in reach; lower it there unless that is not asked for."""
         paths, where = self._holding(name), action.get("to_location")
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("state where to carry the object as to_location", designator=str(action))
-        location, tried = resting_on(where), list[BasePose]()
+        location, tried, here = resting_on(where), list[BasePose](), self.platform.base
+
+        async def lower(place: PairPlace) -> None:
+            if "CarryingWhileLocomoting" not in self.platform.ancestors(action.type):
+                await self._go(paths, place.lower, name)
+
+        def lowered(candidate: tuple[PairPlace | None, list[Pose]]) -> Awaitable[None]:
+            return Skill(
+                lambda: paths.places(name, candidate[1], lambda _: [here()]),
+                lower,
+                failures=(ManipulationPoseUnreachable,),
+                otherwise=partial(_no_path, name),
+            ).run()
 
         async def places() -> AsyncIterator[tuple[PairPlace | None, list[Pose]]]:
             spots = self._spots(what, location)
@@ -293,25 +299,10 @@ class TwoHands(HandWork):
 
         await Skill(
             places,
-            lambda candidate: self._lowered(paths, name, candidate[1], lowers=lowers),
+            lowered,
             approach,
             failures=(ManipulationPoseUnreachable, NavigationFailure),
             otherwise=partial(self._nowhere, name, [paths], "put down"),
-        ).run()
-
-    async def _lowered(self, paths: PairPaths, name: str, spots: Sequence[Pose], *, lowers: bool) -> None:
-        """Lower the held object, or find that it could be lowered, without moving the base."""
-        here = [self.platform.base()]
-
-        async def lower(place: PairPlace) -> None:
-            if lowers:
-                await self._go(paths, place.lower, name, held=True)
-
-        await Skill(
-            lambda: paths.places(name, spots, lambda _: here),
-            lower,
-            failures=(ManipulationPoseUnreachable,),
-            otherwise=partial(_no_path, name),
         ).run()
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
@@ -343,7 +334,7 @@ class TwoHands(HandWork):
         """Lift a held object to LIFT above its put-down height [m], so that it clears the edge of the support."""
         missing = height + LIFT - float(paths.pose_of(name, paths.now())[2, 3])
         if missing > 0:
-            await self._go(paths, paths.shifted(name, np.array([0.0, 0.0, missing])), name, held=True)
+            await self._go(paths, paths.shifted(name, np.array([0.0, 0.0, missing])), name)
 
     async def _look_at_support(self, pose: Pose) -> None:
         bodies = self.platform.scene.bodies

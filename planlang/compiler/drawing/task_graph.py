@@ -13,7 +13,6 @@ from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.recipe.model import (
     Constraint,
-    Description,
     Filler,
     Name,
     Ordering,
@@ -160,7 +159,8 @@ class _Builder:
         key = f"s{next(self._numbers)}"
         lines = [_parameter(parameter) for parameter in step.parameters]
         if step.condition is not None:
-            lines.append(_condition(step.condition))
+            inside = ", ".join(map(_parameter, step.condition.parameters))
+            lines.append(f"checks: {step.condition.name}" + (f" ({inside})" if inside else ""))
         if len(step.recipes) > 1:
             lines.append(f"tried in order: {', '.join(map(self._name, step.recipes))}")
         again = [local_name(callee) for callee in step.recipes if callee in self._drawn]
@@ -257,11 +257,6 @@ def _where(span: Span | None) -> list[str]:
 
 def _parameter(parameter: Parameter) -> str:
     return f"{local_name(parameter.property)}: {_filler(parameter.filler)}"
-
-
-def _condition(condition: Description) -> str:
-    inside = ", ".join(_parameter(parameter) for parameter in condition.parameters)
-    return f"checks: {condition.name}" + (f" ({inside})" if inside else "")
 
 
 def _filler(filler: Filler) -> str:

@@ -8,7 +8,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, warning
 from planlang.recipe import graphs as nx
 from planlang.recipe.checks import CheckedRecipe, check
-from planlang.recipe.model import Kind, Parameter, Step, Thing
+from planlang.recipe.model import Kind, Parameter, Thing
 
 
 @check("R069", unless=("R052",))
@@ -23,7 +23,8 @@ def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         asked = [one for step in steps if step.condition is not None for one in _classes(step.condition.parameters)]
         is_a = checked.ontology.is_a
         for step in steps:
-            for cls, parameter in _acted_on(step):
+            acted_on = [one for one in step.parameters if one.property == "objectActedOn" and step.condition is None]
+            for cls, parameter in _classes(tuple(acted_on)):
                 if any(is_a(cls, other) or is_a(other, cls) for other, _ in asked):
                     message = (
                         f"`{step.name}` acts on one `{local_name(cls)}`, the same in each round of its loop, though the"
@@ -31,11 +32,6 @@ def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                     )
                     advice = "name each thing, and give it a step of its own, if the loop has to work through several"
                     yield warning("R069", message, parameter.span, advice)
-
-
-def _acted_on(step: Step) -> Iterator[tuple[str, Parameter]]:
-    if step.condition is None:
-        yield from _classes(tuple(one for one in step.parameters if one.property == "objectActedOn"))
 
 
 def _classes(parameters: tuple[Parameter, ...]) -> Iterator[tuple[str, Parameter]]:

@@ -70,14 +70,15 @@ def fix_recipe(
     folders: Sequence[Path] = (),
     accepted: frozenset[str] = frozenset(),
     rehearse: Rehearse | None = None,
+    content: bytes | None = None,
 ) -> Fixed:
     """Fix the recipe in a file without changing the file.
 
     Uncertain fixes are made only if their code is ``accepted``, and if neither the checks nor a rehearsal of the plan
-    find that they make the recipe worse. The other arguments are those of :func:`planlang.recipe.read_recipe`. Raises
-    BadInput if the file cannot be read at all.
+    find that they make the recipe worse. ``content`` is a recipe in memory, which ``path`` only names. All others are
+    those of :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
     """
-    fixing = _Fixing(path, task, folders, rehearse)
+    fixing = _Fixing(path, task, folders, rehearse, read_bytes(path) if content is None else content)
     state = fixing.first()
     done: list[Fix] = []
     failed: dict[tuple[str, str], tuple[Fix, CannotEdit]] = {}
@@ -111,10 +112,11 @@ def fix_recipe(
 class _Fixing:
     """Reads variants of a recipe's text as if they were in its file."""
 
-    def __init__(self, path: Path, task: str | None, folders: Sequence[Path], rehearse: Rehearse | None) -> None:
+    def __init__(
+        self, path: Path, task: str | None, folders: Sequence[Path], rehearse: Rehearse | None, content: bytes
+    ) -> None:
         self._path, self._task, self._folders, self._rehearse = path, task, folders, rehearse
         self._rehearsals: dict[str, Rehearsal | None] = {}
-        content = read_bytes(path)
         self.before = decode(content, str(path))
         self.encoding = _encoding(content, self.before)
 

@@ -218,7 +218,11 @@ class _Nesting:
         a task that shares no workflow with the other one; checks report both.
         """
         above = [dict.fromkeys(reached((name,), lambda name: self._above.get(name, ()))) for name in ends]
-        first, second = (self._owners(name, found, [task, *parts]) for name, found in zip(ends, above, strict=True))
+        known = [task, *parts]  # an end is the task itself, or one of its parts, or in some of the parts
+        first, second = (
+            [name] if name in known else [part for part in parts if part in found]
+            for name, found in zip(ends, above, strict=True)
+        )
         if not first or not second:
             is_own = not {*parts}.isdisjoint(ends) or (task in ends and task not in self._above)
             if is_own and above[0].keys().isdisjoint(above[1]):
@@ -232,11 +236,6 @@ class _Nesting:
             yield from (pair for pair in product(first, second) if pair[0] != pair[1])
         else:
             yield ends
-
-    @staticmethod
-    def _owners(name: str, above: dict[str, None], known: list[str]) -> list[str]:
-        """The task itself if it is known, else the known parts above it; ``known[0]`` is the whole task."""
-        return [name] if name in known else [one for one in known[1:] if one in above]
 
 
 @kept

@@ -191,7 +191,7 @@ def test_a_location_without_a_pose_is_a_result_with_its_reasons() -> None:
         (lambda: planlang.simulate("serve_a_drink", seed=-1), "C040", "seed=-1: write a number from 0 on"),
         (lambda: planlang.simulate("serve_a_drink", trace=3), "C040", "trace=3: write a path"),
         (lambda: planlang.simulate("serve_a_drink", trust_map="no"), "C040", "write True or False"),
-        (lambda: planlang.simulate("serve_a_drink", start=(1, 2)), "C040", "'1,2' is not x,y,yaw"),
+        (lambda: planlang.simulate("serve_a_drink", start=(1, 2)), "C040", "(1, 2) is not x,y,yaw"),
         (lambda: planlang.simulate("serve_a_drink", resume="no.jsonl"), "C001", "no.jsonl cannot be read"),
         (lambda: planlang.compile(3), "C040", "3 is neither a recipe nor a plan"),  # type: ignore[arg-type]
         (lambda: planlang.compile(FAILING), "C007", "is a plan, not a recipe"),

@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.locations.budgets import BUDGETS
 from executive.locations.explanations import explain_bases
-from executive.locations.questions import Question
+from executive.locations.questions import BUDGETS, Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable

@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.locations import Rejections, Resolver
-from executive.locations.budgets import BUDGETS
+from executive.locations.questions import BUDGETS
 from executive.locations.resolver import MOST, Answers
 from executive.locations.search import APART
 from planlang import at_location

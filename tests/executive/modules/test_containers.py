@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 
 from executive.locations.hand_solutions import base_matrices
-from executive.locations.taking_out import way_out
+from executive.locations.headroom import way_out
 from executive.maps import MapObject
 from executive.modules.furniture.leaf_grips import grips_of
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
@@ -34,13 +33,6 @@ from tests.support.leaves import START, Room, drawn, room, thing
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
 DOOR, DRAWER = 0, 2
 """Seeds of a door and of a drawer."""
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Yield what ends the worlds of a test."""
-    with ExitStack() as stack:
-        yield stack
 
 
 @pytest.mark.parametrize(

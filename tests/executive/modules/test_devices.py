@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -32,13 +31,6 @@ MAKER = thing("maker", "PancakeMaker", Pose((0.6, 0.0, 0.8)) @ BACK, (0.3, 0.3, 
 def button(y: float = 0.0) -> MapObject:
     """A button at the front of the maker."""
     return thing("button", "PushButton", Pose((0.445, y, 0.81)) @ BACK, (0.01, 0.03, 0.03))
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Yield what ends the worlds of a test."""
-    with ExitStack() as stack:
-        yield stack
 
 
 def test_a_device_is_turned_on_and_off_by_its_button(stack: ExitStack) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.modules.base.giving_way import Lookout
+from executive.modules.giving_way import Lookout
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang import perform

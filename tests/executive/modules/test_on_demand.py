@@ -1,7 +1,7 @@
 """The table of process modules that are imported on demand."""
 
-from executive.modules.on_demand import TABLE, table
+from executive.modules.bundled import TABLE, table
 
 
 def test_the_table_says_what_the_classes_say() -> None:
-    assert TABLE.read_text(encoding="utf-8") == table(), "python -m executive.modules.on_demand writes it"
+    assert TABLE.read_text(encoding="utf-8") == table(), "python -m executive.modules.bundled writes it"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
@@ -14,13 +13,6 @@ from tests.support.leaves import drawn, room, thing
 
 DOOR, DRAWER = 0, 2
 """Seeds of a door and of a drawer."""
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Yield what ends the worlds of a test."""
-    with ExitStack() as stack:
-        yield stack
 
 
 @pytest.mark.long

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -21,13 +20,6 @@ DOOR, DRAWER = 0, 2
 """Seeds of a door and of a drawer."""
 BACK = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
 """The x axis of furniture points to its front, which faces the robot."""
-
-
-@pytest.fixture
-def stack() -> Iterator[ExitStack]:
-    """Yield what ends the worlds of a test."""
-    with ExitStack() as stack:
-        yield stack
 
 
 def cupboard() -> tuple[MapObject, ...]:

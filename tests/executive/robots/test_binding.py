@@ -28,12 +28,6 @@ ARM = ("shoulder_yaw", "shoulder_pitch", "shoulder_roll", "elbow_pitch", "elbow_
 
 
 @pytest.fixture(scope="module")
-def amigo() -> Robot:
-    """The bundled robot."""
-    return bind_robot("amigo")
-
-
-@pytest.fixture(scope="module")
 def world(amigo: Robot) -> PlanningWorld:
     """Amigo, with a bottle out of its way."""
     bottle = Body("bottle", Pose((3.0, 3.0, 0.1)), (0.065, 0.065, 0.2), "cylinder", movable=True)

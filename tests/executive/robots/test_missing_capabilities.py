@@ -23,12 +23,6 @@ def vocabulary() -> Ontology:
     return load(bundled("ontologies") / "knowrob.omn")
 
 
-@pytest.fixture(scope="module")
-def amigo() -> Robot:
-    """The bundled robot."""
-    return bind_robot("amigo")
-
-
 def names(ontology: Ontology, robot: Robot, *actions: str) -> list[str]:
     return [missing.name for missing in missing_capabilities(ontology, map(expand, actions), robot)]
 

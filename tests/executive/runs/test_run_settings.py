@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from executive.commands.arguments import RunArguments
+from executive.cli.arguments import RunArguments
+from executive.options.declaring import as_json, declared, made, stated
+from executive.options.running import RunSettings, header_entries, in_header, settings_from_header
 from executive.runs.options import RunOptions
-from executive.runs.settings import RunSettings, header_entries, in_header, settings_from_header, settings_of
 
 SET = RunSettings(trust_map=True, unknown=["cup1", "all"], models=[Path("models")], modules=[Path("mine.py")])
 
 
 def test_every_setting_is_an_option_of_the_command_and_of_the_library() -> None:
-    names = {one.name for one in fields(RunSettings)}
-    assert names <= {one.name for one in fields(RunArguments)} & {one.name for one in fields(RunOptions)}
+    names = {*declared(RunSettings)}
+    assert names == {one.name for one in fields(RunSettings)}
+    assert names < {*declared(RunArguments)}
+    assert names < {one.name for one in fields(RunOptions)}
 
 
 def test_the_header_states_what_is_set_and_nothing_else() -> None:
@@ -34,9 +38,17 @@ def test_a_damaged_setting_is_not_taken_over(header: dict[str, object]) -> None:
     assert settings_from_header(header) == {}
 
 
-def test_a_repeatable_option_that_nobody_states_is_none() -> None:
-    """No folder of models means that all classes are recognised, an empty list of folders that none is."""
-    assert settings_of(RunArguments(models=[], unknown=[]))["models"] is None
+def test_options_are_made_again_from_json() -> None:
+    options = RunSettings(
+        recipe="wait", set={"bottle": "bottle2"}, start=(1.0, 0.0, 0.5), models=[Path("models")], seed=0
+    )
+    assert made(RunSettings, json.loads(json.dumps(as_json(options, RunSettings)))) == options
+
+
+def test_a_run_without_observers_has_the_same_world() -> None:
+    options = RunOptions(seed=3, trust_map=True, trace=Path("run.jsonl"), watch=True, progress=print)
+    assert options.unseen() == RunOptions(seed=3, trust_map=True)
+    assert dict(stated(options, RunSettings)) == {"seed": 3, "trust_map": True}
 
 
 def test_no_two_settings_stand_under_one_key_of_the_header() -> None:

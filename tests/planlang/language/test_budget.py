@@ -38,6 +38,7 @@ from planlang import (
 )
 from planlang import task as task_of
 from planlang.failures import BudgetExceeded, GraspMissed, ManipulationPoseUnreachable, ObjectNotFound, Timeout
+from tests.support.refusals import failing
 
 
 async def misses() -> None:
@@ -56,7 +57,7 @@ def test_a_body_within_its_budget_returns_its_result() -> None:
 
 def test_when_the_time_is_used_up_the_body_is_evaporated_with_its_cleanup() -> None:
     async def plan() -> float:
-        with pytest.raises(BudgetExceeded, match="budget of 2 s is used up"):
+        with failing(BudgetExceeded, seconds=2):
             await budget(partial(unwind_protect, partial(sleep, 10), partial(sleep, 1)), seconds=2)
         return now()
 
@@ -90,7 +91,7 @@ def test_nested_recoveries_share_the_attempts() -> None:
 
     inner = partial(with_failure_handling, body, Recovery(GraspMissed, retries=2))
     outer = partial(with_failure_handling, inner, Recovery(GraspMissed, retries=9))
-    with pytest.raises(BudgetExceeded, match="4 attempts is used up: with_failure_handling again 4 times"):
+    with failing(BudgetExceeded, attempts=4, used={"with_failure_handling": 4}):
         go(partial(budget, outer, attempts=4))
     assert len(runs) == 5
 
@@ -102,7 +103,7 @@ def test_a_further_place_takes_an_attempt(executive: Any) -> None:
         raise ManipulationPoseUnreachable
 
     scope = partial(at_location, a_location(in_reach_of=an_object("Cup")), body)
-    with pytest.raises(BudgetExceeded, match="at_location again 2 times"):
+    with failing(BudgetExceeded, used={"at_location": 2}):
         go(partial(budget, scope, attempts=2), executive)
     assert executive.log == ["at 0", "at 1", "at 2"]
 
@@ -261,7 +262,7 @@ def test_the_attempts_of_a_budget_bound_all_recoveries_inside_however_nested_and
 
     inner = partial(with_failure_handling, step, Recovery(GraspMissed, retry, retries=3))
     outer = partial(with_failure_handling, inner, Recovery(GraspMissed, retry, retries=3))
-    with pytest.raises(BudgetExceeded, match=r"5 attempts.*with_failure_handling again 5 times") as caught:
+    with failing(BudgetExceeded, attempts=5, used={"with_failure_handling": 5}) as caught:
         go(partial(budget, outer, attempts=5))
     assert len(runs) == 6
     assert caught.value.used == {"with_failure_handling": 5}

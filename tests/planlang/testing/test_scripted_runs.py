@@ -24,6 +24,7 @@ from planlang.failures import (
 from planlang.files import bundled
 from planlang.testing import Belief, Fault, Script, UnusedRule, compiled, explore, run_plan
 from planlang.testing.scripted import ScriptedExecutive
+from tests.support.refusals import failing
 
 BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
 PATIENT = a_person("Patient", "http://example.org/map#patient1")
@@ -45,7 +46,7 @@ def test_a_plan_that_succeeds_has_a_value_and_a_failing_one_raises_its_failure_w
     assert (run.value, run.failure, run.seconds) == (7, None, 2.0)
     failed = run_plan(bad)
     assert isinstance(failed.failure, GraspMissed)
-    with pytest.raises(GraspMissed, match="cup"):
+    with failing(GraspMissed, what="cup"):
         _ = failed.value
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import chdir
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -17,11 +17,13 @@ from tempfile import TemporaryDirectory
 
 import typer
 
+from executive.cli import command_lines
 from executive.cli.app import app
-from executive.commands.arguments import RunArguments
-from executive.commands.run import options_of
+from executive.cli.arguments import RunArguments
+from executive.options.declaring import declared
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import Run
+from executive.runs.prepared import prepared
 from planlang.geometry import Pose
 from sim import PyBulletWorld
 
@@ -116,7 +118,7 @@ def judged(scenario: Scenario, seed: int = 0) -> Judged:
     """Run a scenario in this process, in a folder of its own; raises BadInput as the command does."""
     texts = [at_home(one) for one in scenario.arguments]
     with TemporaryDirectory() as folder, chdir(folder):
-        return judged_run(scenario, options_of(parsed([*texts, "--seed", str(seed), "--json"])))
+        return judged_run(scenario, RunOptions.of(parsed([*texts, "--seed", str(seed), "--json"])))
 
 
 def judged_run(scenario: Scenario, options: RunOptions) -> Judged:
@@ -128,7 +130,7 @@ def judged_run(scenario: Scenario, options: RunOptions) -> Judged:
         for watcher in scenario.watchers:
             watcher(watched)
 
-    with Run(replace(options, watchers=(watch,))) as run:
+    with Run(prepared(replace(options, watchers=(watch,)))) as run:
         result = run.execute()
         unmet = tuple(scenario.goal(watched)) if watched.start else ("the run did not begin",)
     return Judged(result, unmet, watched.tilts)
@@ -146,7 +148,7 @@ def parsed(words: Sequence[str]) -> RunArguments:
     group = typer.main.get_command(app)
     command = group.commands["run"]  # type: ignore[attr-defined]
     values = command.make_context("run", list(words)).params
-    return RunArguments(**{one.name: values[one.name] for one in fields(RunArguments)})
+    return command_lines.parsed(RunArguments(**{name: values[name] for name in declared(RunArguments)}))
 
 
 def scenarios() -> dict[str, Scenario]:

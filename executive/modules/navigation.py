@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.base.giving_way import Lookout
+from executive.modules.giving_way import Lookout
 from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
 from executive.modules.ways_out import way_out_of_base

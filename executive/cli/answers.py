@@ -7,6 +7,7 @@ from dataclasses import field
 from enum import IntEnum
 from typing import Any
 
+from executive.commands.checked import CheckResult
 from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
 
@@ -33,3 +34,10 @@ class Answer:
     """The result for people, printed to stdout."""
     data: Mapping[str, Any] = field(default_factory=dict)
     """The result for machines: further keys of the JSON object."""
+
+
+def answer_of(checked: CheckResult) -> Answer:
+    """The answer of a command that checks a file."""
+    code = ExitCode.DONE if checked.ok else ExitCode.BAD_INPUT
+    code = ExitCode.MISSING_CAPABILITY if checked.lacks_reasoner else code
+    return Answer(code, checked.diagnostics, checked.verdict, {"kind": checked.kind, **checked.data})

@@ -16,10 +16,7 @@ class SteppingBack(HandWork):
     name = "stepping_back"
     actions = ("SteppingBack",)
     failures = (NavigationFailure,)
-
-    def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the base."""
-        return ("base",)
+    needs = ("base",)
 
     async def execute(self, action: Action) -> None:
         """Back off with the base. Raises a NavigationFailure if something stops it."""

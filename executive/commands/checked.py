@@ -24,7 +24,9 @@ class CheckResult:
     """The result for people, without the diagnostics; may have several lines."""
     diagnostics: tuple[Diagnostic, ...] = ()
     data: Mapping[str, Any] = field(default_factory=dict)
-    """Further data, as of ``planlang check --json``: task, fixes, state of a plan, recipes of a folder."""
+    """Further data: task, fixes, state of a plan, recipes of a folder."""
+    lacks_reasoner: bool = field(default=False, repr=False)
+    """True if a reasoner was asked for, and it or Java is not installed."""
 
     @property
     def rows(self) -> list[dict[str, Any]]:

@@ -1,53 +1,58 @@
-"""Commands from dataclasses; command lines of ``planlang run``, written from arguments and parsed back."""
+"""Commands from dataclasses: parameters of typer from declared options."""
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, fields
-from functools import cache, partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from executive.commands.arguments import RunArguments, SituationArguments
-from executive.commands.base_arguments import Arguments
+from executive.cli.base_arguments import Arguments
+from executive.options.declaring import Stated, declared
+from planlang.words import COMMAND_LINE, said
 
 A = TypeVar("A", bound=Arguments)
 _WHOLE, _DECIMAL = re.compile(r"0|-?[1-9][0-9]{0,8}"), re.compile(r"-?(?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,9})?")
 
-_SHOWN = ("json", "verbose", "quiet")
-"""Options of the output, which do not affect a run."""
+
+def typed(arguments: type[Arguments]) -> dict[str, Any]:
+    """Types of the parameters of a command, as typer wants them: annotated with an option or argument of its own."""
+    return {name: Annotated[_type(one), _info(one)] for name, one in declared(arguments).items()}
 
 
-def words_of(arguments: SituationArguments) -> Iterator[str]:
-    """Yield the words of all options that are set, as a user types them."""
-    options = {one.name: one.opts[0] for one in _command().params}
-    for one in fields(SituationArguments):
-        value = getattr(arguments, one.name)
-        if value is None or value is False or one.name in _SHOWN:
-            continue
-        for single in value if isinstance(value, list | tuple) else [value]:
-            yield options[one.name]
-            if single is not True:
-                yield str(single)
+def _type(one: Stated) -> Any:
+    """The type to which typer converts words; what is parsed afterwards is text."""
+    if one.declared.parse is None:
+        return one.annotation
+    words = list[str] if one.declared.is_repeatable else str
+    return words if one.is_required else words | None
 
 
-def parsed(words: Sequence[str]) -> RunArguments:
-    """Parse the words of a ``planlang run``. Raises a usage error as the command does."""
-    values = _command().make_context("run", list(words)).params
-    return RunArguments(**{one.name: values[one.name] for one in fields(RunArguments)})
+def _info(one: Stated) -> Any:
+    """The option or argument of typer for a declaration."""
+    known = one.declared
+    more: dict[str, Any] = {
+        "metavar": known.metavar,
+        "help": said(known.help, COMMAND_LINE),
+        "min": known.least,
+        "max": known.most,
+        "envvar": known.envvar,
+        "show_default": known.shows_default,
+    }
+    return typer.Argument(**more) if known.is_positional else typer.Option(*_words(one), **more)
 
 
-@cache
-def _command() -> Any:
-    app = typer.Typer(add_completion=False)
-    app.command("run", cls=command_of(RunArguments))(with_parameters("run", RunArguments, lambda arguments: None))
-    return typer.main.get_command(app)
+def _words(one: Stated) -> tuple[str, ...]:
+    """The words of an option, if typer would not make them of the name: of a flag it would make two."""
+    is_flag = one.annotation is bool and not one.declared.words
+    return (f"--{one.name.replace('_', '-')}",) if is_flag else one.declared.words
 
 
 def command_of(arguments: type[Arguments]) -> type[TyperCommand]:
@@ -55,7 +60,7 @@ def command_of(arguments: type[Arguments]) -> type[TyperCommand]:
 
     Typer imports pydantic for each word, which takes a tenth of a short run. It still converts, and refuses, the rest.
     """
-    hints = get_type_hints(arguments, include_extras=True)
+    hints = typed(arguments)
 
     class Command(TyperCommand):
         def get_params(self, ctx: Any) -> list[Any]:
@@ -116,13 +121,17 @@ def _plain(kind: Any, info: Any, word: Any) -> Any:
 
 
 def with_parameters(name: str, arguments: type[A], work: Callable[[A], None]) -> Callable[..., None]:
-    """Make a function for typer whose parameters are the fields of a dataclass: its own first, then inherited ones."""
-    hints, own = get_type_hints(arguments, include_extras=True), inspect.get_annotations(arguments)
+    """Make a function for typer whose parameters are the fields of a dataclass: its own first, then inherited ones.
+
+    ``work`` gets the arguments with the words that were stated; :func:`parsed` makes values of them.
+    """
+    hints, known = typed(arguments), declared(arguments)
+    own = {one.name for kind in _own(arguments) for one in fields(kind) if one.name in inspect.get_annotations(kind)}
     parameters = []
-    for field in sorted(fields(arguments), key=lambda field: field.name not in own):
-        default = inspect.Parameter.empty if field.default is MISSING else field.default
-        kind = inspect.Parameter.KEYWORD_ONLY
-        parameters.append(inspect.Parameter(field.name, kind, annotation=hints[field.name], default=default))
+    for stated in sorted(known.values(), key=lambda one: one.name not in own):
+        default = inspect.Parameter.empty if stated.is_required else stated.field.default
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        parameters.append(inspect.Parameter(stated.name, keyword, annotation=hints[stated.name], default=default))
 
     def called(**values: Any) -> None:
         work(arguments(**values))
@@ -131,3 +140,20 @@ def with_parameters(name: str, arguments: type[A], work: Callable[[A], None]) ->
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {one.name: one.annotation for one in parameters}
     return called
+
+
+def parsed(arguments: A) -> A:
+    """Give options the values that their words mean. Raises BadInput."""
+    known = declared(type(arguments))
+    return replace(arguments, **{name: _value(one, getattr(arguments, name)) for name, one in known.items()})
+
+
+def _own(arguments: type[Arguments]) -> list[type]:
+    """A class of arguments, and that of the options to which it adds those of a command."""
+    bases = (base for base in arguments.__bases__ if not issubclass(base, Arguments))
+    return [arguments, *(base for base in bases if any(one.declared.is_positional for one in declared(base).values()))]
+
+
+def _value(stated: Stated, given: Any) -> Any:
+    """What the words of an option mean."""
+    return given if stated.declared.parse is None or given in (None, []) else stated.value(given)

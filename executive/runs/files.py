@@ -1,14 +1,15 @@
-"""Input files of commands: robots, maps, recipes and plans; a plan is parsed, never executed."""
+"""Input files: robots, maps, recipes and plans; a plan is parsed, never executed."""
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error, has_errors, note
+from executive.options.running import Source
+from executive.options.values import Name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
 from planlang.language.source import PlanSource
 from planlang.outputs import LARGEST_PLAN
@@ -19,7 +20,7 @@ from planlang.words import Blank, Option, Text, calling
 
 
 def chosen(
-    kind: Bundled, given: str | None, default: str | None, problems: list[Diagnostic], *, needs: str = "this plan"
+    kind: Bundled, given: Name | None, default: str | None, problems: list[Diagnostic], *, needs: str = "this plan"
 ) -> Path | None:
     """Find the file of a robot or environment by its name, or the default; appends errors to ``problems``."""
     if given is None and default is None:
@@ -27,19 +28,19 @@ def chosen(
         problems.append(error("C008", Text(f"{needs} needs ", Option(kind.value)), help=advice))
         return None
     try:
-        return kind.find(given if given is not None else default or "")
+        return kind.find(os.fspath(given) if given is not None else default or "")
     except BadInput as bad:
         problems.extend(bad.diagnostics)
         return None
 
 
-def folders_beside(name: str) -> list[Diagnostic]:
+def folders_beside(name: object) -> list[Diagnostic]:
     """Note that ``name`` means a bundled file although there is a folder of that name; empty otherwise."""
-    kind = Bundled.of(name) if os.path.isdir(name) else None
+    kind = Bundled.of(name) if isinstance(name, str) and os.path.isdir(name) else None
     return [note("C001", f"{name} is a folder, too; this is the bundled {kind.value}")] if kind is not None else []
 
 
-def environments(given: Sequence[str | None] | None, problems: list[Diagnostic]) -> tuple[Path, ...]:
+def environments(given: Sequence[Name | None] | None, problems: list[Diagnostic]) -> tuple[Path, ...]:
     """Find the files of environments; appends errors to ``problems``."""
     paths = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
     return tuple(path for path in paths if path is not None)
@@ -105,39 +106,47 @@ def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
     return errors
 
 
-def planar(text: str | None) -> tuple[float, float, float] | None:
-    """Parse the pose "x,y,yaw" [m, m, rad]. Raises a usage error."""
-    if text is None:
-        return None
-    try:
-        x, y, yaw = (float(part) for part in text.split(","))
-    except ValueError:
-        example = Option("start", (1.5, -0.2, 3.14))
-        raise WrongOption(f"{text!r} is not x,y,yaw; write for example ", example) from None
-    if not all(map(math.isfinite, (x, y, yaw))):
-        raise WrongOption(f"{text!r}: numbers must be finite")
-    return x, y, yaw
-
-
 @dataclass(frozen=True, slots=True)
 class RecipeFile:
-    """File with a recipe, judged by its first characters only."""
+    """File with a recipe, or its text in memory, judged by the first characters only."""
 
     path: Path
+    """Of a text only a name."""
+    content: bytes | None = None
+    """The text; None for a file."""
+
+    @property
+    def folder(self) -> tuple[Path, ...]:
+        """The folder of the file, where its imports may be; none for a text."""
+        return (self.path.parent,) if self.content is None else ()
+
+    def read(self) -> bytes:
+        """Read the recipe. Raises OSError."""
+        return self.path.read_bytes() if self.content is None else self.content
 
     @property
     def is_bundled(self) -> bool:
         """True if the recipe came with planlang."""
-        return self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
+        return self.content is None and self.path.resolve().is_relative_to(Bundled.RECIPE.folder.resolve())
 
 
 def programs(file: PlanSource | RecipeFile, modules: Sequence[Path] | None) -> tuple[Path, ...]:
     """Files that will be executed: a plan, and process modules."""
-    return (*([file.path] if isinstance(file, PlanSource) else []), *(modules or ()))
+    plan = [file.path] if isinstance(file, PlanSource) and not file.is_in_memory else []
+    return (*plan, *(modules or ()))
 
 
-def read(name: str) -> PlanSource | RecipeFile:
-    """Read a plan or a recipe. Raises BadInput if the file cannot be read, or is neither."""
+def read(source: Source) -> PlanSource | RecipeFile:
+    """Read a plan or a recipe. Raises BadInput if it cannot be read, or is neither."""
+    if isinstance(source, PlanSource):
+        return source
+    if not isinstance(source, str | os.PathLike):
+        return source.plan_source
+    name = os.fspath(source)
+    if isinstance(source, str) and "\n" in source:
+        if starts_like_owl(source):
+            return RecipeFile(Path("recipe.omn"), source.encode("utf-8", "surrogatepass"))
+        return _checked(PlanSource(source, "plan.py"))
     path = Bundled.RECIPE.find(name)
     try:
         with open_regular(path) as file:
@@ -155,12 +164,13 @@ def read(name: str) -> PlanSource | RecipeFile:
     return _plan(path, text, content)
 
 
-def read_recipe_file(name: str) -> RecipeFile:
-    """Find a recipe by its name. Raises BadInput for a plan."""
-    file = read(name)
+def read_recipe_file(source: Source) -> RecipeFile:
+    """Find a recipe by its name, or take its text. Raises BadInput for a plan."""
+    file = read(source)
     if isinstance(file, PlanSource):
+        name = file.file if file.is_in_memory else source
         advice = Text(calling("check", name), " checks a plan, ", calling("run", name), " runs it")
-        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(str(file.path)), advice)])
+        raise BadInput([error("C007", f"{name} is a plan, not a recipe", Span(file.file), advice)])
     return file
 
 
@@ -186,9 +196,12 @@ def _plan(path: Path, text: str, content: bytes) -> PlanSource:
         raise BadInput([error("C002", f"this plan is larger than {LARGEST_PLAN // 1_000_000} MB", Span(str(path)))])
     if has_conflicts(text):
         raise BadInput([unresolved(text, Span(str(path)))])
-    plan = PlanSource(text, str(path), content)
+    return _checked(PlanSource(text, str(path), content))
+
+
+def _checked(plan: PlanSource) -> PlanSource:
     if not plan.imports_planlang:
         advice = "a plan imports its constructs: from planlang import plan, perform, ..."
         message = "Python source, but not a plan: it does not import planlang"
-        raise BadInput([error("C003", message, Span(str(path)), advice)])
+        raise BadInput([error("C003", message, Span(plan.file), advice)])
     return plan

@@ -1,1 +1,0 @@
-"""Process modules that move the base."""

@@ -1,1 +1,0 @@
-"""Process modules of grippers, and for handing over."""

@@ -1,0 +1,205 @@
+"""Declarations of options, and options made from the values of Python or JSON."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, Field, fields
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+
+from planlang.diagnostics import BadInput, error
+from planlang.outputs import Named
+from planlang.records import dataclass
+from planlang.spelling import similar
+from planlang.words import Option
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """What faces need to know of an option, beside name, type and default of its field."""
+
+    help: str
+    metavar: str | None = None
+    """Stands for the value in help."""
+    words: tuple[str, ...] = ()
+    """Words of the command line; empty: the name of the field with dashes."""
+    least: float | None = None
+    most: float | None = None
+    parse: Callable[[Any], Any] | None = None
+    """Makes the value of what a face has: a text, a list of texts if it is repeatable, or a value of Python. Raises
+    BadInput."""
+    is_repeatable: bool = False
+    """True if ``parse`` gets a list."""
+    is_positional: bool = False
+    is_shown: bool = False
+    """True if it shows or writes what happens, and changes nothing of it."""
+    envvar: str | None = None
+    shows_default: bool = True
+
+
+def option(*words: str, metavar: str | None = None, help: str, **more: Any) -> Declared:
+    """Declare an option; ``more`` are further fields of :class:`Declared`."""
+    return Declared(help, metavar, words, **more)
+
+
+def argument(*, metavar: str | None = None, help: str = "", **more: Any) -> Declared:
+    """Declare a positional argument."""
+    return Declared(help, metavar, is_positional=True, **more)
+
+
+@dataclass(frozen=True, slots=True)
+class InHeader:
+    """Key of an option in the header of a trace; a run that resumes the trace must have the same value."""
+
+    key: str
+    taken: bool = True
+    """True if a resumed run takes the value from the header by default."""
+
+
+@dataclass(frozen=True, slots=True)
+class Writes:
+    """Marks the path of a file that is written; ``formats`` are its suffixes, empty for any."""
+
+    formats: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """A declared field: its type, its declaration, and its further marks."""
+
+    field: Field[Any]
+    annotation: Any
+    declared: Declared
+    marks: tuple[object, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the field, and of the keyword argument."""
+        return self.field.name
+
+    def mark(self, kind: type[T]) -> T | None:
+        """The mark of a kind; None without one."""
+        return next((one for one in self.marks if isinstance(one, kind)), None)
+
+    @property
+    def is_required(self) -> bool:
+        """True if the field has no default."""
+        return self.field.default is MISSING
+
+    def value(self, given: Any) -> Any:
+        """Make the value of what a face has. Raises ValueError that names valid values, or BadInput."""
+        if self.declared.parse is not None:
+            return self.declared.parse(given)
+        members = [one for one in get_args(self.annotation) if one is not NoneType]
+        kind = members[0] if NoneType in get_args(self.annotation) else self.annotation
+        if get_origin(kind) is list:
+            (item,) = get_args(kind)
+            is_one = isinstance(given, str | os.PathLike) or not isinstance(given, Iterable)
+            return [self._single(item, one) for one in ([given] if is_one else given)]
+        return self._single(kind, given)
+
+    def _single(self, kind: Any, given: Any) -> Any:
+        if kind is Path and isinstance(given, str | os.PathLike) and given != "":
+            return Path(given)
+        if kind is str and isinstance(given, str | os.PathLike):
+            return os.fspath(given)
+        if isinstance(kind, type) and issubclass(kind, Enum):
+            return kind(getattr(given, "value", given))
+        if kind in (int, float) and isinstance(given, int | kind) and not isinstance(given, bool):
+            least, most = self.declared.least, self.declared.most
+            if (least is not None and given < least) or (most is not None and given > most):
+                raise ValueError(f"write a number from {least}" + (f" to {most}" if most is not None else " on"))
+            return kind(given)
+        if kind is bool and isinstance(given, bool):
+            return given
+        words = {Path: "a path", str: "a string", int: "an integer", float: "a number", bool: "True or False"}
+        raise ValueError(f"write {words.get(kind, kind)}")
+
+
+def declared(kind: Any) -> Mapping[str, Stated]:
+    """The declared fields of a class of options, by name, in their order; other fields are not for faces."""
+    return _declared(kind)
+
+
+@cache
+def _declared(kind: Any) -> Mapping[str, Stated]:
+    hints = get_type_hints(kind, include_extras=True)
+    found = {}
+    for field in fields(kind):
+        hint = hints[field.name]
+        type_, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        if (one := next((mark for mark in marks if isinstance(mark, Declared)), None)) is not None:
+            found[field.name] = Stated(field, type_, one, tuple(marks))
+    return found
+
+
+def values_of(options: object, kind: type) -> dict[str, Any]:
+    """Values of the options that a class declares, by name."""
+    return {name: getattr(options, name) for name in declared(kind)}
+
+
+def stated(options: object, kind: type) -> Iterator[tuple[str, Any]]:
+    """Yield the options of a class with another value than their default, and it, except of those that only show."""
+    for name, one in declared(kind).items():
+        value = getattr(options, name)
+        told = not (one.declared.is_shown or one.declared.is_positional)
+        if told and (value or value == 0) and value != one.field.default:
+            yield name, value
+
+
+def made(kind: type[T], values: Mapping[str, Any], own: Mapping[str, Any] | None = None) -> T:
+    """Make options from values of Python or JSON, and from those ``own`` to a function; None means the default.
+
+    A path may be a string, a repeatable option a single value. Raises BadInput (C040) for invalid values, TypeError for
+    an unknown option.
+    """
+    known = declared(kind)
+    converted, problems = dict[str, Any](), []
+    further = [name for name in known if name not in (own or {})]
+    for name in values:
+        if name not in further:
+            alike = similar(name, known)
+            guess = f"; did you mean {alike[0]}?" if alike else f"; options: {', '.join(further)}"
+            raise TypeError(f"there is no option {name!r}{guess}")
+    for name, given in {**(own or {}), **values}.items():
+        if given is None:
+            continue
+        try:
+            converted[name] = known[name].value(given)
+        except ValueError as problem:
+            problems.append(error("C040", f"{name}={given!r}: {problem}"))
+    if problems:
+        raise BadInput(problems)
+    return kind(**converted)
+
+
+def as_json(options: object, kind: type) -> dict[str, Any]:
+    """The stated options of a class as JSON, from which :func:`made` makes them again."""
+    return {name: _plain(value) for name, value in values_of(options, kind).items() if value not in (None, ())}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+def outputs_of(options: object, kind: type) -> tuple[dict[Named, Path | None], dict[Named, Sequence[str]]]:
+    """The files that options name for writing, and the suffixes that these may have."""
+    paths: dict[Named, Path | None] = {}
+    formats: dict[Named, Sequence[str]] = {}
+    for name, one in declared(kind).items():
+        if (writes := one.mark(Writes)) is not None:
+            paths[Option(name)] = getattr(options, name)
+            formats[Option(name)] = writes.formats
+    return paths, formats

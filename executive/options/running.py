@@ -1,0 +1,358 @@
+"""Options of runs, of sweeps, and of searches for poses."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from executive.options.declaring import InHeader, Writes, argument, declared, option
+from executive.options.values import BasePose, Name, bindings, name, names, planar, shard
+from planlang.diagnostics import BadInput, error
+from planlang.language.source import PlanSource
+from planlang.outputs import PNG, PNG_OR_SVG, WEBP
+from planlang.records import dataclass
+from planlang.words import Option, Text
+
+if TYPE_CHECKING:
+    from planlang.compiler import CompiledPlan
+
+    Source: TypeAlias = str | os.PathLike[str] | PlanSource | CompiledPlan
+else:
+    Source = Any  # a run of a plan needs no compiler
+"""Name of a bundled recipe, path of a recipe or plan, its text (several lines), or a plan in memory."""
+
+
+def source(given: Any) -> Source:
+    """Check what may be a recipe or a plan. Raises BadInput."""
+    if isinstance(given, str | os.PathLike | PlanSource) or isinstance(getattr(given, "plan_source", None), PlanSource):
+        found: Source = given
+        return found
+    advice = "write the name of a bundled recipe, a path, or the text"
+    raise BadInput([error("C040", f"{given!r} is neither a recipe nor a plan", help=advice)])
+
+
+Recipe = Annotated[
+    Source, argument(metavar="RECIPE", help="A recipe file, or the name of a bundled recipe.", parse=source)
+]
+RecipeOrPlan = Annotated[
+    Source,
+    argument(metavar="RECIPE|PLAN", help="A recipe or plan file, or the name of a bundled recipe.", parse=source),
+]
+Robot = Annotated[
+    Name | None, option(metavar="ROBOT", help="A robot file, or the name of a bundled robot.", parse=name)
+]
+Environment = Annotated[
+    Name | list[Name] | None,
+    option(
+        metavar="MAP",
+        help="Semantic map: a file (OWL or URDF), or the name of a bundled environment; further maps add things to it.",
+        parse=names,
+        is_repeatable=True,
+    ),
+]
+Start = Annotated[
+    BasePose | None,
+    option(
+        metavar="X,Y,YAW",
+        help="Start pose of the base [m, m, rad]; default: a free pose near the middle.",
+        parse=planar,
+    ),
+]
+Set = Annotated[
+    Mapping[str, str] | None,
+    option(
+        metavar="NAME=THING|@FILE",
+        help="Bind a parameter (NAME or STEP.PROPERTY) to a thing of the map, or a location to a phrase; @FILE: one "
+        "binding per line of a file. Repeatable.",
+        parse=bindings,
+        is_repeatable=True,
+    ),
+]
+Trust = Annotated[bool, option(help="Run Python code pulled from a server; read it first.")]
+Accept = Annotated[
+    list[str] | None,
+    option(metavar="CODE", help="First apply uncertain fixes with this code to the recipe in memory; repeatable."),
+]
+Force = Annotated[bool, option(help="Overwrite files that planlang did not write.")]
+Units = Annotated[
+    list[str] | None,
+    option(metavar="UNIT", help="Express numbers of its dimension in this QUDT unit, such as Centimeter; repeatable."),
+]
+Urdf = Annotated[Path | None, option(metavar="FILE", help="The robot's URDF, if the robot file names none.")]
+Modules = Annotated[
+    list[Path] | None,
+    option(metavar="FILE.py", help="Also load the process modules of this Python file; repeatable."),
+    InHeader("modules", taken=False),
+]
+IgnoreUnread = Annotated[
+    bool,
+    option(help="Go on without things of a map, with a shape or a pose, that cannot be read."),
+    InHeader("ignores_unread"),
+]
+Csv = Annotated[Path | None, option(metavar="FILE", help="Also write the rows as CSV."), Writes()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OntologyOptions:
+    """Options of what reads ontologies."""
+
+    ontologies: Annotated[
+        list[Path] | None, option(metavar="DIR", help="Also search this folder for imports; repeatable.")
+    ] = None
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """Folders to search for imports. Raises BadInput if one is no folder."""
+        folders = tuple(self.ontologies or ())
+        wrong = [path for path in folders if not os.path.isdir(path)]
+        if wrong:
+            raise BadInput([error("C001", Text(Option("ontologies", path), " is not a folder")) for path in wrong])
+        return folders
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskOptions(OntologyOptions):
+    """Options of what reads recipes."""
+
+    task: Annotated[
+        str | None, option(metavar="CLASS", help="The task: local name or IRI of an action class in the recipe.")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SituationSettings(TaskOptions):
+    """Options for the robot, its environment and its knowledge: what it has at its disposal when it runs a plan."""
+
+    robot: Robot = None
+    environment: Environment = None
+    urdf: Urdf = None
+    models: Annotated[
+        list[Path] | None,
+        option(
+            metavar="FOLDER",
+            help="Folder of the recognition models (and programs and maps) that the robot has; it recognises no other "
+            "classes. Repeatable.",
+        ),
+        InHeader("given", taken=False),
+    ] = None
+    accept: Accept = None
+    start: Start = None
+    schedule: Annotated[
+        int | None, option(least=0, metavar="K", help="Run concurrent tasks in another order, which K determines.")
+    ] = None
+    set: Set = None
+    trust_map: Annotated[
+        bool,
+        option(help="Take the map's poses as seen; needs no camera."),
+        InHeader("trusts_map"),
+    ] = False
+    unknown: Annotated[
+        list[str] | None,
+        option(
+            metavar="THING",
+            help="Hide the pose of this thing, or of the things of this class, from the robot; all: of everything "
+            "except rooms. Repeatable.",
+        ),
+        InHeader("unknown"),
+    ] = None
+    ignore_unread: IgnoreUnread = False
+    modules: Modules = None
+    trust: Trust = False
+    force: Annotated[
+        bool,
+        option(
+            help="Run even if robot or program lacks something; overwrite files that planlang did not write.",
+        ),
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings(SituationSettings):
+    """Options of one run: its world and its output files."""
+
+    recipe: Annotated[
+        Source | None,
+        argument(metavar="RECIPE|PLAN", help="A recipe or plan file, or the name of a bundled recipe.", parse=source),
+    ] = None
+    seed: Annotated[
+        int | None,
+        option(least=0, metavar="N", help="Seed for displacing things in the simulated world; 0: displace nothing."),
+    ] = None
+    gui: Annotated[bool, option(help="Show the world in a window.", is_shown=True)] = False
+    trace: Annotated[
+        Path | None, option(metavar="FILE", help="Write the trace of the run, as JSON Lines.", is_shown=True), Writes()
+    ] = None
+    picture: Annotated[
+        Path | None,
+        option(metavar="FILE", help="Write a picture of the final scene, as PNG.", is_shown=True),
+        Writes(PNG),
+    ] = None
+    video: Annotated[
+        Path | None,
+        option(metavar="FILE", help="Write a video of the run beside its plan, as animated WebP.", is_shown=True),
+        Writes(WEBP),
+    ] = None
+    view: Annotated[
+        str | None,
+        option(
+            metavar="X,Y,Z[:X,Y,Z]",
+            help="Viewpoint of picture and video [m], and the point to look at; or overview, or top.",
+            is_shown=True,
+        ),
+    ] = None
+    record: Annotated[
+        Path | None,
+        option(metavar="FILE", help="Write a recording for rerun (needs the extra record).", is_shown=True),
+        Writes(),
+    ] = None
+    report: Annotated[
+        Path | None,
+        option(
+            metavar="FILE",
+            help="Write an HTML page of the run: plan, world and causes on one time line.",
+            is_shown=True,
+        ),
+        Writes(),
+    ] = None
+    watch: Annotated[
+        bool,
+        option(
+            help="Show the run in a browser on this computer while it runs; pause or step it there.",
+            is_shown=True,
+        ),
+    ] = False
+    watch_tree: Annotated[
+        bool,
+        option(help="Show the steps of the plan as a tree in the terminal while it runs.", is_shown=True),
+    ] = False
+    poses: Annotated[
+        Path | None,
+        option(
+            metavar="FILE",
+            help="Log the poses of things and links, as JSON Lines, for the export of experience.",
+            is_shown=True,
+        ),
+        Writes(),
+    ] = None
+    upload: Annotated[
+        Path | None,
+        option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.", is_shown=True),
+        Writes(),
+    ] = None
+    update_map: Annotated[
+        Path | None,
+        option(
+            metavar="FILE",
+            help="Write the map, updated with what the robot knows at the end, in Manchester syntax.",
+            is_shown=True,
+        ),
+        Writes(),
+    ] = None
+    resume: Annotated[
+        Path | None,
+        option(metavar="TRACE", help="Resume this recorded run after the last completed step of its plan."),
+    ] = None
+    world_as_left: Annotated[
+        bool,
+        option(
+            help=Text("With ", Option("resume"), ": the world is still as the trace left it; do not restore it."),
+        ),
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepOptions(SituationSettings):
+    """Options of one run in many worlds."""
+
+    recipe: RecipeOrPlan
+    worlds: Annotated[int, option(least=1, most=1_000_000, metavar="N", help="Number of worlds.")] = 100
+    first: Annotated[
+        int, option(least=0, metavar="N", help="The first seed; 0: things are where the map has them.")
+    ] = 1
+    output: Annotated[
+        Path | None,
+        option(
+            "-o",
+            "--output",
+            "--out",
+            metavar="FILE",
+            help="Append a line of JSON for each world; continue the sweep if the file exists.",
+        ),
+        Writes(),
+    ] = None
+    processes: Annotated[
+        int | None,
+        option(least=1, most=1000, metavar="N", help="Number of worlds run in parallel; default: one per core."),
+    ] = None
+    shard: Annotated[
+        tuple[int, int] | None,
+        option(
+            metavar="K/N",
+            help="Run only every N-th world, from the K-th on: the share of one of N machines.",
+            parse=shard,
+        ),
+    ] = None
+    csv: Csv = None
+    reports: Annotated[
+        Path | None,
+        option(metavar="FOLDER", help="Write an HTML page of each world in which the plan fails; its run is repeated."),
+    ] = None
+    seconds: Annotated[int, option(least=1, metavar="S", help="CPU time limit of a world [s].")] = 120
+    memory: Annotated[int, option(least=100, metavar="MB", help="Memory limit of a world [MB].")] = 2000
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocateOptions(OntologyOptions):
+    """Options of a search for poses."""
+
+    phrase: Annotated[
+        str, argument(metavar="PHRASE", help='The location, e.g. "in reach of the bottle and near the bed".')
+    ]
+    robot: Robot = None
+    urdf: Urdf = None
+    environment: Environment = None
+    start: Start = None
+    of: Annotated[
+        str | None,
+        option(metavar="THING", help='Find poses of this thing, e.g. "the bottle"; default: of the base.'),
+    ] = None
+    count: Annotated[int, option(least=1, most=1000, metavar="N", help="Number of poses, best first.")] = 3
+    explain: Annotated[
+        Path | None,
+        option(metavar="FILE", help="Draw the candidates and the reasons for rejection, as PNG or SVG."),
+        Writes(PNG_OR_SVG),
+    ] = None
+    units: Units = None
+    ignore_unread: IgnoreUnread = False
+    force: Force = False
+
+
+def in_header() -> Mapping[str, InHeader]:
+    """Options that the header of a trace states, by name."""
+    marks = {name: one.mark(InHeader) for name, one in declared(RunSettings).items()}
+    return {name: mark for name, mark in marks.items() if mark is not None}
+
+
+def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:
+    """Make the entries of a header: options that are set, with the values of ``instead`` for some of them.
+
+    A value of ``instead`` may be empty, and is stated then: a robot may have no recognition model.
+    """
+    values = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
+    return {
+        one.key: list(value) if isinstance(value, tuple) else value
+        for name, one in in_header().items()
+        if (value := values[name]) is not None
+    }
+
+
+def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that a resumed run takes from the header of its trace."""
+    values = {name: header.get(one.key) for name, one in in_header().items() if one.taken}
+    return {
+        name: list(map(str, value)) if isinstance(value, list) else value
+        for name, value in values.items()
+        if isinstance(value, list) or value is True
+    }

@@ -1,0 +1,206 @@
+"""What the options of a run name is found, and all that can be checked before the run is."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
+from executive.options.declaring import outputs_of
+from executive.options.running import RunSettings
+from executive.options.values import bindings, names, planar
+from executive.runs.files import (
+    RecipeFile,
+    accepted,
+    check_files,
+    check_trusted,
+    chosen,
+    environments,
+    programs,
+    read,
+    refuse,
+)
+from executive.runs.options import RunOptions
+from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
+from planlang.diagnostics import Diagnostic, WrongOption, error
+from planlang.files import Bundled
+from planlang.language.source import PlanSource
+from planlang.outputs import Named, check_outputs
+from planlang.records import dataclass
+from planlang.runs import RecordedRun
+from planlang.words import Blank, Option, Text
+
+LEFT = Option("world_as_left", True)
+
+
+def _check_together(options: RunOptions) -> None:
+    """Raise a usage error for an option that needs or excludes another one."""
+    if options.recipe is None and options.resume is None and options.repeated is None:
+        raise WrongOption("name a recipe or plan, or ", Option("resume", Blank("TRACE")))
+    if options.world_as_left and options.resume is None:
+        raise WrongOption(LEFT, " needs ", Option("resume"))
+    if options.view is not None:
+        _check_view(options.view, is_used=bool(options.picture or options.video))
+    if options.world_as_left and options.poses is not None:
+        raise WrongOption(Option("poses"), " logs whole runs: leave out ", LEFT)
+    if options.world_as_left and options.report is not None:
+        raise WrongOption(Option("report"), " shows whole runs: leave out ", LEFT)
+    if options.watch and options.watch_tree:
+        raise WrongOption(
+            Option("watch", True), " shows the tree of the plan, too: leave out ", Option("watch_tree", True)
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunFiles:
+    """What the options of a run name: its files, and the values that a resumed run takes from its trace."""
+
+    options: RunOptions
+    """With the settings of the trace that is resumed."""
+    file: PlanSource | RecipeFile
+    robot: Path | None = None
+    environment: Path | None = None
+    additions: tuple[Path, ...] = ()
+    """Maps of further things in the environment."""
+    seed: int = 0
+    recorded: RecordedRun | None = None
+    """The run that is resumed, or repeated."""
+    notes: tuple[Diagnostic, ...] = ()
+
+    @property
+    def plan(self) -> Path | None:
+        """File of a plan that is no recipe."""
+        return self.file.path if isinstance(self.file, PlanSource) and not self.file.is_in_memory else None
+
+
+def prepared(options: RunOptions) -> RunFiles:
+    """Find the files of a run; options of a resumed run default to the header of its trace. Raises BadInput."""
+    _check_together(options)
+    given, start = bindings(options.set or {}), None if options.start is None else planar(options.start)
+    recorded, header = options.repeated, TraceHeader()
+    if recorded is not None:
+        header = header_to_repeat(recorded)
+    elif options.resume is not None:
+        recorded, header = read_trace(options.resume)
+    file = read(options.recipe if options.recipe is not None else header.plan(_trace_of(options)))
+    is_bundled = isinstance(file, RecipeFile) and file.is_bundled
+    problems: list[Diagnostic] = []
+    check_files(problems, urdf=options.urdf, modules=options.modules)
+    check_trusted(problems, programs(file, options.modules), trust=options.trust)
+    robot = chosen(
+        Bundled.ROBOT, options.robot or header.robot, "amigo" if is_bundled else None, problems, needs=_NEEDS
+    )
+    notes: list[Diagnostic] = []
+    environment, *further = (*names(options.environment or ()),) or (header.environment,)
+    if environment is None and is_bundled:
+        environment = default_environment(file.path, given.values(), notes)
+    semantic_map = chosen(
+        Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
+    )
+    additions = environments(further, problems)
+    plan = file.path if isinstance(file, PlanSource) and not file.is_in_memory else None
+    recipe = file.path if isinstance(file, RecipeFile) and file.content is None else None
+    inputs: dict[Named, Path | None] = {
+        "the plan": plan or recipe,
+        Option("urdf"): options.urdf,
+        Option("robot"): robot,
+        Option("environment"): semantic_map,
+    }
+    if options.repeated is None:  # a file that shows it afterwards was checked by who asks for it
+        problems += _check_outputs(options, inputs)
+    refuse(problems)
+    accepted(options.accept)
+    options = replace(
+        options,
+        **{name: getattr(options, name) or value for name, value in header.settings.items()},
+        task=options.task or header.task,
+        set=given,
+        start=start or header.start,
+        schedule=header.schedule if options.schedule is None else options.schedule,
+        trace=options.trace or (options.resume if options.repeated is None else None),
+        models=options.models or None,
+    )
+    return RunFiles(
+        options=options,
+        file=file,
+        robot=robot,
+        environment=semantic_map,
+        additions=additions,
+        seed=header.seed if options.seed is None else options.seed,
+        recorded=recorded,
+        notes=tuple(notes),
+    )
+
+
+def prepared_to_replay(options: RunOptions, header: TraceHeader) -> RunFiles:
+    """Find the plan of a recorded run, which is replayed without robot or world. Raises BadInput."""
+    file = read(options.recipe if options.recipe is not None else header.plan(_trace_of(options)))
+    problems: list[Diagnostic] = []
+    check_files(problems, modules=options.modules)
+    check_trusted(problems, programs(file, options.modules), trust=options.trust)
+    refuse(problems)
+    accepted(options.accept)
+    return RunFiles(options=replace(options, task=options.task or header.task), file=file)
+
+
+def _trace_of(options: RunOptions) -> str:
+    return str(options.resume) if options.repeated is None else options.repeated.name
+
+
+def _check_outputs(options: RunOptions, inputs: Mapping[Named, Path | None]) -> Iterator[Diagnostic]:
+    """Yield an error for each output file that cannot be written or is an input, and for a missing display."""
+    outputs, formats = outputs_of(options, RunSettings)
+    if options.resume is not None:
+        outputs[Option("trace")] = options.trace or options.resume
+    files = dict(inputs) | {Option("modules", file): file for file in options.modules or ()}
+    yield from check_outputs(outputs, files, formats=formats, force=options.force)
+    if options.record is not None:
+        from executive.pictures.drawn import missing  # most runs draw nothing
+
+        yield from missing()
+    yield from no_display() if options.gui else ()
+
+
+def _check_view(view: str, *, is_used: bool) -> None:
+    """Raise a usage error for a viewpoint that is invalid or unused."""
+    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
+
+    if not is_used:
+        raise WrongOption(Option("view"), " needs ", Option("picture"), " or ", Option("video"))
+    if not is_view(view):
+        raise WrongOption(Option("view", view), ": write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
+
+
+_NEEDS = "only bundled recipes have a default: this plan"
+
+
+def no_display() -> list[Diagnostic]:
+    """Check that a window can be opened: PyBullet would end the process without a message.
+
+    On systems other than Linux a display is assumed.
+    """
+    if not sys.platform.startswith("linux") or _opens_x_display():
+        return []
+    name = os.environ.get("DISPLAY")
+    reason = f"the display {name} cannot be opened" if name else "there is no display (DISPLAY is not set)"
+    advice = Text(Option("picture", "scene.png"), " shows the final scene")
+    return [error("C013", Text(Option("gui", True), f" cannot open a window: {reason}"), help=advice)]
+
+
+def _opens_x_display() -> bool:
+    if not os.environ.get("DISPLAY"):
+        return False
+    try:
+        x11 = ctypes.CDLL("libX11.so.6")
+    except OSError:
+        return False
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    display = x11.XOpenDisplay(None)
+    if display is None:
+        return False
+    x11.XCloseDisplay(ctypes.c_void_p(display))
+    return True
