@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_part import Kept
-from executive.locations.base_candidates import InverseMaps, blocks
+from executive.locations.base_candidates import blocks
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Spots, Stage, candidates_of, delivering, spots_of
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel, Held
 from planlang.geometry import Pose

@@ -10,11 +10,11 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import BasePoses
 from executive.locations.demands import ORDER, BaseDemand, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections
